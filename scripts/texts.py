@@ -43,6 +43,8 @@ TABLES = {"_TITLES", "_MEANT", "_MOUSE", "_SIDES"}
 """Tables of texts that one of these functions is called with."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
 """Settings of a puppet with numbers that have tips."""
+WRAP = 78
+"""Characters of a line of a catalogue, as gettext's own programs write it."""
 SAYING = ("hint", "lacks", "why_not", "at_end")
 """Beginnings of names of functions with texts that such a function shows: hints of tools, and reasons."""
 
@@ -149,7 +151,7 @@ def main() -> None:
     for name in sys.argv[1:]:
         path = CATALOGUES / f"{name}.po"
         if not path.exists():
-            begun = polib.POFile(wrapwidth=0)
+            begun = polib.POFile(wrapwidth=WRAP)
             begun.metadata = {
                 "Content-Type": "text/plain; charset=utf-8",
                 "Content-Transfer-Encoding": "8bit",
@@ -160,7 +162,7 @@ def main() -> None:
             begun.save(str(path))
     found = texts()
     for path in sorted(CATALOGUES.glob("*.po")):
-        catalogue = polib.pofile(str(path), wrapwidth=0)
+        catalogue = polib.pofile(str(path), wrapwidth=WRAP)
         update(catalogue, found)
         catalogue.save(str(path))
         lacking = [entry for entry in catalogue if not is_translated(entry)]

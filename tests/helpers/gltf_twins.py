@@ -212,6 +212,23 @@ def mirrored_unevenly() -> Twin:
     return waving(scale=[0.7, -1.3, 1.1])[0]
 
 
+def scaled_unevenly() -> Twin:
+    return waving(scale=[0.7, 1.3, 1.1])[0]
+
+
+def scaled_parent() -> Twin:
+    """The joint that all hang on is mirrored and scaled unevenly, and what hangs on it turns."""
+    twin, joints = waving()
+    twin.json["nodes"][joints[0]]["scale"] = [0.7, -1.3, 1.1]
+    return twin
+
+
+def scaled_chain() -> Twin:
+    twin, joints = waving(scale=[0.7, -1.3, 1.1])
+    twin.json["nodes"][joints[2]]["scale"] = [-1.0, 1.4, 1.0]
+    return twin
+
+
 def mirrored_parent() -> Twin:
     twin, joints = waving()
     twin.json["nodes"][joints[0]]["scale"] = [1, 1, -1]
@@ -287,6 +304,9 @@ TWINS: dict[str, Callable[[], Twin]] = {
         outside_the_scene,
         mirrored_in_node,
         mirrored_unevenly,
+        scaled_unevenly,
+        scaled_parent,
+        scaled_chain,
         mirrored_parent,
         mirrored_in_clip,
         instanced,

@@ -9,6 +9,9 @@ from gltf_twins import TWINS
 
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import load_mesh
+from enliven.takes import exportables_of
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.workspace.files import add_file
 
 SUFFIXES = (".glb", ".vrm")
 
@@ -19,8 +22,8 @@ def test_every_door_shows_what_the_reader_reads(tmp_path, door):
         if name == "flat_matrix":  # some doors leave out faces that lie on one another
             continue
         path = made().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
-        is_mirrored = name.startswith("mirrored") and door in STILL
-        mesh = load_mesh(path).mesh if is_mirrored else read_gltf(path).shape.mesh
+        is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # else their clips do that
+        mesh = load_mesh(path).mesh if is_still else read_gltf(path).shape.mesh
         shown = measures(DOORS[door](path))
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
 
@@ -32,3 +35,22 @@ def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
     for door in DOORS.values():
         with pytest.raises(Exception, match="ACME_compression"):
             door(path)
+
+
+def test_every_way_in_says_that_morph_targets_stand_still(tmp_path, capsys, caplog):
+    path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
+    words, editor = "are left out over time", Editor()
+    add_file(editor, path)
+    said = {
+        "load_mesh": load_mesh(path).notes,
+        "retarget": read_gltf(path).notes,
+        "export": exportables_of(path).notes,
+        "studio": [toast.text for toast in editor.toasts.shown],
+    }
+    caplog.set_level("INFO")
+    for name in ("stage", "edge, by a graph", "edge, by its skeleton"):
+        caplog.clear()
+        DOORS[name](path)
+        said[name] = [*capsys.readouterr(), *caplog.messages]
+    for name, notes in said.items():
+        assert any(words in note for note in notes), name

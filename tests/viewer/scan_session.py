@@ -36,6 +36,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     """What an artist does."""
     workspace = window.workspace
     editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+    places = set[tuple[int, ...]]()
 
     def until(done: Callable[[], object], what: str) -> None:
         end = time.monotonic() + PATIENCE
@@ -45,11 +46,23 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
                 said["missing"] = [what, told, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
+            watch()
             time.sleep(PAUSE)
+
+    def watch() -> None:
+        """Note where the buttons of a scan are, in the picture that was drawn last."""
+        names = ("scan progress", "scan pause", "scan undo", "scan keep box", "scan done", "scan cancel")
+        found = [workspace.widgets.get(name) for name in names]
+        if scan.active and not scan.boxed and all(found):
+            top = found[0][1]  # what is scrolled is scrolled together
+            tops = [round(one[1] - top * (number < 4)) for number, one in enumerate(found)]
+            places.add(tuple(tops))
 
     def click(name: str) -> None:
         until(lambda: not scan.lacks_stage(), "an edge that is heard")
-        ctx.yield_(2)
+        workspace.drawn.want((name,))
+        ctx.yield_(3)
+        workspace.drawn.want(())
         left, top, right, bottom = workspace.widget(name)
         ctx.mouse_move_to_pos(ImVec2(min((left + right) / 2, left + 40), (top + bottom) / 2))
         ctx.mouse_click(0)
@@ -145,6 +158,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     workspace.actions.do("scan.done")
     until(lambda: editor.history.undo_name == "add to the scan scan", "the second making")
     said["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
+    said["places"] = list(places)
     said["done"] = True
     workspace.store.forget()
     window.close()

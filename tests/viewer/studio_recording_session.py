@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
@@ -18,8 +19,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 from coarse_pixels import coarse_pixels
 from deeds import scripted
 from perform_session import PATIENCE, PAUSE, RealEdge
+from strokes import limb
 
+from enliven.formats.project import project_of_mesh
 from enliven.health import HealthState, Severity
+from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -33,7 +37,18 @@ WRONG = tuple(
     HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6)
     for n in (1, 2)
 )
-STEADY = ("possess", "record", "performer", "parts", "join", "stands chair", "count in", "scan")
+STEADY = (
+    "possess",
+    "record",
+    "performer",
+    "parts",
+    "join",
+    "characters",
+    "put",
+    "scan",
+    "physics",
+    "count in",
+)
 """Widgets whose places are looked at."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
@@ -101,6 +116,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         places((), nobody=True),
     ]
     said["inside"] = list(window.places.side)
+    said["places"] += characters_come(ctx, window, until, places)
     press("record", HELD)
     said["record"] = recording.phase
     until(lambda: recording.counted == 2, "the second beat")
@@ -118,6 +134,32 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     said["again"] = [bool(recording.recorded), workspace.widgets.get("record") == before[1]]
     close(ctx, window, press, until, shot, folder)
     said["done"] = True
+
+
+def characters_come(ctx, window, until, places) -> list[object]:
+    """Where the widgets are as an own character goes onto the stage, and as a visitor brings one."""
+    workspace, perform, seen = window.workspace, window.workspace.perform, []
+    pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
+    arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
+    workspace.editor.edit("sketch", lambda project: project.with_characters(arm))
+    workspace.editor.choose("arm")
+    seen.append(places(()))
+    said["lines"] = [workspace.widgets["waits arm"]]
+    perform.put()
+    seen.append(places(()))
+    until(lambda: "arm" in perform.standing, "the arm on the stage")
+    seen.append(places(()))
+    said["lines"].append(workspace.widgets["stands arm"])
+    visitor = project_of_mesh(workspace.editor.project.shapes["arm"].mesh, "visitor")
+    perform.stage.put(visitor, "visitor", fit=True)
+    until(lambda: "visitor" in perform.standing, "what a visitor brings")
+    seen.append(places(()))
+    said["lines"].append(workspace.widgets["stands arm"])
+    for name in ("visitor", "arm"):
+        perform.take_off(name)
+    until(lambda: perform.standing == ("chair",), "the chair alone")
+    workspace.editor.edit("remove", lambda project: project.without("arm"))
+    return [*seen, places(())]
 
 
 def close(ctx, window, press, until, shot, folder: Path) -> None:

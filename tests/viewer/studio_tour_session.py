@@ -139,7 +139,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
 
 
 def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterator[Action]:
-    """Click until it had its effect: the list of cameras above may move a button just then."""
+    """Click until it had its effect: a window that is busy may miss a click."""
     end = time.monotonic() + PATIENCE
     while not done() and time.monotonic() < end:
         yield Click(Widget(name))

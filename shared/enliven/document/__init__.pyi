@@ -7,6 +7,7 @@ from .body_take import (
 from .character import Character as Character, Pose as Pose, SkinWeights as SkinWeights
 from .clip import (
     Clip as Clip,
+    CubicKeys as CubicKeys,
     FineFrames as FineFrames,
     joint_places as joint_places,
     keyed_clip as keyed_clip,

@@ -17,7 +17,12 @@ from enliven.arrays import Float, freeze
 from enliven.document.keys import KEY_STEP, MotionKey, key_values, placed_keys
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.rotation import from_rotation_vector, rotate, stretch_of
+from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_of
+
+_SAME_KEY = 1e-6
+"""Seconds within which two keys are one: rounding of float32 over a minute."""
+_PIECE = 1 / 120
+"""Seconds between the keys of a piece of a cubic that is cut: the curve through them is off by under 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,116 @@ class FineFrames:
 
 
 @dataclass(frozen=True, eq=False)
+class CubicKeys:
+    """The keys of a cubic curve, as glTF 2.0 (appendix C) interpolates CUBICSPLINE keys.
+
+    Attributes:
+        bone: the number of the bone that it moves.
+        seconds: (K,) of the keys, rising.
+        values: (K, 4) unit quaternions (w, x, y, z), the turn of the bone in the bone before it; or (K, 3)
+            metres, the place of the root. Turns are interpolated by components and normalised afterwards.
+        slopes: (K, 2, 4 or 3) for a second: before each key, and after it.
+
+    Raises:
+        InputError: if the arrays do not fit together, or the times do not rise.
+    """
+
+    bone: int
+    seconds: Float
+    values: Float
+    slopes: Float
+
+    def __post_init__(self) -> None:
+        freeze(self, "seconds", "values", "slopes")
+        count, width = len(self.seconds), 4 if self.values.shape[-1:] == (4,) else 3
+        fits = self.values.shape == (count, width) and self.slopes.shape == (count, 2, width) and count > 0
+        finite = all(np.isfinite(one).all() for one in (self.seconds, self.values, self.slopes))
+        if not (fits and finite and (np.diff(self.seconds) > 0).all()):
+            raise InputError("its cubic keys do not fit together", where="clip", mend="Import it again.")
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns a bone; else it moves the root."""
+        return bool(self.values.shape[1] == 4)
+
+    def at(self, seconds: Float) -> Float:
+        """(T, 4) unit quaternions or (T, 3) metres; before the first key and after the last these stand."""
+        made, _ = self._polynomial(np.clip(seconds, self.seconds[0], self.seconds[-1]))
+        return normalized(made) if self.turns else made
+
+    def slope(self, seconds: Float) -> Float:
+        """(T, 4 or 3) the slope of :meth:`at` for a second, between the first key and the last."""
+        made, slope = self._polynomial(seconds)
+        if not self.turns:
+            return slope
+        length = np.linalg.norm(made, axis=1, keepdims=True)
+        return np.asarray(_tangential(made / length, slope) / length)
+
+    def _polynomial(self, seconds: Float) -> tuple[Float, Float]:
+        """(T, C) the cubic polynomials and their slopes, before turns are normalised."""
+        if len(self.seconds) == 1:
+            values = np.repeat(self.values, len(seconds), 0)
+            return values, np.zeros_like(values)
+        k = np.clip(np.searchsorted(self.seconds, seconds, "right") - 1, 0, len(self.seconds) - 2)
+        gap = (self.seconds[k + 1] - self.seconds[k])[:, None]
+        s = (seconds - self.seconds[k])[:, None] / gap
+        p, out = self.values[k], self.slopes[k, 1] * gap
+        q, into = self.values[k + 1], self.slopes[k + 1, 0] * gap
+        made = (2 * s**3 - 3 * s**2 + 1) * p + (s**3 - 2 * s**2 + s) * out
+        made += (3 * s**2 - 2 * s**3) * q + (s**3 - s**2) * into
+        slope = (6 * s**2 - 6 * s) * (p - q) + (3 * s**2 - 4 * s + 1) * out + (3 * s**2 - 2 * s) * into
+        return np.asarray(made), np.asarray(slope / gap)
+
+    def between(self, start: float, stop: float) -> CubicKeys:
+        """The curve from ``start`` to ``stop`` seconds, with a key at each end that it is cut at.
+
+        All keys between are kept. A piece that is cut gets more keys: a part of a normalised cubic is none.
+        """
+        first, last = max(start, float(self.seconds[0])), min(stop, float(self.seconds[-1]))
+        if first >= last:
+            at = np.array([min(max(start, float(self.seconds[0])), float(self.seconds[-1]))])
+            return CubicKeys(self.bone, at, self.at(at), np.zeros((1, 2, self.values.shape[1])))
+        more = list[Float]()
+        for cut in (first, last):
+            nearest = int(np.abs(self.seconds - cut).argmin())
+            if abs(self.seconds[nearest] - cut) > _SAME_KEY:
+                k = int(np.searchsorted(self.seconds, cut)) - 1
+                low, high = max(first, self.seconds[k]), min(last, self.seconds[k + 1])
+                more.append(np.linspace(low, high, int((high - low) / _PIECE) + 2))
+        own = self.seconds[(self.seconds > first - _SAME_KEY) & (self.seconds < last + _SAME_KEY)]
+        seconds = np.unique(np.concatenate([own, *more]))
+        seconds = seconds[np.diff(seconds, prepend=-np.inf) > _SAME_KEY]
+        slopes = np.repeat(self.slope(seconds)[:, None], 2, 1)
+        at = np.minimum(np.searchsorted(self.seconds, seconds - _SAME_KEY), len(self.seconds) - 1)
+        is_own = np.abs(self.seconds[at] - seconds) <= _SAME_KEY
+        for side, step in ((0, -1), (1, 1)):
+            own_slopes = self.slopes[at, side]
+            slopes[is_own, side] = _tangential(self.values[at], own_slopes)[is_own]
+            # Towards a whole piece a key of the file keeps its slope to the bit.
+            beside = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
+            whole = is_own & is_own[beside] & (np.abs(at[beside] - at) == 1)
+            slopes[whole, side] = own_slopes[whole]
+        return CubicKeys(self.bone, seconds, self.at(seconds), slopes)
+
+    def timed(self, speed: float, begin: float) -> CubicKeys:
+        """The curve played ``speed`` times as fast, with its second 0 at ``begin``."""
+        return replace(self, seconds=begin + self.seconds / speed, slopes=self.slopes * speed)
+
+    def scaled(self, scale: float, by: Float) -> CubicKeys:
+        """The same motion of a skeleton that was scaled, then moved by ``by`` (3,) metres."""
+        if self.turns:
+            return self
+        return replace(self, values=self.values * scale + by, slopes=self.slopes * scale)
+
+
+def _tangential(values: Float, slopes: Float) -> Float:
+    """(K, C) slopes without what would change the length of unit quaternions (K, 4); of places unchanged."""
+    if values.shape[1] != 4:
+        return slopes
+    return np.asarray(slopes - values * (values * slopes).sum(1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
 class Clip:
     """A take of a skeleton. It is immutable: edits never change the performance.
 
@@ -84,6 +199,8 @@ class Clip:
             None: no bone is reflected.
         keys: the keys that the frames were computed from, in the order of time; empty for a performance.
         fine: the motion at more times, for players and exporters; None if the frames contain everything.
+        cubic: the file's own cubic keys of bones and of the root's place. A glTF gets them again if nothing
+            else moves the character; the frames hold their motion too.
 
     Raises:
         InputError: if the arrays do not fit the skeleton or are not finite.
@@ -99,9 +216,11 @@ class Clip:
     strains: Float | None = None
     mirrors: Float | None = None
     fine: FineFrames | None = None
+    cubic: tuple[CubicKeys, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, "turns", "root", *(name for name, _ in self.tracks))
+        object.__setattr__(self, "cubic", tuple(self.cubic))
         if self.mirrors is not None:
             freeze(self, "mirrors")
         frames, joints = len(self.turns), len(self.skeleton)
@@ -122,6 +241,8 @@ class Clip:
             problem = f"its mirrors are not 1 or -1 for {frames} frames and {joints} joints"
         elif self.fine is not None and self.fine.turns.shape[1:] != (joints, 4):
             problem = f"its fine frames are not of {joints} joints"
+        elif any(not 0 <= one.bone < joints for one in self.cubic):
+            problem = f"its cubic keys are not of {joints} joints"
         elif not 0.0 < self.step <= 10.0:
             problem = f"a frame lasts {self.step} s"
         if problem:
@@ -143,7 +264,7 @@ class Clip:
         tracks: dict[str, Float] = {name: change(track) for name, track in self.tracks}
         if self.mirrors is not None:
             tracks["mirrors"] = np.where(change(self.mirrors) < 0.0, -1.0, 1.0)
-        return replace(self, turns=change(self.turns), root=change(self.root), fine=None, **tracks)
+        return replace(self, turns=change(self.turns), root=change(self.root), fine=None, cubic=(), **tracks)
 
     @property
     def finest(self) -> Clip | FineFrames:

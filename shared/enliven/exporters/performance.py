@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import Character, Pose, Skeleton, SkinWeights
+from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
@@ -38,6 +38,8 @@ class Performance:
         world. None: the frame is the world.
         morphs: morph targets instead of the skin, or None.
         keys: metres of additional error that an exporter may cause by key reduction.
+        cubic: the cubic keys of bones and of the root's place, in the seconds of ``times``. A character that
+            has some is moved by nothing else.
         error: deviation of the baked surface from the displayed one, or None if nothing was baked.
     """
 
@@ -56,6 +58,7 @@ class Performance:
     morphs: BakedMorphs | None = None
     keys: float = 0.0
     error: BakeError | None = None
+    cubic: tuple[CubicKeys, ...] = ()
 
     @property
     def character(self) -> Character:

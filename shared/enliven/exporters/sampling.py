@@ -32,6 +32,7 @@ from enliven.examples.baking import (
     states_of,
     stretch_axes,
 )
+from enliven.exporters.file_keys import file_keys_of
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of, root_motions
@@ -66,7 +67,8 @@ def performance_of(
             have ended, and to the end of a round.
         how: a puppet is baked as transforms with skin weights, or as morph targets.
         settings: accuracy of baking a puppet.
-        keyed: also samples at the key times of its clips' files, so that no jump becomes a ramp.
+        keyed: also samples at the key times of its clips' files, so that no jump becomes a ramp. Their cubic
+            keys are kept if nothing else moves the character, so that no curve becomes a row of frames.
 
     Raises:
         InputError: if the character does not exist, the times are invalid, or it lacks something to move.
@@ -77,7 +79,10 @@ def performance_of(
     times = frame_times(start, end, rate, found.id)
     if keyed and isinstance(found, Shape):
         times = _with_keys(project, found, times)
-    return _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
+    made = _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
+    if keyed and isinstance(found, Shape):
+        made = replace(made, cubic=file_keys_of(project, found, made, start))
+    return made
 
 
 def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:

@@ -142,11 +142,14 @@ def _animations(document: dict, arrays: list[np.ndarray]) -> set[int]:
             used |= {sampler["input"], sampler["output"]}
             node, path = document["nodes"][channel["target"]["node"]], channel["target"]["path"]
             each = len(document["meshes"][node["mesh"]]["weights"]) if path == "weights" else 1
+            how = sampler.get("interpolation", "LINEAR")
+            assert how in ("LINEAR", "STEP", "CUBICSPLINE")
+            each *= 3 if how == "CUBICSPLINE" else 1
             assert times[0] >= 0 and (np.diff(times) > 0).all() and len(values) == each * len(times)
-            assert sampler.get("interpolation", "LINEAR") == "LINEAR"
             if path == "rotation":
+                values = values[1::3] if how == "CUBICSPLINE" else values
                 assert values.shape[1] == 4 and np.abs(np.linalg.norm(values, axis=1) - 1).max() < 1e-6
-                assert ((values[1:] * values[:-1]).sum(1) > 0).all(), "the long way round"
+                assert how != "LINEAR" or ((values[1:] * values[:-1]).sum(1) > 0).all(), "the long way round"
             else:
                 assert path in ("translation", "scale", "weights")
                 assert values.shape[1] == (1 if path == "weights" else 3)

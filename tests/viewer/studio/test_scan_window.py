@@ -47,6 +47,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     assert 1000 < faces <= 50_000
     assert (np.array([wide, tall, deep]) < dragged - lower + 0.02).all() and tall > 0.6 * dragged[1]
     assert said["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
+    assert len(said["places"]) == 1, "no button moves as advice comes and goes"
     assert said["undone edit"] == []
     assert said["again"] == [["scan"], True], "the same character, of more pictures"
 

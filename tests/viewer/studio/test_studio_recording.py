@@ -28,7 +28,8 @@ def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> 
     assert said["stop"] == ["idle", ["chair"]], "0.3 s on what shows the running time"
     assert said["play"] is False and said["again"] == [True, True]
     quiet, *others = said["places"]
-    assert all(quiet) and all(other == quiet for other in others), "nothing moves as messages come and go"
+    assert all(quiet) and all(other == quiet for other in others), "nothing moves as texts come and go"
+    assert said["lines"][0] == said["lines"][1] == said["lines"][2], "a character keeps its line"
     left, top, wide, high = said["inside"]
     for place in quiet[:2]:
         assert left <= place[0] and place[2] <= left + wide and top <= place[1] and place[3] <= top + high

@@ -56,7 +56,7 @@ def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
     workspace = acting_stage(tmp_path)
     project = workspace.editor.project
     assert made_of(project.character("limb")) == "2 bones"
-    assert made_of(project.character("post")).startswith(("no bones", "1 bone"))
+    assert made_of(project.character("post")).startswith(("bends anywhere", "1 bone"))
 
 
 def test_being_late_is_said_in_words_and_only_where_it_is_felt() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pygltflib
 
 from enliven.arrays import Float, Int
-from enliven.document import SkinWeights
+from enliven.document import CubicKeys, SkinWeights
 from enliven.exporters.gltf.joints import clean_skin, listed, unit32
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import JUMP, MeshScene
@@ -90,6 +90,14 @@ class GltfScene(MeshScene):
         kept = np.array([0, len(times) - 1]) if still else kept
         stored = unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
         self.channel(times[kept], node, path, self.blob.add(stored))
+
+    def curve(self, node: int, path: str, keys: CubicKeys) -> None:
+        """Adds a channel of cubic keys: their slope before, their value, and their slope after, in turn."""
+        rows = np.stack([keys.slopes[:, 0], keys.values, keys.slopes[:, 1]], 1)
+        rows = rows.reshape(-1, rows.shape[2])
+        if keys.turns:
+            rows = np.roll(rows, -1, -1)  # the format has w last
+        self.channel(keys.seconds, node, path, self.blob.add(rows.astype(np.float32)), "CUBICSPLINE")
 
     def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
         """Adds a channel that reads its values from an existing accessor, with the given interpolation."""

@@ -35,6 +35,9 @@ from enliven.files import write_file
 from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
+_UPRIGHT = 1e-9
+"""Largest entry by which the axes of nodes may differ from the world's, in which curves are given."""
+
 
 def write_gltf(
     path: Path | str, performances: Sequence[Performance], name: str = "enliven", morphs: bool = False
@@ -81,6 +84,8 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         motion = local_motion(skeleton, performance.linear, joints)
         offsets, turns = local_offsets(skeleton), motion.turns
         offsets[1:] = np.einsum("nba,nb->na", motion.axes[parents[1:]], offsets[1:])
+    turned = motion is not None and np.abs(motion.axes - np.eye(3)).max() > _UPRIGHT
+    curves = {} if turned else {(one.bone, one.turns): one for one in performance.cubic}
     bones: list[int] = []
     for j, parent in enumerate(parents):
         rest = {"translation": listed(skeleton.positions[0] if j == 0 else offsets[j])}
@@ -89,12 +94,18 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
             rest["rotation"] = listed(np.roll(from_matrix(before.T @ motion.axes[j]), -1))
         node = scene.node(bones[parent] if j else None, name=names[j], children=[], **rest)
         bones.append(node)
-        scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
+        if (j, True) in curves:
+            scene.curve(node, "rotation", curves[j, True])
+        else:
+            scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
         if motion is not None:
             scene.animate(performance.times, node, "scale", motion.scales[:, j])
             if j:
                 scene.animate(performance.times, node, "translation", motion.places[:, j])
-    scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
+    if (0, False) in curves:
+        scene.curve(bones[0], "translation", curves[0, False])
+    else:
+        scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
     ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
     for j in ends:
         vector = skeleton.vectors[j] if motion is None else motion.axes[j].T @ skeleton.vectors[j]

@@ -17,6 +17,7 @@ from enliven.document import Clip, FineFrames, Skeleton, SkinWeights, still_shap
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
 from enliven.formats.gltf.bodies import bodies_of
+from enliven.formats.gltf.cubic import with_cubic_keys
 from enliven.formats.rig import (
     LinkBody,
     Rig,
@@ -62,6 +63,8 @@ class _Animation:
         seconds: (K,) of them, from 0.
         even: (F,) which of them are evenly spaced.
         step: seconds between these.
+        number: of the animation in the file.
+        start: the file's seconds at its first sample.
     """
 
     name: str
@@ -69,6 +72,8 @@ class _Animation:
     seconds: Float
     even: Int
     step: float
+    number: int
+    start: float
 
 
 @np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
@@ -135,7 +140,8 @@ def _rigged(surface: GltfSurface) -> Rig:
     clips, taken = [], set[str]()
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
-        clips.append(_clip(animation, tree, bodies, tracks, taken))
+        clip = _clip(animation, tree, bodies, tracks, taken)
+        clips.append(with_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
     notes += tree.notes + _told(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
@@ -154,7 +160,7 @@ def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
         if even[0] > _LATE:
             notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
         own, at = slice(start, start + len(times)), np.searchsorted(times, even)
-        animations.append(_Animation(name, own, times - times[0], at, step))
+        animations.append(_Animation(name, own, times - times[0], at, step, number, float(times[0])))
         start += len(times)
     count = len(file.document.nodes)
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))

@@ -1,6 +1,6 @@
 from .bind import Bind as Bind
 from .blob import Blob as Blob
-from .file import GltfFile as GltfFile
+from .file import GltfFile as GltfFile, matrices_of as matrices_of
 from .gltf_json import GLTF_SUFFIXES as GLTF_SUFFIXES
 from .motion import (
     JUMP as JUMP,

@@ -98,6 +98,8 @@ class Bind:
             return np.asarray(self.world[shared[0]] @ inverse[shared[0]])
         top = min(inverse, key=lambda node: (self._depth(node), node))
         by_joint, by_node = self.rest[top] @ inverse[top], self.rest[carrier]
+        if self._moves and not _is_even(by_joint):
+            by_joint = self._plain(top) @ inverse[top]
         bound = np.stack([np.linalg.inv(m)[:3, 3] for m in inverse.values()])
         ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
         theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
@@ -106,6 +108,18 @@ class Bind:
         lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
         near = np.abs(ours - theirs).max() < _NEAR * size and lever < _NEAR * size
         return np.asarray(by_node if near else by_joint)
+
+    @property
+    def _moves(self) -> bool:
+        """Whether clips move the joints."""
+        return bool(self._file.document.animations) and not self._still
+
+    def _plain(self, node: int) -> Float:
+        """(4, 4) a node's rest transform without the unevenness of its own scale: clips have that."""
+        made: Float = self.rest[node].copy()
+        size = np.abs(self._scale[node])
+        made[:3, :3] /= size / np.cbrt(size.prod())
+        return made
 
     def _depth(self, node: int) -> int:
         depth = 0
@@ -153,11 +167,23 @@ class Bind:
             if node not in known or parent not in known:
                 continue
             self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
-            grown = sizes[node] / sizes[parent]
-            if node not in animated | moving and abs(grown - 1.0) > _GROWN:
+            grown = sizes[node] / sizes[parent] * self._uneven(bound, parent, node)
+            if node not in animated | moving and np.abs(grown - 1.0).max() > _GROWN:
                 self.world[node][:3, :3] *= grown
             if mirrored[node] != mirrored[parent]:
                 self.world[node][:3, :3] *= self._mirror(node)
+
+    def _uneven(self, bound: Float, parent: int, node: int) -> Float:
+        """(3,) by how much more than on average the file scales a node along its axes than at binding.
+
+        In a model with animations it is left to the clips: what turns below would be sheared against it.
+        """
+        if self._moves:
+            return np.ones(3)
+        rest, before = (np.linalg.solve(own[parent], own[node]) for own in (self.rest, bound))
+        grown = np.linalg.norm(rest[:3, :3], axis=0) / np.linalg.norm(before[:3, :3], axis=0)
+        grown = grown / np.cbrt(grown.prod())
+        return grown if np.abs(grown - 1.0).max() > _GROWN else np.ones(3)
 
     def _mirror(self, node: int) -> Float:
         """Returns (3,) the signs of the axes along which the file mirrors a node.
@@ -170,6 +196,12 @@ class Bind:
 
 def _size(matrix: Float) -> float:
     return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+def _is_even(matrix: Float) -> bool:
+    """Whether a transform (4, 4) scales alike along all axes."""
+    sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(sizes[0] - sizes[2] <= _GROWN * sizes[0])
 
 
 def _blends(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:

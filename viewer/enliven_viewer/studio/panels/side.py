@@ -8,7 +8,7 @@ from enliven.document import FREE, Project, RigBase, Shape
 from enliven.mapping import own_clips, play_own_clip, played_clip
 from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
-from enliven_viewer.language import labelled, later, tr, tr_n
+from enliven_viewer.language import Texts, labelled, later, tr, tr_n
 from enliven_viewer.studio.panels.fields import character_name, slider, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
@@ -44,6 +44,8 @@ _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
 """Labels of the clip field if none of the clips plays."""
 _JOINTED = ("motion.spread", "motion.clear")
 """Actions of characters with bones only."""
+_WORDS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
+"""Names of the kinds of characters for artists, by the word of the rig."""
 
 
 def draw_side(workspace: Workspace, area: Area) -> None:
@@ -67,7 +69,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
 
 def _chosen(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
-    heading(tr("Chosen {0}", tr(character.word)))
+    heading(tr("Chosen {0}", _WORDS.get(character.word, character.word)))
     character_name(workspace, character)
     if editor.chosen() is not character:
         return
@@ -82,7 +84,7 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
 def made_of(character: RigBase) -> str:
     """Returns the number of a character's bones, and whether it lacks a surface."""
     bones = int((character.parents >= 0).sum())
-    said = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("no bones")]
+    said = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
     if character.mesh is None or not len(character.mesh.vertices):
         said.append(tr("no surface"))
     return ", ".join(said)

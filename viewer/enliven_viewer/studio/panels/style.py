@@ -35,6 +35,8 @@ SMALL = 12.5
 """Size in pixels of small text, such as labels of lanes."""
 EYE, CLOSED_EYE = "\uf06e", "\uf070"
 """Icons of Font Awesome 4: an audible layer, and a muted one."""
+_PADDING = 6.0
+"""Pixels above the first line of a list and below its last."""
 UNDER_TEXT = 0.40
 """Opacity of the accent colour behind text, such as the value of a slider, so that the text stays
 readable.
@@ -124,6 +126,21 @@ def panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
     imgui.pop_style_var()
     yield
     imgui.end()
+
+
+@contextmanager
+def list_box(name: str, height: float) -> Iterator[float]:
+    """Puts all inside into a box of fixed height, which scrolls: what comes late moves nothing below it.
+
+    Yields:
+        The width in pixels of its lines, the same with and without a scrollbar.
+    """
+    style = imgui.get_style()
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(style.frame_padding.x, _PADDING))
+    imgui.begin_child(f"##{name}", ImVec2(0, height), imgui.ChildFlags_.borders)
+    imgui.pop_style_var()
+    yield imgui.get_window_width() - 2 * style.frame_padding.x - style.scrollbar_size
+    imgui.end_child()
 
 
 @contextmanager

@@ -46,7 +46,7 @@ class EndsTool(Tool):
     def hint(self) -> str:
         shape = self.editor.chosen(GraphShape)
         if shape is None:
-            return "Click a mesh that performers hold, to name its head, hands and feet."
+            return "Click a character that performers hold, to name its head, hands and feet."
         if self._held is not None:
             return tr("Let go where the performer's {0} is to be; Esc drops it.", _TOLD[self._held[0]])
         if len(shape.ends):

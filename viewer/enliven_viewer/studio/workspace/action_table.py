@@ -192,7 +192,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+c",),
         c.motion.copy,
         c.motion.lacks_copy,
-        about="Of the chosen chain; or what performers did with the chosen mesh.",
+        about="Of the chosen chain; or what performers did with the chosen character.",
     )
     yield Action(
         "motion.paste",
@@ -201,7 +201,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+v",),
         c.motion.paste,
         c.motion.lacks_paste,
-        about="Onto the chosen chain; or the performers step into the chosen mesh.",
+        about="Onto the chosen chain; or the performers step into the chosen character.",
     )
     yield Action(
         "motion.spread",
@@ -313,7 +313,7 @@ def _shape(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+p",),
         c.motion.solve_again,
         c.motion.lacks_possessed,
-        about="The performers take hold of the mesh as it is now, as after a cut.",
+        about="The performers take hold of the character as it is now, as after a cut.",
         apart=True,
     )
     yield Action(
@@ -332,7 +332,7 @@ def _shape(c: Commands) -> Iterator[Action]:
         (),
         c.puppets.bake,
         c.puppets.lacks_examples,
-        about="Makes a possessed mesh of it, which can be cut and merged.",
+        about="Makes a possessed character of it, which can be cut and merged.",
     )
 
 

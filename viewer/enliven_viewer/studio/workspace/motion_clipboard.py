@@ -86,7 +86,7 @@ class MotionClipboard:
     def lacks_possessed(self) -> str:
         """Returns why solving a possession again is unavailable; empty if it is available."""
         chosen = self.editor.chosen(GraphShape)
-        return "" if chosen else "No possessed mesh is chosen. Click one first."
+        return "" if chosen else "No possessed character is chosen. Click one first."
 
     def _chosen_performed(self) -> GraphShape | None:
         """Returns the selected mesh if performers have moved it."""

@@ -103,7 +103,7 @@ class PuppetCommands:
             if self.editor.edit(later("bake {0}", puppet.id), change):
                 self.editor.choose(name)
                 self.editor.toasts.say(
-                    tr("{0} is a possessed mesh now", name), tr("It is {0}. Ctrl+Z goes back.", error)
+                    tr("{0} is a possessed character now", name), tr("It is {0}. Ctrl+Z goes back.", error)
                 )
 
         return put

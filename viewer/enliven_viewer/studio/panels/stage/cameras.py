@@ -5,11 +5,13 @@ from __future__ import annotations
 import moderngl
 from imgui_bundle import ImVec2, imgui
 
+from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.style import heading, quiet, tinted
+from enliven_viewer.studio.panels.style import heading, list_box, quiet, tinted
 from enliven_viewer.studio.perform import Camera, CameraSearch
+from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
@@ -17,6 +19,18 @@ _LOOK = "\uf06e"
 """Icon of Font Awesome 4: an eye."""
 _BESIDE = 42.0
 """Width in pixels of the test image button at the right of a camera's button."""
+_LIST = 108.0
+"""Height in pixels of the list: three cameras, or one and its problem; more are scrolled."""
+_VIEW = (320.0, 240.0)
+"""Width and height in pixels that a test image is fitted into, with any aspect ratio."""
+_GAP = 8.0
+"""Pixels between a test image and the panel."""
+_BELOW = 60.0
+"""Pixels from the top of the panel to the top of a test image, which is next to the list."""
+_WORDS = 40.0
+"""Pixels of height below a test image: two lines."""
+_POPUP = "look"
+"""The name of the popup with a test image."""
 
 
 class _Shown:
@@ -26,19 +40,25 @@ class _Shown:
     number = 0
 
 
-def draw_cameras(workspace: Workspace) -> None:
-    """Draws the list of cameras. The first call starts the search."""
+def draw_cameras(workspace: Workspace, area: Area) -> None:
+    """Draws the list of cameras. The first call starts the search.
+
+    The list has the same height before, during and after the search, so that nothing below it moves.
+    """
     search = workspace.perform.cameras
     if search.cameras is None and not search.searching:
         search.begin()
     search.poll()
     heading("Cameras here")
-    if search.problem:
-        quiet(search.problem)
-    for number, camera in enumerate(search.cameras or ()):
-        _camera(workspace, search, camera, number)
-    if search.cameras == () and not search.problem and not search.searching:
-        quiet("None is plugged in. Plug one in, and look again.")
+    looks = False
+    with list_box("cameras", _LIST) as room:
+        if search.problem:
+            quiet(search.problem)
+        for number, camera in enumerate(search.cameras or ()):
+            looks |= _camera(workspace, search, camera, number, room)
+        if not search.cameras and not search.problem:
+            quiet("Looking ..." if search.searching else "None is plugged in. Plug one in, and look again.")
+    workspace.remember("cameras")
     imgui.begin_disabled(search.searching)
     if imgui.button(
         labelled(tr("Looking for cameras ..."), "search")
@@ -49,12 +69,19 @@ def draw_cameras(workspace: Workspace) -> None:
         search.begin()
     imgui.end_disabled()
     workspace.remember("look for cameras")
+    if looks:
+        imgui.open_popup(_POPUP)
+    _look(workspace, search, area)
 
 
-def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: int) -> None:
-    """Draws a camera: the start button, the test image button, and its problem."""
+def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: int, room: float) -> bool:
+    """Draws a camera, ``room`` pixels wide: the start button, the test image button, and its problem.
+
+    Returns:
+        True if a test image was requested.
+    """
+    looks = False
     imgui.begin_disabled(not camera.can_start)
-    room = imgui.get_content_region_avail().x
     beside = _BESIDE if camera.depth and camera.can_start else 0.0
     if imgui.button(
         f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
@@ -67,8 +94,9 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     if beside:
         imgui.same_line()
         imgui.begin_disabled(search.looking is not None)
-        if imgui.button(f"{_LOOK}##look {number}", ImVec2(-1, 0)):
+        if imgui.button(f"{_LOOK}##look {number}", ImVec2(_BESIDE - imgui.get_style().item_spacing.x, 0)):
             search.look(camera)
+            looks = True
         imgui.end_disabled()
         workspace.remember(f"look {number}")
         told("See what it sees")
@@ -80,26 +108,46 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
         quiet(camera.mend)
     elif camera.hint:
         quiet(f"{camera.hint[:1].upper()}{camera.hint[1:]}")
-    if search.looking == camera:
+    return looks
+
+
+def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
+    """Draw the last look through a camera in a popup next to the panel, as large while it is waited for."""
+    wide = _VIEW[0] + 2 * imgui.get_style().window_padding.x
+    imgui.set_next_window_pos(ImVec2(area.x - _GAP - wide, area.y + _BELOW))
+    if not imgui.begin_popup(_POPUP):
+        return
+    camera = search.looking or (search.looked[0] if search.looked is not None else None)
+    room = ImVec2(*_VIEW)
+    imgui.text_unformatted(fitting(camera.title if camera is not None else "", room.x))
+    at = imgui.get_cursor_screen_pos()
+    imgui.dummy(room)
+    workspace.remember("camera view")
+    if search.looking is None and search.picture is not None:
+        texture = _texture(search.picture, search.number)
+        high, wide = search.picture.shape[:2]
+        scale = min(room.x / wide, room.y / high)
+        low = ImVec2(at.x + (room.x - scale * wide) / 2, at.y + (room.y - scale * high) / 2)
+        far = ImVec2(low.x + scale * wide, low.y + scale * high)
+        imgui.get_window_draw_list().add_image(imgui.ImTextureRef(texture.glo), low, far)
+    imgui.begin_child("##words", ImVec2(room.x, _WORDS))
+    if search.looking is not None:
         quiet("Looking ...")
-    elif search.looked is not None and search.looked[0] == camera:
-        _look(search)
+    elif search.looked is not None:
+        quiet(search.looked[1])
+    imgui.end_child()
+    imgui.end_popup()
 
 
-def _look(search: CameraSearch) -> None:
-    """Draws the last test image, or the error."""
-    assert search.looked is not None
-    picture = search.picture
-    if picture is not None:
+def _texture(picture: UInt8, number: int) -> moderngl.Texture:
+    """Returns the texture of a test image, which is made once for each image."""
+    if _Shown.texture is None or _Shown.number != number:
+        if _Shown.texture is not None:
+            _Shown.texture.release()
         high, wide = picture.shape[:2]
-        if _Shown.texture is None or _Shown.number != search.number:
-            if _Shown.texture is not None:
-                _Shown.texture.release()
-            _Shown.texture = window_context().texture((wide, high), 3, picture.tobytes(), alignment=1)
-            _Shown.number = search.number
-        room = imgui.get_content_region_avail().x
-        imgui.image(imgui.ImTextureRef(_Shown.texture.glo), ImVec2(room, room * high / wide))
-    quiet(search.looked[1])
+        _Shown.texture = window_context().texture((wide, high), 3, picture.tobytes(), alignment=1)
+        _Shown.number = number
+    return _Shown.texture
 
 
 def fitting(text: str, room: float) -> str:

@@ -45,6 +45,7 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     """Draws over the viewport; ``pace`` is the frames per second."""
     perform = workspace.perform
     live = perform.live
+    workspace.widgets.pop("holders", None)
     if live is None:
         return
     draw = imgui.get_background_draw_list()
@@ -60,7 +61,11 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
     if perform.room in ("Perform", "Play"):
-        draw_holders(perform, draw, beside(area, workspace.widgets.get("performer inset")))
+        free = beside(area, workspace.widgets.get("performer inset"))
+        high = draw_holders(perform, draw, free)
+        if high:
+            bottom = area.y + area.height
+            workspace.widgets["holders"] = (free.x, bottom - high, free.x + free.width, bottom)
         draw_size(perform, draw, area)
         draw_heard(perform, draw, area, heard_below(is_scanned=workspace.scan.active))
     _recording(perform, draw, area)
@@ -112,9 +117,13 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     return free if free.width > _LEAST else area
 
 
-def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
-    """Draws what a press of Possess waits for, and which performers control what, one line each."""
-    bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
+def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> float:
+    """Draws what a press of Possess waits for, and which performers control what, one line each.
+
+    Returns:
+        Pixels from the bottom of the viewport to the top of the highest line; 0 without any.
+    """
+    begin = bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     if perform.stepping_in.words:
         _line(draw, area, bottom, perform.stepping_in.words, WAIT)
         bottom -= HOLDER
@@ -124,6 +133,7 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
         tint = performer_colour(number)
         _line(draw, area, bottom, holder.words, tint)
         bottom -= HOLDER
+    return 0.0 if bottom == begin else area.y + area.height - bottom
 
 
 def heard_below(*, is_scanned: bool) -> float:

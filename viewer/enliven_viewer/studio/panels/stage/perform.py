@@ -10,9 +10,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panels.fields import told
-from enliven_viewer.studio.panels.stage.cameras import draw_cameras
+from enliven_viewer.studio.panels.stage.cameras import draw_cameras, fitting
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.panels.style import filled, heading, packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import filled, heading, list_box, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
@@ -30,6 +30,12 @@ _ROOMY = 520.0
 _STILL = 2.0
 """Default seconds of stillness that end a recording: longer than a dramatic pause."""
 _LOCAL = "127.0.0.1"
+_CHARACTERS = 98.0
+"""Pixels of height of the list of characters: four lines; more are scrolled."""
+_LINES = ("waits ", "stands ", "remove ")
+"""Beginnings of the names of widgets in the list of characters."""
+_REMOVE = 58.0
+"""Pixels at the right of a character on the stage, for the button that takes it away."""
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
@@ -38,19 +44,19 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
     with panel("perform", area):
         live = perform.live
         if live is None:
-            _stage(workspace, perform)
+            _stage(workspace, perform, area)
             return
         _primary(workspace, perform)
         imgui.begin_child("##rest")
         _connected(workspace, perform, live, area)
         _performers(workspace, perform, live)  # also in the frame in which the stage is left
         _characters(workspace, perform)
-        if perform.client is not None:
-            draw_physics(workspace, perform)
         if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _WHOLE):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
+        if perform.client is not None:
+            draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
         if perform.client is not None:
             _guests(workspace, perform)
@@ -125,7 +131,8 @@ def _plain(address: str) -> str:
     return address.removeprefix("tcp://") or tr("the address")
 
 
-def _stage(workspace: Workspace, perform: PerformSession) -> None:
+def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
+    """Draws what there is to do without a stage; nothing of it moves as cameras are found."""
     heading("Stage")
     words, colour = stage_words(perform)
     at = imgui.get_cursor_screen_pos()
@@ -135,7 +142,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
-    draw_cameras(workspace)
+    draw_cameras(workspace, area)
     perform.voice.wanted = imgui.checkbox(
         labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
         perform.voice.wanted,
@@ -156,6 +163,7 @@ def _stage(workspace: Workspace, perform: PerformSession) -> None:
     for address in perform.known:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
+        workspace.remember(f"known {address}")
     heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--loop"))
@@ -290,39 +298,65 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
-    heading("Characters on the stage")
-    standing = perform.standing
-    if not standing:
-        quiet("None yet. Choose a character below and put it there.")
-    for name in standing:
-        _character(workspace, perform, name)
+    """Draws all characters, those of the project first, in a list of fixed height that is scrolled.
+
+    A character keeps its line as it comes onto the stage or leaves it, and as visitors bring theirs.
+    """
+    heading("Characters")
     editor = workspace.editor
-    others = [name for name in editor.project.characters if name not in standing]
-    for name in others:
-        chosen = editor.selection.character == name
-        if imgui.selectable(f"{name}###waits {name}", chosen)[0]:
-            editor.choose(name)
-        workspace.remember(f"waits {name}")
-        state = perform.sender.states.get(name, "")
-        if state:
-            quiet(tr(state))
-        if chosen and not state.startswith("being"):
-            if imgui.button(labelled(tr("Put {0} on the stage", name), f"put {name}"), _WHOLE):
-                perform.put()
-            workspace.remember("put")
-            told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+    own = list(editor.project.characters)
+    with list_box("characters", _CHARACTERS) as room:
+        for name in own:
+            _character(workspace, perform, name, room)
+        for name in perform.standing:
+            if name not in editor.project.characters:
+                _character(workspace, perform, name, room)
+        if not own and not perform.standing:
+            quiet("None yet. Open a model or draw a shape, and put it there.")
+    workspace.remember("characters")
+    _reveal_list(workspace)
+    chosen = editor.selection.character
+    state = perform.sender.states.get(chosen or "", "")
+    can_put = chosen in own and chosen not in perform.standing and not state.startswith("being")
+    imgui.begin_disabled(not can_put)
+    label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
+    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _WHOLE):
+        perform.put()
+    imgui.end_disabled()
+    workspace.remember("put")
+    told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
-def _character(workspace: Workspace, perform: PerformSession, name: str) -> None:
-    who = [one for one in perform.holders if one.character == name]
-    label = f"{name}  ·  {tr('held') if who else tr('free')}"
+def _reveal_list(workspace: Workspace) -> None:
+    """Scroll the panel to the list of characters if one of its lines is meant: it only scrolls itself."""
+    drawn = workspace.drawn
+    if drawn.left_alone or not any(name.startswith(_LINES) for name in drawn.wanted):
+        return
+    clip = imgui.get_window_draw_list()
+    top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
+    if imgui.get_item_rect_min().y < top or imgui.get_item_rect_max().y > bottom:
+        imgui.set_scroll_here_y(0.5)
+
+
+def _character(workspace: Workspace, perform: PerformSession, name: str, room: float) -> None:
+    """Draws a line: the name, whether it is held or why it is not there, and what takes it away."""
+    standing = name in perform.standing
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
-    if imgui.selectable(f"{label}###stands {name}", perform.meant == name, over)[0]:
-        perform.there = name
+    state = perform.sender.states.get(name, "")
+    if standing:
+        said = tr("held") if any(one.character == name for one in perform.holders) else tr("free")
+    else:
+        said = tr(state) if state else tr("not on the stage")
+    chosen = perform.meant == name if standing else workspace.editor.selection.character == name
+    can_remove = standing and perform.live is not None and not perform.live.take
+    label = fitting(f"{name}  ·  {said}", room - (_REMOVE if can_remove else 0.0))
+    if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
+        perform.there = name if standing else perform.there
         workspace.editor.choose(name if own else None)
-    workspace.remember(f"stands {name}")
-    if perform.live is not None and not perform.live.take:
-        imgui.same_line(imgui.get_content_region_avail().x - 58)
+    workspace.remember(f"{'stands' if standing else 'waits'} {name}")
+    told(said if state.startswith("refused") else "")
+    if can_remove:
+        imgui.same_line(room - _REMOVE)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.take_off(name)
         workspace.remember(f"remove {name}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from enliven.wire import ScanMessage
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
@@ -14,7 +15,6 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
 
 _WHOLE = ImVec2(-1, 0)
-_HALF = ImVec2(126, 0)
 _TALL = ImVec2(-1, 38)
 _LARGE = 34.0
 """Text size in pixels of the instructions: readable from three metres, with a camera in the hands."""
@@ -54,18 +54,39 @@ _KEPT: dict[Kept, str] = {
     "box": later("What is in the box"),
     "all": later("All that was scanned"),
 }
+_BEFORE = 54.0
+"""Pixels of height for what a scan needs: three lines."""
+_AGAIN = 58.0
+"""Pixels of height of the two buttons at the bottom before a scan."""
+_END = 102.0
+"""Pixels of height of the buttons at the bottom during a scan: a tall one, and two others."""
+_PROGRESS = 76.0
+"""Pixels of height for how far a scan is: a line, the bar, and a sentence; more is scrolled."""
+_PROGRESS_ROOMY = 140.0
+"""The same if the panel has room for what was noticed, too."""
+_ROOMY = 520.0
+"""Least height in pixels of a panel with that room."""
 _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
 
 def draw_scan(workspace: Workspace, area: Area) -> None:
-    """Draws the panel at the right."""
+    """Draws the panel at the right. The buttons that end a scan stay at its bottom, and the rest scrolls.
+
+    The button that starts a scan is at the top. During a scan nothing can be clicked there, so that a double
+    click only starts it.
+    """
     scan = workspace.scan
     with panel("scan", area):
+        imgui.begin_child("##rest", ImVec2(0, -(_END if scan.active else _AGAIN)))
         if scan.active:
-            _under_way(workspace, scan)
+            _under_way(workspace, scan, _PROGRESS_ROOMY if area.height > _ROOMY else _PROGRESS)
         else:
             _before(workspace, scan)
-        imgui.dummy(ImVec2(0, 6))
+        imgui.end_child()
+        if scan.active:
+            _draw_end(workspace, scan)
+        else:
+            _draw_again(workspace, scan)
         if imgui.button(labelled(tr("Back to the stage"), "Back to the stage"), _WHOLE):
             scan.shown = False
         workspace.remember("scan back")
@@ -74,14 +95,23 @@ def draw_scan(workspace: Workspace, area: Area) -> None:
 def _before(workspace: Workspace, scan: ScanSession) -> None:
     """Draws the options before a scan."""
     heading("Scan")
-    quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
     lacking = tr(scan.lacks_stage())
+    imgui.begin_disabled(bool(lacking))
+    with tinted((*ACCENT[:3], 0.4), imgui.Col_.button):
+        if imgui.button(labelled("\uf030  " + tr("Start"), "Start"), _TALL):
+            workspace.actions.do("scan.start")
+    workspace.remember("scan start")
+    imgui.end_disabled()
+    imgui.begin_child("##before", ImVec2(0, _BEFORE))
     if lacking:
         with tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
             imgui.text_unformatted(lacking.partition(". ")[0])
             imgui.pop_text_wrap_pos()
         quiet(lacking.partition(". ")[2])
+    else:
+        quiet("Carry the camera round a thing once, a metre and a half away, and it becomes a character.")
+    imgui.end_child()
     heading("What is it?")
     imgui.set_next_item_width(-1)
     opened = imgui.begin_combo("##scan size", tr(_SIZES[scan.size]))
@@ -102,47 +132,38 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
     imgui.set_next_item_width(-1)
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
     workspace.remember("scan name")
-    imgui.begin_disabled(bool(lacking))
-    with tinted((*ACCENT[:3], 0.4), imgui.Col_.button):
-        if imgui.button(labelled("\uf030  " + tr("Start"), "Start"), _TALL):
-            workspace.actions.do("scan.start")
-    workspace.remember("scan start")
+
+
+def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
+    """Draw the button that goes on with the last scan."""
+    imgui.begin_disabled(bool(scan.lacks_again()))
+    again = tr("Add to {0}", scan.said.character or tr("the last scan"))
+    if imgui.button(labelled(again, "again"), _WHOLE):
+        workspace.actions.do("scan.again")
     imgui.end_disabled()
-    if not scan.lacks_again():
-        if imgui.button(labelled(tr("Add to {0}", scan.said.character), "again"), _WHOLE):
-            workspace.actions.do("scan.again")
-        workspace.remember("scan again")
-        told("Scan on, for what was not seen yet: lay it on its side, or look from below")
+    workspace.remember("scan again")
+    told("Scan on, for what was not seen yet: lay it on its side, or look from below")
 
 
-def _under_way(workspace: Workspace, scan: ScanSession) -> None:
-    """Draws the progress and the commands of a running scan."""
+def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
+    """Draws the progress, in a box ``tall`` pixels high, and the commands of a running scan."""
     said = scan.said
     heading("Scan")
-    imgui.push_text_wrap_pos(0.0)
-    places = tr(", in {0} places", said.places) if said.places > 1 else ""
-    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
-    imgui.pop_text_wrap_pos()
-    share = 1.0 - min(max(said.missing, 0.0), 1.0)
-    with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
-        imgui.progress_bar(share, ImVec2(-1, 10), "")
-    told(tr("{0:.0f} of 100 parts of what is about the middle were seen", 100 * share))
-    arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
-    quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
-    if said.note:
-        quiet(said.note)
-    if said.mend:
-        quiet(said.mend)
+    imgui.begin_child("##progress", ImVec2(0, tall), imgui.ChildFlags_.frame_style)
+    _progress(said)
+    imgui.end_child()
+    workspace.remember("scan progress")
     heading("Go on")
     making = said.phase == "finishing"
     imgui.begin_disabled(making)
     label = tr("\uf04c  Pause") if said.phase == "scanning" else tr("\uf04b  Go on")
-    if imgui.button(f"{label}###pause", _HALF):
+    half = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, 0)
+    if imgui.button(f"{label}###pause", half):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
     imgui.same_line()
     imgui.begin_disabled(said.undoable <= 0)
-    if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), _HALF):
+    if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), half):
         workspace.actions.do("scan.undo")
     workspace.remember("scan undo")
     told(
@@ -151,6 +172,13 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
     imgui.end_disabled()
     if said.thing != "person":
         _keeping(workspace, scan)
+    imgui.end_disabled()
+
+
+def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
+    """Draw the buttons that end a scan: it becomes a character, or is thrown away."""
+    making = scan.said.phase == "finishing"
+    imgui.begin_disabled(making)
     with tinted((*GOOD[:3], 0.4), imgui.Col_.button):
         if imgui.button(
             labelled(tr("It becomes a character..."), "done")
@@ -165,6 +193,24 @@ def _under_way(workspace: Workspace, scan: ScanSession) -> None:
         workspace.actions.do("scan.cancel")
     workspace.remember("scan cancel")
     imgui.end_disabled()
+
+
+def _progress(said: ScanMessage) -> None:
+    """Draws how far a scan is, in a box of fixed height: its words come and go, and push no button."""
+    imgui.push_text_wrap_pos(0.0)
+    places = tr(", in {0} places", said.places) if said.places > 1 else ""
+    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
+    imgui.pop_text_wrap_pos()
+    share = 1.0 - min(max(said.missing, 0.0), 1.0)
+    with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
+        imgui.progress_bar(share, ImVec2(-1, 10), "")
+    told(tr("{0:.0f} of 100 parts of what is about the middle were seen", 100 * share))
+    arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
+    quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
+    if said.note:
+        quiet(said.note)
+    if said.mend:
+        quiet(said.mend)
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:

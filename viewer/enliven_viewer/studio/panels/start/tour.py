@@ -113,7 +113,8 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
         (one.x, one.y, one.x + one.width, one.y + one.height)
         for one in (places.side, places.tools, places.timeline)
     ]
-    kept = (tour.covered((area.x, area.y)), workspace.widgets.get("performer inset"))
+    widgets = workspace.widgets
+    kept = (tour.covered((area.x, area.y)), widgets.get("performer inset"), widgets.get("holders"))
     others += [one for one in kept if one is not None]
     if shape is not None and tour.target.box is None:
         middle = (shape[1] + shape[3]) / 2

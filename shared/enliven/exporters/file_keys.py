@@ -1,0 +1,97 @@
+"""The cubic keys of a file in the motion of a shape that plays that file's clip and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Clip, CubicKeys, Layer, Project, Shape, Skeleton
+from enliven.exporters.performance import Performance
+from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
+
+_SAME = 1e-2
+"""Radians, or share of the skeleton's length, by which a curve may be off the sampled motion: what frames of
+120 a second lose of a fast turn between them. What differs more is moved by something else, too."""
+_POSED = 1e-9
+"""Largest change of a quaternion, or of a place in metres, by which a bone or the root counts as posed."""
+
+
+_STIFF = 1e-6
+"""Stretch within which a bone counts as stiff: rounding of long chains."""
+
+
+def file_keys_of(
+    project: Project, shape: Shape, performance: Performance, start: float
+) -> tuple[CubicKeys, ...]:
+    """Returns the cubic keys by which a shape moves, in the seconds of its performance.
+
+    None, unless all bones play one clip with such keys, once, forwards, at one speed, and nothing else moves
+    them: what is layered, blended, looped, smoothed or posed is sampled.
+
+    Args:
+        start: seconds of the project at which the performance begins.
+    """
+    clip, layer = _only_clip(project, shape)
+    skeleton = performance.skeleton
+    if clip is None or layer is None or skeleton is None or not _only_turns(performance.linear):
+        return ()
+    (segment,) = layer.lane(clip.duration)
+    speed = layer.speed * segment.speed
+    begin = layer.offset + segment.begin / layer.speed - start
+    first = segment.first + max(0.0, -begin) * speed
+    last = segment.first + (min(float(performance.times[-1]) - begin, segment.last / speed)) * speed
+    last = min(last, segment.last, clip.duration)
+    made = list[CubicKeys]()
+    for one in clip.cubic:
+        made.append(one.between(first, last).timed(speed, begin - segment.first / speed))
+    return tuple(one for one in made if not _is_posed(one, shape) and _agrees(one, skeleton, performance))
+
+
+def _only_turns(linear: Float) -> bool:
+    """Whether no bone is stretched or mirrored by maps (T, N, 3, 3)."""
+    gram = np.einsum("tnba,tnbc->tnac", linear, linear)
+    return bool(np.abs(gram - np.eye(3)).max() <= _STIFF and (np.linalg.det(linear) > 0).all())
+
+
+def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
+    """The clip that all bones of a shape play in the same way, and one of the layers; or None."""
+    if not shape.layers or shape.root_layers or shape.pins:
+        return None, None
+    layer = shape.layers[0]
+    clip = project.takes.get(layer.take)
+    same = all(_way(one) == _way(layer) and (one.basis == IDENTITY).all() for one in shape.layers)
+    plain = not (layer.loop or layer.muted or layer.mirrored or layer.smooth or layer.weights or layer.speeds)
+    plain = plain and layer.hold and layer.weight == 1.0 and layer.mode == "turns" and layer.speed > 0.0
+    if not (same and plain and isinstance(clip, Clip) and clip.cubic):
+        return None, None
+    lane = layer.lane(clip.duration)
+    return (clip, layer) if len(lane) == 1 and lane[0].speed > 0.0 else (None, None)
+
+
+def _way(layer: Layer) -> tuple[object, ...]:
+    """What of a layer says how and when it plays."""
+    when = (layer.take, layer.offset, layer.speed, layer.loop, layer.segments, layer.hold, layer.smooth)
+    how = (layer.weight, layer.muted, layer.mirrored, layer.mode, layer.weights, layer.speeds, layer.stretch)
+    return when + how
+
+
+def _is_posed(keys: CubicKeys, shape: Shape) -> bool:
+    """Whether an artist turned the bone of a curve, or moved the root."""
+    away = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
+    return bool(np.abs(away).max() > _POSED)
+
+
+def _agrees(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
+    """Whether a curve is at all times where the sampled motion is."""
+    at = keys.at(performance.times)
+    if not keys.turns:
+        off = np.abs(at - performance.positions[:, 0]).max()
+        return bool(off <= _SAME * max(float(skeleton.lengths.sum()), 1e-9))
+    turns = _turns(performance, keys.bone)
+    if keys.bone:
+        turns = multiply(conjugate(_turns(performance, int(skeleton.parents[keys.bone]))), turns)
+    return bool(2.0 * np.arccos(np.clip(np.abs((at * turns).sum(1)), 0.0, 1.0)).max() <= _SAME)
+
+
+def _turns(performance: Performance, bone: int) -> Float:
+    return from_matrix(performance.linear[:, bone])

@@ -1,0 +1,182 @@
+"""Cubic keys of a glTF file: kept through project, trimming and export, and left out of what is edited."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gltf_twins import Twin, chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from slow_gltf import SlowGltf
+from strict_gltf import checked_glb
+
+from enliven.deformation.skinning import skin_vertices
+from enliven.document import CubicKeys, Project, Segment, character_of
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
+from enliven.formats.gltf import read_gltf
+from enliven.formats.project import read_project, write_project
+from enliven.formats.rig import playing
+from enliven.modeling.edits import move_character
+from enliven.motion.layers import Player
+from enliven.takes import exportables_of
+
+
+def turn(random: np.random.Generator, most: float) -> np.ndarray:
+    """A quaternion (x, y, z, w) of a random turn."""
+    axis, half = random.normal(size=3), random.uniform(0.1, most) / 2
+    return np.append(np.sin(half) * axis / np.linalg.norm(axis), np.cos(half))
+
+
+def curved(seed: int, start: float = 0.0) -> Twin:
+    """The chain below a turned and shrunk node; each joint turns, and the first moves, by random cubic keys.
+
+    The joints have keys at different times. For odd seeds a turned node is between the second and the third,
+    of which the bind pose knows nothing: the third joint is moved off its bone all the time.
+    """
+    random, twin = np.random.default_rng(seed), Twin()
+    joints = chain(twin)
+    scene = twin.json["scenes"][0]["nodes"]
+    holder = twin.node(children=[joints[0]], rotation=turn(random, 2.0).tolist(), scale=[0.5] * 3)
+    scene.remove(joints[0])
+    if seed % 2:
+        between = twin.node(rotation=turn(random, 0.5).tolist(), in_scene=False, children=[joints[2]])
+        twin.json["nodes"][joints[1]]["children"] = [between]
+    assert holder in scene
+    for number, joint in enumerate(joints):
+        count = int(random.integers(2, 6))
+        gaps = random.uniform(0.1, 0.5, count - 1)
+        times = start + 0.1 * number + np.concatenate([[0.0], np.cumsum(gaps)])
+        twin.channel(0, {"node": joint, "path": "rotation"}, times, rows(random, count, 4), "CUBICSPLINE")
+        if not number:
+            places = rows(random, count, 3)
+            twin.channel(0, {"node": joint, "path": "translation"}, times, places, "CUBICSPLINE")
+    return twin
+
+
+def rows(random: np.random.Generator, count: int, width: int) -> np.ndarray:
+    """(3 K, 4 or 3) slopes before, values and slopes after each key."""
+    values = random.normal(0.0, 0.3, (count, width))
+    if width == 4:
+        values = np.array([turn(random, 1.2) for _ in range(count)])
+    slopes = random.normal(0.0, 0.7, (count, 2, width))
+    return np.stack([slopes[:, 0], values, slopes[:, 1]], 1).reshape(-1, width)
+
+
+def written(tmp_path: Path, performance) -> SlowGltf:
+    data = glb_of([performance])
+    checked_glb(data)
+    (tmp_path / "out.glb").write_bytes(data)
+    return SlowGltf(tmp_path / "out.glb")
+
+
+def keys_of(slow: SlowGltf, path: str = "rotation") -> list[tuple[str, np.ndarray]]:
+    """How each channel of a path is interpolated, and its times."""
+    animation = slow.json["animations"][0]
+    channels = [one for one in animation["channels"] if one["target"]["path"] == path]
+    samplers = [animation["samplers"][one["sampler"]] for one in channels]
+    return [(one["interpolation"], slow.accessor(one["input"])[:, 0]) for one in samplers]
+
+
+def length_of(slow: SlowGltf) -> tuple[float, float]:
+    inputs = [slow.accessor(one["input"])[:, 0] for one in slow.json["animations"][0]["samplers"]]
+    return min(one[0] for one in inputs), max(one[-1] for one in inputs)
+
+
+def tolerance(seed: int) -> float:
+    """Metres: rounding to float32; or what a joint that is moved off its bone loses between its frames."""
+    return 2e-4 if seed % 2 else 1e-5
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([0.0, 1.5]))
+def test_cubic_keys_are_written_as_the_file_has_them(tmp_path_factory, seed, start) -> None:
+    folder = tmp_path_factory.mktemp("cubic")
+    path = curved(seed, start).write(folder / "a.glb")
+    slow = SlowGltf(path)
+    first, last = length_of(slow)
+    again = written(folder, exportables_of(path).found[0].sample(0.0, None, None, False, True))
+    for kind in ("rotation", "translation"):
+        cubic = [after for how, after in keys_of(again, kind) if how == "CUBICSPLINE"]
+        for (_, before), after in zip(keys_of(slow, kind), cubic, strict=True):
+            np.testing.assert_allclose(after, before - first, atol=1e-6)
+    for seconds in np.linspace(first, last, 23):
+        expected = slow.vertices_at(0, seconds)
+        np.testing.assert_allclose(
+            again.vertices_at(0, seconds - first), expected, atol=5e-6 if seed % 2 == 0 else 2e-4
+        )
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.02, 0.15), st.floats(0.25, 0.45), st.sampled_from([1.0, 2.0, 0.4]))
+def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, first, last, speed) -> None:
+    folder = tmp_path_factory.mktemp("trimmed")
+    path = curved(seed).write(folder / "a.glb")
+    rig, slow = read_gltf(path), SlowGltf(path)
+    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    segment = Segment(0.0, last - first, first)
+    layers = tuple(replace(one, segments=(segment,), speed=speed, offset=0.5) for one in shape.layers)
+    shape = shape.with_changes(layers=layers)
+    project = project.with_characters(shape)
+    write_project(folder / "b.enliven", project)
+    project = read_project(folder / "b.enliven")
+    length = (last - first) / speed
+    again = written(folder, performance_of(project, shape.id, 0.5, 0.5 + length, 20 / length, keyed=True))
+    assert [how for how, _ in keys_of(again)].count("CUBICSPLINE") == 3
+    for share in np.linspace(0.0, 1.0, 11):
+        expected = slow.vertices_at(0, first + share * (last - first))
+        seconds = share * (last - first) / speed
+        np.testing.assert_allclose(
+            again.vertices_at(0, seconds), expected, atol=1e-5 if seed % 2 == 0 else 2e-4
+        )
+
+
+def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
+    path = curved(3).write(tmp_path / "a.glb")
+    rig = read_gltf(path)
+    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    posed = shape.modeling.copy()
+    posed[2] = [np.cos(0.05), 0.0, 0.0, np.sin(0.05)]
+    edits = {
+        "posed": shape.with_changes(modeling=posed),
+        "half": shape.with_changes(layers=tuple(replace(one, weight=0.5) for one in shape.layers)),
+        "later": shape.with_changes(layers=(replace(shape.layers[0], offset=0.3), *shape.layers[1:])),
+        "looped": shape.with_changes(layers=tuple(replace(one, loop=True) for one in shape.layers)),
+        "smooth": shape.with_changes(layers=tuple(replace(one, smooth=0.2) for one in shape.layers)),
+    }
+    for name, edited in edits.items():
+        made = performance_of(project.with_characters(edited), edited.id, 0.0, 0.6, 240.0, keyed=True)
+        assert len(made.cubic) == (3 if name == "posed" else 0), f"{name}: what was posed is sampled"
+        player, again = Player(project.with_characters(edited), edited.id), written(tmp_path, made)
+        for seconds in (0.0, 0.25, 0.6):
+            shown = skin_vertices(character_of(edited), player.pose(seconds))
+            np.testing.assert_allclose(again.vertices_at(0, seconds), shown, atol=1e-3, err_msg=name)
+
+
+def test_a_character_that_was_moved_is_written_where_it_is(tmp_path: Path) -> None:
+    path = curved(4).write(tmp_path / "a.glb")
+    rig, slow = read_gltf(path), SlowGltf(path)
+    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project = move_character(project, shape.id, [1.0, 0.0, 0.0])
+    again = written(tmp_path, performance_of(project, shape.id, 0.0, 0.4, 120.0, keyed=True))
+    for seconds in (0.0, 0.2, 0.4):
+        expected = slow.vertices_at(0, seconds) + np.array([1.0, 0.0, 0.0])
+        np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("width", [3, 4])
+def test_a_cut_curve_is_the_curve(width: int) -> None:
+    random = np.random.default_rng(width)
+    given = rows(random, 6, width).reshape(6, 3, width)
+    whole = CubicKeys(0, np.cumsum(random.uniform(0.1, 0.4, 6)), given[:, 1], given[:, ::2])
+    for first, last in ((0.3, 1.1), (whole.seconds[1], whole.seconds[3]), (0.41, 0.42), (-1.0, 9.0)):
+        cut = whole.between(first, last)
+        seconds = np.linspace(max(first, whole.seconds[0]), min(last, whole.seconds[-1]), 101)
+        np.testing.assert_allclose(cut.at(seconds), whole.at(seconds), atol=2e-6)
+    same = whole.between(whole.seconds[1], whole.seconds[3])
+    assert (same.seconds == whole.seconds[1:4]).all() and (
+        same.values[1] == whole.at(whole.seconds[2:3])
+    ).all()

@@ -1,0 +1,23 @@
+"""Nothing that can be clicked moves while lists are filled: start page, Perform without a stage, scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from in_a_window import in_a_window
+
+SESSION = Path(__file__).parents[1] / "studio_steady_session.py"
+BELOW = ("look for cameras", "voice wanted", "address", "connect", "recorded person", "webcam")
+"""Widgets below the list of cameras."""
+
+
+def test_nothing_moves_as_cameras_are_found_and_looked_through(tmp_path: Path) -> None:
+    said = in_a_window(SESSION, str(tmp_path))
+    for shown, least in (("start page", 20), ("no stage", 30), ("a scan", 5)):
+        assert said[shown]["frames"] >= least, shown
+        assert said[shown]["moved"] == {}, shown
+    assert set(BELOW) <= set(said["no stage"]["widgets"])
+    assert "do Armchair" in said["start page"]["widgets"] and "scan start" in said["a scan"]["widgets"]
+    assert said["no stage"]["seen"] == ["camera 0", "camera 1", "camera 2", "look 0"], "all lists were shown"
+    assert said["looked"] == ["near is bright", True], "a look has a place of its own"
+    assert said["the edge's own list"][1] == "", "the edge's own program filled the list"
