@@ -174,7 +174,12 @@ class Sole:
             at, low = at + way[-1], [*low, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(low)
 
-    def lowest(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
+    def lowest(self, turns: Float, joints: Float) -> Float:
+        """Returns the height (T,) in metres of the lowest point, for turns (T, N, 4) and joints (T, N, 3)."""
+        parts = (slice(start, start + _BLOCK) for start in range(0, len(turns), _BLOCK))
+        return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
+
+    def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
         """(T,) metres from a joint up to the lowest point, if all points turn about it by (T, 4)."""
         low = list[Float]()
         for start in range(0, len(turns), _BLOCK):

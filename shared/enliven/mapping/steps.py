@@ -25,7 +25,7 @@ from enliven.document import Clip, Project, Shape, Skeleton, joint_places, unuse
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import along_way, floor_of, moments_of
+from enliven.mapping.ground import along_way, floor_of, moments_of, standing_on_feet
 from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.planting import PosedLeg, Sole, clearance_of, planted, standing_spans
 from enliven.mapping.resting import first_heading, heading_of
@@ -63,6 +63,8 @@ _LOWERED = 0.15
 """Share of a leg's length that the body comes down by at most, to reach where feet stand."""
 _EASING = 0.05
 """Seconds over which the body comes down before a foot that it would not reach."""
+_LIFTS = 3
+"""Times that a foreleg below the floor is bent at most: its lowest point changes as it bends."""
 _LOWEST = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
 
@@ -124,6 +126,7 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
         if not step.posed:
             goals = _goals(shape, step, performer, turns, joints)
             _bend(shape.skeleton, step, performer, goals, turns, joints)
+    _lift_forelegs(shape, clip, steps, performer, times, turns, joints)
     take = Clip(unused(f"{clip.id}: steps", project.takes), shape.skeleton, turns, joints[:, 0], times[1])
     project = project.with_takes(take)
     chains = [chain for step in steps for chain in _played(shape.skeleton, step)]
@@ -420,7 +423,7 @@ def _tilt_foot(
     tried, angles = np.linspace(0.0, _TILT, _TRIED), np.zeros(len(turns))
     risen = np.stack(
         [
-            sole.lowest(turns[low], joints[low], from_rotation_vector((a * up * axes.T).T[low]), ankle)
+            sole.lowest_turned(turns[low], joints[low], from_rotation_vector((a * up * axes.T).T[low]), ankle)
             for a in tried
         ]
     )
@@ -467,10 +470,83 @@ def _bend(
         if j in moved and not step.posed:
             turns[:, j] = slerp(turns[:, j], heading, weights)
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
+    _reach(skeleton, chain, weights, goals, turns, joints)
+
+
+def _reach(
+    skeleton: Skeleton, chain: Sequence[int], weights: Float, goals: Float, turns: Float, joints: Float
+) -> None:
+    """Bends a limb so that its end reaches its goals (T, 3) by a share ``weights`` (T,) of the way.
+
+    Changes turns (T, N, 4) and joints (T, N, 3) in place. The foot keeps its orientation.
+    """
     middle, side = bend_of(skeleton, chain)
     kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
     tree, bones = (skeleton.parents, skeleton.vectors[None]), (np.array(chain, np.int32), middle, side, kept)
     pin_limb(*tree, *bones, 0.0, 0.0, weights, goals, none, turns, joints)
+
+
+def _lift_forelegs(
+    shape: Shape,
+    clip: Clip,
+    steps: Sequence[_Step],
+    performer: _Performer,
+    times: Float,
+    turns: Float,
+    joints: Float,
+) -> None:
+    """Bends forelegs that an arm drives until they are above the floor; changes turns and joints in place.
+
+    An arm that hangs or punches can push a foreleg below the floor. The lowest point of the body is kept on
+    the floor later, so such a foreleg would lift the other feet off it.
+
+    Args:
+        times: (T,) seconds.
+        turns: (T, N, 4) world rotations.
+        joints: (T, N, 3) metres.
+    """
+    supports = [_sole(shape, step) for step in steps if step.arm is None]
+    forelegs = [step for step in steps if step.arm is not None]
+    if not (supports and forelegs):
+        return
+    floor = _floor_under_feet(
+        shape,
+        clip,
+        performer,
+        times,
+        joints,
+        np.min([sole.lowest(turns, joints) for sole in supports], axis=0),
+    )
+    for step in forelegs:
+        limb = Sole(shape, sorted(_below(shape.skeleton, step.leg[0])))
+        for _ in range(_LIFTS):
+            lift = np.maximum(floor - limb.lowest(turns, joints), 0.0)
+            if not lift.any():
+                break
+            goals = joints[:, step.leg[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
+            _reach(shape.skeleton, step.leg, (lift > 0.0).astype(float), goals, turns, joints)
+
+
+def _floor_under_feet(
+    shape: Shape, clip: Clip, performer: _Performer, times: Float, joints: Float, low: Float
+) -> Float:
+    """Returns the height (T,) in metres below which no foreleg may reach.
+
+    While the performer is on their feet, that is the lowest point of the model's other feet. A performer on
+    their hands or knees may have their feet in the air. Then it is the floor under them, if that is lower.
+
+    Args:
+        times: (T,) seconds.
+        joints: (T, N, 3) metres.
+        low: (T,) metres, the lowest point of the feet that no arm drives.
+    """
+    legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
+    feet = {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]}
+    frames = np.arange(len(clip.turns)) * clip.step
+    on_feet = np.interp(times, frames, standing_on_feet(clip, feet))
+    floor = performer.floor(shape, joints[:, 0, 1])
+    floor += np.median((low - floor)[on_feet >= min(0.5, on_feet.max())])
+    return on_feet * low + (1.0 - on_feet) * np.minimum(low, floor)
 
 
 def _evenly(drops: Float, step: float) -> Float:
