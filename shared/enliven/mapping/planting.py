@@ -22,7 +22,7 @@ import scipy
 from enliven.arrays import Float, Int
 from enliven.document import Shape
 from enliven.motion.contact import runs_of, touching
-from enliven.rotation import rotate
+from enliven.rotation import conjugate, multiply, rotate
 
 Spans = tuple[tuple[int, int], ...]
 """The first and the last moment of every contact."""
@@ -59,6 +59,8 @@ _BLOCK = 2048
 """Moments at which all points of a foot are held in memory together."""
 _TINY = 1e-9
 """Weight of the performer's own height, where no foot stands at all."""
+_MAX_UNSPIN = np.radians(30.0)
+"""Largest angle (radians) between a standing foot's heading and the performer's: what ankle and hip give."""
 _FREE = 0.01
 """How much the root keeps to the performer's way, compared with a standing foot."""
 
@@ -174,6 +176,26 @@ class Sole:
             at, low = at + way[-1], [*low, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(low)
 
+    def spin(self, turns: Float, joints: Float, length: float) -> Float:
+        """Returns the angle (T,) in radians about +Y by which the touching part has turned.
+
+        A foot that rolls turns about level axes only. Any other turn drags its sole over the floor.
+        """
+        leader = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
+        touching, bones = list[Float](), np.unique(leader)
+        for start in range(0, len(turns), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            height = self.points(turns[part], joints[part])[..., 1]
+            weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_PATCH * length))
+            touching.append(np.stack([weights[:, leader == bone].sum(1) for bone in bones], axis=1))
+        share = np.concatenate(touching)
+        share = share[1:] + share[:-1]
+        moved = multiply(turns[1:, bones], conjugate(turns[:-1, bones]))
+        about = 2.0 * np.arctan2(moved[..., 2], moved[..., 0])
+        about = (about + np.pi) % (2.0 * np.pi) - np.pi
+        steps = np.sum(share * about, axis=1) / share.sum(1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
     def lowest(self, turns: Float, joints: Float) -> Float:
         """Returns the height (T,) in metres of the lowest point, for turns (T, N, 4) and joints (T, N, 3)."""
         parts = (slice(start, start + _BLOCK) for start in range(0, len(turns), _BLOCK))
@@ -198,6 +220,32 @@ def _outermost(points: Float) -> Int:
     level = np.sqrt(1.0 - height**2)
     ways = np.stack([level * np.cos(angle), height, level * np.sin(angle)])
     return np.unique((points @ ways).argmax(0))
+
+
+def unspun(spin: Float, spans: Spans, step: float) -> Float:
+    """Returns the turns about +Y, (T,) radians, that keep a foot from spinning while it stands.
+
+    The foot keeps the median heading of each contact. If the performer's foot turns farther than ankle and
+    hip give, as in a pirouette, the foot follows it. The turn fades before and after a contact.
+
+    Args:
+        spin: (T,) radians that the touching part has turned about +Y.
+        spans: when the foot stands.
+        step: seconds between two moments.
+    """
+    count, blend = len(spin), max(round(_BLEND_S / step), 1)
+    turns = np.zeros(count)
+    ends = [-1, *(b for _, b in spans)]
+    starts = [*(a for a, _ in spans), count]
+    for number, (first, last) in enumerate(spans):
+        held = float(np.median(spin[first : last + 1]))
+        for t in range(first, last + 1):
+            held = float(np.clip(held, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
+            turns[t] = held - spin[t]
+        before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
+        turns[first - before + 1 : first] += _fading(before)[::-1] * turns[first]
+        turns[last + 1 : last + after] += _fading(after) * turns[last]
+    return turns
 
 
 def clearance_of(heights: Float, spans: Spans) -> Float:

@@ -27,7 +27,7 @@ from enliven.mapping.applying import facings, source_anatomy
 from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import along_way, floor_of, moments_of, standing_on_feet
 from enliven.mapping.plan import Mode, Plan
-from enliven.mapping.planting import PosedLeg, Sole, clearance_of, planted, standing_spans
+from enliven.mapping.planting import PosedLeg, Sole, Spans, clearance_of, planted, standing_spans, unspun
 from enliven.mapping.resting import first_heading, heading_of
 from enliven.motion.contact import bend_of, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain, travel_scale
@@ -361,6 +361,8 @@ def _planted(
     way[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_sole(shape, step) for step in steps]
     posed = partial(_leg_in_pose, shape.skeleton, performer=performer, root=root, turns=turns, joints=joints)
+    for step, sole in zip(steps, soles, strict=True):
+        _hold_heading(shape.skeleton, step, sole, performer, root, turns, joints)
     legs = [posed(step, sole) for step, sole in zip(steps, soles, strict=True)]
     _, offsets = planted(legs, way, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
@@ -391,15 +393,44 @@ def _leg_in_pose(
     joints: Float,
 ) -> PosedLeg:
     """A leg in the performer's pose, over time, with the root of the body at ``root`` (T, 3)."""
+    length, spans = _leg_length(skeleton, step.leg), _spans(skeleton, step, performer, root)
+    heights = performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.tall[:, None]
+    clear = performer.scale * clearance_of(heights, spans)
+    return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clear, length, spans)
+
+
+def _spans(skeleton: Skeleton, step: _Step, performer: _Performer, root: Float) -> Spans:
+    """Returns when the performer's foot of a step stands, for a root of the body at (T, 3) metres."""
     # A model without feet has left the floor when the performer's ball has: it has no toes to stay on.
     ball, *tip = step.by_toes or step.by.chain[-1:]
     rolls_on = [step.by_leg[-1], ball, *tip] if step.toes else [ball]
     foot = root[:, None] + performer.scale * performer.beside[:, rolls_on]
-    length = _leg_length(skeleton, step.leg)
-    spans = standing_spans(foot, root, performer.step, length)
-    heights = performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.tall[:, None]
-    clear = performer.scale * clearance_of(heights, spans)
-    return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clear, length, spans)
+    return standing_spans(foot, root, performer.step, _leg_length(skeleton, step.leg))
+
+
+def _hold_heading(
+    skeleton: Skeleton,
+    step: _Step,
+    sole: Sole,
+    performer: _Performer,
+    root: Float,
+    turns: Float,
+    joints: Float,
+) -> None:
+    """Keeps a foot from spinning about the vertical while it stands; changes turns and joints in place."""
+    if not step.toes:
+        return
+    ankle, length = step.leg[-1], _leg_length(skeleton, step.leg)
+    spin = sole.spin(turns, joints, length)
+    back = unspun(spin, _spans(skeleton, step, performer, root), performer.step)
+    _turn_foot(skeleton, ankle, from_rotation_vector(back[:, None] * [0.0, 1.0, 0.0]), turns, joints)
+
+
+def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
+    """Turns all that hangs on an ankle about it by (T, 4); changes turns and joints in place."""
+    for j in sorted(_below(skeleton, ankle)):
+        turns[:, j] = multiply(turning, turns[:, j])
+        joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
 
 
 def _tilt_foot(
@@ -432,10 +463,7 @@ def _tilt_foot(
     enough = risen >= np.minimum(lift[low], risen.max(0))
     angles[low] = tried[enough.argmax(0)] * up[low]
     angles = scipy.ndimage.uniform_filter1d(angles, 2 * max(round(_EASING / pace), 1) + 1, mode="nearest")
-    turning = from_rotation_vector(angles[:, None] * axes)
-    for j in sorted(_below(skeleton, ankle)):
-        turns[:, j] = multiply(turning, turns[:, j])
-        joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
+    _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * axes), turns, joints)
 
 
 def _goals(shape: Shape, step: _Step, performer: _Performer, turns: Float, joints: Float) -> Float:
