@@ -16,6 +16,7 @@ from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation import skin_vertices
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, joint_places, unused
 from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.human_names import names_object
 from enliven.mapping.resting import heading_of
 from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
 from enliven.rotation import IDENTITY
@@ -34,21 +35,53 @@ _SHORTEST = 0.1
 """Factor for a stride at least: what shuffles still goes."""
 _LONGEST = 1.5
 """Factor for a stride at most, for what skates."""
+_HAND = 1.5
+"""Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
 _UPSIDE = 0.2
 """Length of the upright part of a turn below which it has no heading: upside down."""
 
 
+def body_points(shape: Shape) -> Bool:
+    """Returns (V,) True for the points of a shape's surface that belong to its body.
+
+    The others belong to an object that a hand carries: its joint is named like one, or the point is too far
+    from the wrist. A weapon that touches the floor carries no weight. The points are joints if the shape has
+    no mesh.
+    """
+    skeleton = shape.skeleton
+    named = np.array([names_object(name) for name in skeleton.names])
+    # A bone is named after the joint at its end. What hangs on a weapon's joint is the weapon.
+    objects = np.array([any(named[j] for j in skeleton.path(0, bone)) for bone in range(len(skeleton))])
+    at, leader = skeleton.positions, np.arange(len(skeleton))
+    if shape.mesh is not None:
+        if shape.skin is None:
+            return np.ones(len(shape.mesh.vertices), np.bool_)
+        strongest = shape.skin.weights.argmax(1)[:, None]
+        at, leader = shape.mesh.vertices, np.take_along_axis(shape.skin.indices, strongest, axis=1)[:, 0]
+    carried = objects[leader]
+    for arm in (arm for pair in anatomy_of(skeleton).arms for arm in pair if arm.knots):
+        elbow, wrist = (skeleton.positions[arm.chain[k]] for k in arm.knots[1:3])
+        hand = np.isin(leader, skeleton.below(arm.chain[arm.knots[2]])[1:])
+        carried |= hand & (np.linalg.norm(at - wrist, axis=1) > _HAND * np.linalg.norm(wrist - elbow))
+    return np.asarray(~carried if not carried.all() else np.ones_like(carried))
+
+
 def stands(shape: Shape) -> bool:
     """Whether a shape at rest stands, or lies, on the floor."""
-    rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
+    rest = _body_at_rest(shape)
     low, tall = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
     return abs(low) < _LEVEL * tall or bool(anatomy_of(shape.skeleton).legs)
 
 
 def floor_of(shape: Shape) -> float:
     """Metres: the height of the floor under a shape that stands at rest in its place."""
+    return float(_body_at_rest(shape)[:, 1].min() + shape.place[1])
+
+
+def _body_at_rest(shape: Shape) -> Float:
+    """Returns (V, 3) metres: the points of a shape's body at rest."""
     rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
-    return float(rest[:, 1].min() + shape.place[1])
+    return np.asarray(rest[body_points(shape)])
 
 
 def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
@@ -91,7 +124,8 @@ def kept_on_floor(
     """
     shape = project.shape(shape_id)
     watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
-    low, steps = _watched(surfaces(project, shape_id, watched), len(watched))
+    body = body_points(shape)
+    low, steps = _watched((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
     # The way is as fine as the take: feet that stand would tremble against a coarser one.
     times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)

@@ -18,7 +18,7 @@ import scipy
 from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.ground import clearance, floor_of, stands, surfaces
+from enliven.mapping.ground import body_points, clearance, floor_of, stands, surfaces
 from enliven.mapping.overlap import Overlap
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
@@ -196,14 +196,14 @@ def quality_of(
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
     times = np.linspace(0.0, duration, _MOMENTS)
     sunk, afloat, feet = None, None, ()
-    moments = list(surfaces(project, shape_id, times))
+    moments, body = list(surfaces(project, shape_id, times)), body_points(shape)
     if stands(shape):
         tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
-        low = (np.array([at[:, 1].min() for at in moments]) - floor_of(shape)) / tall
+        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / tall
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
         worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest(shape, moments[worst])
+        feet = _lowest(shape, np.where(body[:, None], moments[worst], np.inf), tall)
     through, parts = _through(shape, moments)
     goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
     walks = goes and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
@@ -243,9 +243,9 @@ def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
-def _lowest(shape: Shape, at: Float) -> tuple[str, ...]:
-    """The joints of the bones that carry the lowest vertices of a pose, (V, 3)."""
-    low, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
+def _lowest(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
+    """Returns the joints of the bones that carry the lowest vertices (V, 3) of a shape of height ``tall``."""
+    low = float(at[:, 1].min())
     return _joints_of(shape, (at[:, 1] < low + _TOUCH * tall).astype(float))
 
 
@@ -264,10 +264,10 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
 def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     """The mean over the moments of the speed of what touches the floor: of its slower part, which stands."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
-    floor, speeds = floor_of(shape), []
+    floor, body, speeds = floor_of(shape), body_points(shape), []
     before = surfaces(project, shape.id, times[:-1])
     after = surfaces(project, shape.id, times[:-1] + _APART)
-    for one, other in zip(before, after, strict=True):
+    for one, other in ((one[body], other[body]) for one, other in zip(before, after, strict=True)):
         lands = min(one[:, 1].min(), other[:, 1].min()) < floor + _IN_AIR * tall
         touching = (one[:, 1] < floor + _TOUCH * tall) & (other[:, 1] < floor + _TOUCH * tall)
         if lands and touching.any():
