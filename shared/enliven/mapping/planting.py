@@ -143,7 +143,7 @@ class Sole:
 
     def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
         self._skeleton = shape.skeleton
-        self._points, self._bones = shape.skeleton.positions[bones], np.array(bones)[:, None]
+        self._points, self._bones = shape.skeleton.positions[list(bones)], np.array(bones)[:, None]
         self._weights = np.ones((len(bones), 1))
         if shape.mesh is None or shape.skin is None:
             return

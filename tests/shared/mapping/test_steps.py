@@ -11,10 +11,10 @@ from made_bodies import crawler, horse, man, meshed, random_motion, snake, spide
 from enliven.document.clip import joint_places
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.gait import legs_that_step
 from enliven.mapping.ground import floor_of, surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import softened
-from enliven.mapping.steps import legs_that_step
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector
 
