@@ -1,6 +1,6 @@
 """The gait of a performer: which of their legs each leg of a model follows, and where their feet are.
 
-steps_of(shape, clip, plan)     # a Step for each leg of the model that steps
+steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
 performer.home(foot, heading)   # the place of that joint below the body
 """
@@ -45,7 +45,7 @@ _LOWEST_PERCENT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class LegStep:
     """One leg of the model that steps.
 
     Attributes:
@@ -122,12 +122,12 @@ def _length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
     return max(float(skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
 
-def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[Step]:
+def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
     """Returns the legs of a shape that step, the hindmost first; none if the mapping turns steps off."""
     ours, theirs = anatomy_of(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
         return []
-    driven, made = _driven(shape.skeleton, plan, "move"), list[Step]()
+    driven, made = _driven(shape.skeleton, plan, "move"), list[LegStep]()
     posed = _driven(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
     for number, pair in enumerate(reversed(ours.legs)):
         fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
@@ -135,9 +135,9 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[Step]:
         for limb, by, arm in zip(pair, _legs_of(theirs, number), arms, strict=True):
             leg, bones = _posed_leg(limb, posed), set(leg_of(limb)[1:])
             if len(leg) > 2:
-                made.append(Step(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
+                made.append(LegStep(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
             elif len(bones) > 1 and bones <= driven:
-                made.append(Step(limb, by, arm, False, leg_of(limb), leg_of(by)))
+                made.append(LegStep(limb, by, arm, False, leg_of(limb), leg_of(by)))
     return made
 
 
@@ -200,7 +200,7 @@ def on_feet(clip: Clip) -> Float:
     return standing_on_feet(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
 
 
-class Performer:
+class PerformerGait:
     """A performer at the times of the model, in the model's axes.
 
     Attributes:

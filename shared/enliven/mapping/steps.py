@@ -21,7 +21,7 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape, Skeleton, unused
-from enliven.mapping.gait import STRIDE_S, Performer, Step, leg_length, on_feet, step_scale, steps_of
+from enliven.mapping.gait import STRIDE_S, LegStep, PerformerGait, leg_length, on_feet, step_scale, steps_of
 from enliven.mapping.ground import along_way, floor_of, moments_of
 from enliven.mapping.plan import Plan
 from enliven.mapping.planting import PosedLeg, Sole, Spans, clearance_of, planted, standing_spans, unspun
@@ -62,7 +62,7 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
     posed = any(step.posed for step in steps)
     times = moments_of(duration, max(_RATE, 1.0 / clip.step) if posed else min(_RATE, 1.0 / clip.step))
     turns, joints = Player(project, shape_id).sample(times)
-    performer = Performer(shape, clip, based, plan, times, step_scale(shape, clip, based, plan))
+    performer = PerformerGait(shape, clip, based, plan, times, step_scale(shape, clip, based, plan))
     chosen = [step for step in steps if step.posed]
     if chosen:
         offsets = _planted(shape, chosen, performer, turns, joints)
@@ -99,14 +99,14 @@ def _carried_along(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tu
                 yield bone, other
 
 
-def _played(skeleton: Skeleton, step: Step) -> list[tuple[int, ...]]:
+def _played(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]:
     """Returns the chains that hold the turns of a leg: the leg, and each other toe of its foot."""
     foot, proper = step.leg[-1], step.limb.proper
     return [proper, *((foot, toe) for toe in skeleton.children[foot] if toe not in proper)]
 
 
 def _planted(
-    shape: Shape, steps: Sequence[Step], performer: Performer, turns: Float, joints: Float
+    shape: Shape, steps: Sequence[LegStep], performer: PerformerGait, turns: Float, joints: Float
 ) -> list[Float]:
     """Moves the body of posed legs so that their feet stand still; changes turns and joints in place.
 
@@ -136,16 +136,16 @@ def _planted(
     return [offset + down for offset in offsets]
 
 
-def _sole(shape: Shape, step: Step) -> Sole:
+def _sole(shape: Shape, step: LegStep) -> Sole:
     """Returns the part of a leg that may touch the floor: its foot, or the end of its shin without one."""
     return Sole(shape, shape.skeleton.below(step.leg[-1])[1:] or [step.leg[-1]])
 
 
 def _leg_in_pose(
     skeleton: Skeleton,
-    step: Step,
+    step: LegStep,
     sole: Sole,
-    performer: Performer,
+    performer: PerformerGait,
     root: Float,
     turns: Float,
     joints: Float,
@@ -157,7 +157,7 @@ def _leg_in_pose(
     return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clear, length, spans)
 
 
-def _spans(skeleton: Skeleton, step: Step, performer: Performer, root: Float) -> Spans:
+def _spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
     """Returns when the performer's foot of a step stands, for a root of the body at (T, 3) metres."""
     # A model without toes leaves the floor together with the ball of the performer's foot.
     ball, *tip = step.by_toes or step.by.chain[-1:]
@@ -168,9 +168,9 @@ def _spans(skeleton: Skeleton, step: Step, performer: Performer, root: Float) ->
 
 def _hold_heading(
     skeleton: Skeleton,
-    step: Step,
+    step: LegStep,
     sole: Sole,
-    performer: Performer,
+    performer: PerformerGait,
     root: Float,
     turns: Float,
     joints: Float,
@@ -192,7 +192,7 @@ def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joi
 
 
 def _tilt_foot(
-    skeleton: Skeleton, step: Step, sole: Sole, lift: Float, pace: float, turns: Float, joints: Float
+    skeleton: Skeleton, step: LegStep, sole: Sole, lift: Float, pace: float, turns: Float, joints: Float
 ) -> None:
     """Turns a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as it can.
 
@@ -224,7 +224,7 @@ def _tilt_foot(
     _turn_foot(skeleton, ankle, from_rotation_vector(angles[:, None] * axes), turns, joints)
 
 
-def _goals(shape: Shape, step: Step, performer: Performer, turns: Float, joints: Float) -> Float:
+def _goals(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, joints: Float) -> Float:
     """Returns the places (T, 3) in metres that the end of a leg is to reach, for the pose of the model."""
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.by)
     heading, scale = heading_of(turns[:, 0]), performer.scale
@@ -234,7 +234,7 @@ def _goals(shape: Shape, step: Step, performer: Performer, turns: Float, joints:
     return np.asarray(joints[:, 0] + scale * performer.beside[:, foot] + rotate(even, rest - scale * home))
 
 
-def _out_of_reach(skeleton: Skeleton, step: Step, goals: Float, joints: Float) -> Float:
+def _out_of_reach(skeleton: Skeleton, step: LegStep, goals: Float, joints: Float) -> Float:
     """Returns the metres (T,) by which the body comes down so that a leg reaches its goals (T, 3)."""
     chain = step.leg
     hip, whole = joints[:, chain[0]], leg_length(skeleton, chain)
@@ -246,7 +246,7 @@ def _out_of_reach(skeleton: Skeleton, step: Step, goals: Float, joints: Float) -
 
 
 def _bend(
-    skeleton: Skeleton, step: Step, performer: Performer, goals: Float, turns: Float, joints: Float
+    skeleton: Skeleton, step: LegStep, performer: PerformerGait, goals: Float, turns: Float, joints: Float
 ) -> None:
     """Bends a leg to its goals (T, 3); changes turns (T, N, 4) and joints (T, N, 3) in place."""
     chain, heading = step.leg, heading_of(turns[:, 0])
@@ -275,8 +275,8 @@ def _reach(
 def _lift_forelegs(
     shape: Shape,
     clip: Clip,
-    steps: Sequence[Step],
-    performer: Performer,
+    steps: Sequence[LegStep],
+    performer: PerformerGait,
     times: Float,
     turns: Float,
     joints: Float,
@@ -308,7 +308,7 @@ def _lift_forelegs(
 
 
 def _floor_under_feet(
-    shape: Shape, clip: Clip, performer: Performer, times: Float, joints: Float, low: Float
+    shape: Shape, clip: Clip, performer: PerformerGait, times: Float, joints: Float, low: Float
 ) -> Float:
     """Returns the height (T,) in metres below which no foreleg may reach.
 

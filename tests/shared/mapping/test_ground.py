@@ -145,3 +145,5 @@ def test_hands_and_short_rods_are_body():
     assert body_points(meshed("armed", armed("rod", 0.2))).all()
     assert not body_points(meshed("armed", armed("Dagger", 0.2))).all()
     assert body_points(meshed("horse", horse())).all()
+    turret = replace(snake(), names=tuple(f"gun {k}" if k > 2 else f"base {k}" for k in range(len(snake()))))
+    assert body_points(meshed("turret", turret)).all(), "without arms nothing is carried"
