@@ -290,7 +290,9 @@ class Environment:
     def compile_for(self, level: str, folder: Path) -> None:
         """Runs all jobs with kernels for a processor level, which are then in a folder."""
         self._around |= {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder)}
-        self._enliven(*EDGE, "--overwrite")
+        shutil.rmtree(self.place / "work")
+        (self.place / "work").mkdir()
+        self._enliven(*EDGE)
         for _ in self.library_page():
             pass
         for name in EXAMPLES:

@@ -2,6 +2,7 @@
 
 People onto people: the pose of the written GLB is compared with the performer's, limb by limb, by
 :mod:`limb_directions`, which shares nothing with the mapping. A table goes to out/retarget_people.txt.
+The slide of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs.
 
 Every other pair is what the command makes with ``--travel --pin``, of the first seconds of the clip. A table
 of all pairs goes to out/retarget.txt. Sealed pairs were left alone while the mapping was worked on.
@@ -22,6 +23,7 @@ import numpy as np
 from figure import Figure
 from limb_directions import limb_errors
 from random_rigs import random_rig
+from standing_feet import standing_slides
 
 from enliven.document import Clip, Shape, Skeleton
 from enliven.exporters import performance_of
@@ -52,19 +54,65 @@ CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
 """The names that a human model's joints have, by the first word of its file; others have Quaternius'."""
 
 
+SLIDING = {
+    "walk": "bvh/*/dataset-1_walk_normal_001.bvh",
+    "run": "bvh/*/dataset-1_run_normal_001.bvh",
+    "cmu_run": "cmu_expmap/train_running_1.txt",
+}
+"""The takes in which the slide of standing feet is measured."""
+
+
 def figures() -> Iterator[Figure]:
-    """Pose of people; stretch, floor, slide and symmetry of all other pairs."""
+    """Slide and pose of people; stretch, floor, slide and symmetry of all other pairs."""
+    yield from _slide_figures()
     yield from _people_figures()
     yield from _model_figures()
+
+
+def _slide_figures() -> Iterator[Figure]:
+    """How fast standing feet of human models slide with ``--travel --pin``, in the size of a person."""
+    medians, p90s = list[float](), list[float]()
+    for name, pattern in SLIDING.items():
+        speeds = [
+            standing_slides(path, _pinned_glb(model, _take(path)), _convention(model))
+            for path in sorted(DATA.glob(pattern))
+            for model in _humans()
+        ]
+        if not speeds:
+            continue
+        medians.append(max(float(np.median(some)) for some in speeds))
+        p90s.append(max(float(np.percentile(some, 90)) for some in speeds))
+        yield Figure(f"retarget.slide_cm_s_median_{name}", medians[-1], "cm/s (worst model, pinned)")
+        yield Figure(f"retarget.slide_cm_s_p90_{name}", p90s[-1], "cm/s (worst model, pinned)")
+    if medians:
+        yield Figure("retarget.slide_cm_s_median", max(medians), "cm/s (worst model and take, pinned)")
+        yield Figure("retarget.slide_cm_s_p90", max(p90s), "cm/s (worst model and take, pinned)")
+
+
+def _humans() -> list[Path]:
+    """Returns the files of the human models."""
+    return sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")])
+
+
+def _convention(model: Path) -> str:
+    """Returns the convention of names of a human model's joints."""
+    return CONVENTIONS.get(model.stem.split("_")[0], "quaternius")
+
+
+def _pinned_glb(model: Path, take: Clip) -> bytes:
+    """Returns the GLB that the command writes with ``--travel --pin``."""
+    shape = read_gltf(model).shape
+    made = retarget(shape, take, replace(automatic(take, shape), travel=True, pin=True))
+    rate = min(60.0, 1.0 / take.step)
+    return glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
 
 
 def _people_figures() -> Iterator[Figure]:
     """How far limbs point away from the performer's, and how much planted feet slide, in all human pairs."""
     lines, medians, p90s, slides = list[str](), list[float](), list[float](), list[float]()
     takes = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
-    for model in sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")]):
-        shape = read_gltf(model).shape
-        convention = CONVENTIONS.get(model.stem.split("_")[0], "quaternius")
+    for model in _humans():
+        shape, convention = read_gltf(model).shape, _convention(model)
         for path in takes:
             take = _take(path)
             made = retarget(shape, take)

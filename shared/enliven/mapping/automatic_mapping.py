@@ -16,21 +16,22 @@ from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_ti
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
 from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import kept_on_floor, standing_on_feet, stands
+from enliven.mapping.gait import (
+    bones_that_only_step,
+    leg_of,
+    legs_that_step,
+    on_feet,
+    posed_legs_that_step,
+    step_scale,
+    step_sizes,
+)
+from enliven.mapping.ground import kept_on_floor, stands
 from enliven.mapping.human_names import finger_joints
 from enliven.mapping.joint_limits import limited
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
-from enliven.mapping.steps import (
-    bones_that_only_step,
-    leg_of,
-    legs_that_step,
-    posed_legs_that_step,
-    step_scale,
-    step_sizes,
-    stepped,
-)
+from enliven.mapping.steps import stepped
 from enliven.motion.contact import pin_feet
 from enliven.motion.layers import arc_of, set_travel
 from enliven.rotation import conjugate, multiply
@@ -193,12 +194,6 @@ def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def _on_feet(clip: Clip) -> Float:
-    """(F,) how far the performer is on their feet, and not on knees, hands or anything else."""
-    legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
-    return standing_on_feet(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
-
-
 def with_feet_pinned(
     project: Project,
     shape: Shape,
@@ -319,8 +314,8 @@ def retarget(
     project, names = limited(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = stepped(project, shape.id, clip, based, plan)
-        on_feet = _on_feet(clip) if posed and plan.travel else None
-        project = kept_on_floor(project, shape.id, based, duration, not stepping, on_feet)
+        feet = on_feet(clip) if posed and plan.travel else None
+        project = kept_on_floor(project, shape.id, based, duration, not stepping, feet)
     if plan.pin:
         steps = step_sizes(shape, clip, based, plan)
         project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)

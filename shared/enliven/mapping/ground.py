@@ -1,8 +1,8 @@
-"""The floor under a retargeted shape: what stands is on it whenever its performer is on theirs.
+"""The floor under a retargeted shape: the shape stands on it whenever its performer stands on theirs.
 
-stands(shape)                        # legs, or a lowest point at y = 0
-surfaces(project, shape_id, times)   # its vertices over time, one moment after the other
-kept_on_floor(project, shape_id, clip, duration)    # its root goes up and down with its lowest point
+stands(shape)                        # True for legs, or a lowest point at y = 0
+surfaces(project, shape_id, times)   # yields the vertices at each time
+kept_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
 """
 
 from __future__ import annotations
@@ -16,43 +16,76 @@ from enliven.arrays import AnyArray, Bool, Float
 from enliven.deformation import skin_vertices
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, character_of, joint_places, unused
 from enliven.mapping.anatomy import anatomy_of
+from enliven.mapping.human_names import names_object
 from enliven.mapping.resting import heading_of
 from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
 from enliven.rotation import IDENTITY
 
 _RATE = 60.0
-"""Moments a second at most at which the lowest point is looked for: the rate of common displays."""
+"""Largest number of moments a second at which the lowest point is searched: the rate of displays."""
 _LEVEL = 0.02
-"""Share of the height that the lowest point of what stands is off y = 0 at most, where it has no legs."""
+"""Largest distance from y = 0, as a fraction of the height, of the lowest point of a shape without legs."""
 _ROLL = 0.04
-"""Share of the performer's height that the lowest joint rises while a foot rolls from heel to toe."""
+"""Rise of the lowest joint while a foot rolls from heel to toe, as a fraction of the performer's height."""
 _GROUND = 5.0
-"""Per cent of a take's frames in which the lowest joint is below the floor that is taken for the take's."""
+"""Per cent of a take's frames in which the lowest joint is below the floor that is assumed."""
 _TOUCH = 0.01
-"""Share of the height within which what is above the lowest point stands as well."""
+"""Fraction of the height above the lowest point within which other points stand as well."""
 _SHORTEST = 0.1
-"""Factor for a stride at least: what shuffles still goes."""
+"""Smallest factor for a stride: a shape that shuffles still goes."""
 _LONGEST = 1.5
-"""Factor for a stride at most, for what skates."""
+"""Largest factor for a stride, for feet that skate."""
+_HAND = 1.5
+"""Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
 _UPSIDE = 0.2
 """Length of the upright part of a turn below which it has no heading: upside down."""
 
 
+def body_points(shape: Shape) -> Bool:
+    """Returns (V,) True for the points of a shape's surface that belong to its body.
+
+    The others belong to an object that a hand carries: its joint is named like one, or the point is too far
+    from the wrist. A weapon that touches the floor carries no weight. The points are joints if the shape has
+    no mesh.
+    """
+    skeleton, arms = shape.skeleton, [arm for pair in anatomy_of(shape.skeleton).arms for arm in pair]
+    named = np.array([bool(arms) and names_object(name) for name in skeleton.names])
+    # A bone is named after the joint at its end. What hangs on a weapon's joint is the weapon.
+    objects = np.array([any(named[j] for j in skeleton.path(0, bone)) for bone in range(len(skeleton))])
+    at, leader = skeleton.positions, np.arange(len(skeleton))
+    if shape.mesh is not None:
+        if shape.skin is None:
+            return np.ones(len(shape.mesh.vertices), np.bool_)
+        strongest = shape.skin.weights.argmax(1)[:, None]
+        at, leader = shape.mesh.vertices, np.take_along_axis(shape.skin.indices, strongest, axis=1)[:, 0]
+    carried = objects[leader]
+    for arm in (arm for arm in arms if arm.knots):
+        elbow, wrist = (skeleton.positions[arm.chain[k]] for k in arm.knots[1:3])
+        hand = np.isin(leader, skeleton.below(arm.chain[arm.knots[2]])[1:])
+        carried |= hand & (np.linalg.norm(at - wrist, axis=1) > _HAND * np.linalg.norm(wrist - elbow))
+    return np.asarray(~carried if not carried.all() else np.ones_like(carried))
+
+
 def stands(shape: Shape) -> bool:
-    """Whether a shape at rest stands, or lies, on the floor."""
-    rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
+    """Returns True if a shape at rest stands, or lies, on the floor."""
+    rest = _body_at_rest(shape)
     low, tall = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
     return abs(low) < _LEVEL * tall or bool(anatomy_of(shape.skeleton).legs)
 
 
 def floor_of(shape: Shape) -> float:
-    """Metres: the height of the floor under a shape that stands at rest in its place."""
+    """Returns the height in metres of the floor under a shape that stands at rest in its place."""
+    return float(_body_at_rest(shape)[:, 1].min() + shape.place[1])
+
+
+def _body_at_rest(shape: Shape) -> Float:
+    """Returns (V, 3) metres: the points of a shape's body at rest."""
     rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
-    return float(rest[:, 1].min() + shape.place[1])
+    return np.asarray(rest[body_points(shape)])
 
 
 def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
-    """The vertices (V, 3) of a shape in metres at times (T,), or its joints where it has no mesh."""
+    """Yields the vertices (V, 3) of a shape in metres at times (T,), or its joints if it has no mesh."""
     player, shape = Player(project, shape_id), project.shape(shape_id)
     character = None if shape.mesh is None else character_of(shape)
     for seconds in times:
@@ -64,7 +97,7 @@ def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float
 
 
 def clearance(clip: Clip) -> Float:
-    """(F,) metres that a performer is above the floor: 0 while a foot, a hand or anything stands."""
+    """Returns the height (F,) in metres of a performer above the floor: 0 while any part stands."""
     height = joint_places(clip)[..., 1]
     low = height.min(1)
     roll = _ROLL * float(np.ptp(height, axis=1).max())
@@ -79,20 +112,21 @@ def kept_on_floor(
     own_stride: bool = True,
     on_feet: Float | None = None,
 ) -> Project:
-    """A project in which the lowest point of a shape is on the floor, or above it as the performer leaps.
+    """Returns a project in which the lowest point of a shape is on the floor, or above it in a leap.
 
-    What the root does becomes a take of its own, of one joint, which the shape's travel plays.
+    The root's motion becomes a take of its own, of one joint, which the shape's travel plays.
 
     Args:
         clip: the performer's.
-        duration: seconds of the project that are looked at.
-        own_stride: go as far as the shape's legs carry it, and not as far as the performer in its size.
-        on_feet: (F,) of each frame of the take, how far the performer is on feet that were planted already.
+        duration: seconds of the project that are used.
+        own_stride: go as far as the shape's legs carry it, instead of as far as the performer in its size.
+        on_feet: (F,) for each frame of the take, how far the performer is on feet that were planted already.
     """
     shape = project.shape(shape_id)
     watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
-    low, steps = _watched(surfaces(project, shape_id, watched), len(watched))
-    # The way is as fine as the take: feet that stand would tremble against a coarser one.
+    body = body_points(shape)
+    low, steps = _watched((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
+    # The path is as fine as the take: standing feet would tremble against a coarser one.
     times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
     up = np.interp(times, watched, floor_of(shape) - low)
@@ -106,7 +140,7 @@ def kept_on_floor(
         stride = _stride(np.diff(coarse, axis=0), steps, leaping) if own_stride else 1.0
         root[:, [0, 2]] = level[0] + stride * (level - level[0])
     if on_feet is not None:
-        # Feet that were planted are on the floor already, or above it in a leap.
+        # Planted feet are on the floor already, or above it in a leap.
         up = np.maximum(up, 0.0) + np.minimum(up, 0.0) * (1.0 - np.interp(times, frames, on_feet))
     root[:, 1] += up
     count = len(times)
@@ -114,9 +148,9 @@ def kept_on_floor(
 
 
 def along_way(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
-    """A project in which the root of a shape goes along ``root`` (F, 3) metres, ``step`` seconds apart.
+    """Returns a project in which the root of a shape goes along ``root`` (F, 3), ``step`` seconds apart.
 
-    That becomes a take of its own, of one joint, named after the take ``name``.
+    The path becomes a take of its own, of one joint, named after the take ``name``.
     """
     shape, count = project.shape(shape_id), len(root)
     still = Skeleton(("root",), np.array([-1], np.int32), shape.skeleton.positions[:1] + shape.place)
@@ -127,7 +161,7 @@ def along_way(project: Project, shape_id: str, name: str, root: Float, step: flo
 
 
 def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
-    """(F,) 1 while the lowest joint of a performer is one of their feet, 0 while it is another, smoothly."""
+    """Returns (F,) 1 while the lowest joint of a performer is a foot, 0 while it is another, smoothly."""
     height = joint_places(clip)[..., 1]
     others = [j for j in range(height.shape[1]) if j not in feet]
     lead = height[:, others].min(1) - height[:, list(feet)].min(1)
@@ -135,12 +169,12 @@ def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
 
 
 def moments_of(duration: float, rate: float) -> Float:
-    """(T,) seconds from 0 to the end of a duration, at a rate (Hz) or a little more."""
+    """Returns (T,) seconds from 0 to the end of a duration, at a rate (Hz) or a little more."""
     return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
 
 def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
-    """(F,) metres of the lowest point, and (F - 1, 2) how far, from each moment on, what is lowest goes."""
+    """Returns the height (F,) of the lowest point, and the steps (F - 1, 2) of the lowest part, in metres."""
     low, steps = np.empty(count), np.zeros((max(count - 1, 0), 2))
     before = np.empty((0, 3))
     for f, at in enumerate(moments):
@@ -152,10 +186,10 @@ def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
 
 
 def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
-    """The factor for the way (F - 1, 2) of a root with which what stands, having gone ``steps``, would stay.
+    """Returns the factor for a root's path (F - 1, 2) with which the part that stands stays.
 
-    A model's legs are swung by less than the performer's, or are of another build: its stride is its own.
-    It is the median over the way; what goes ahead of the root is a foot that scuffs as it swings.
+    A model's legs swing less far than the performer's, or have another build, so its stride is its own. The
+    factor is the median over the path. A part that moves ahead of the root is a foot that scuffs.
     """
     far = np.linalg.norm(ways, axis=1)
     far[leaping[:-1]] = 0.0
@@ -172,9 +206,9 @@ def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
 
 
 def levelled(clip: Clip, chest: int) -> Clip:
-    """The take with a root that only heads, as what stands on four legs does: midway from hips to chest.
+    """Returns the take with a root that turns about the vertical only, midway from hips to chest.
 
-    The limbs and the spine keep their turns in the world.
+    Bodies on four legs move like that. The limbs and the spine keep their turns in the world.
     """
     towards = clip.turns[:, chest] * np.sign(np.sum(clip.turns[:, chest] * clip.turns[:, 0], 1))[:, None]
     turns = clip.turns[:, 0] + towards

@@ -48,6 +48,13 @@ _HELPERS = re.compile(
     r"weapon|sword|gun|prop|attach|socket|slot)(?![a-z])"
 )
 """Words in the names of joints that are no limb's own: twist and roll bones, controllers, weapons."""
+_OBJECTS = frozenset(
+    (
+        *("axe", "blade", "bow", "dagger", "gun", "hammer", "knife", "mace", "pistol", "prop", "rifle"),
+        *("shield", "spear", "staff", "sword", "torch", "wand", "weapon"),
+    )
+)
+"""Words in the names of joints that move an object which a hand carries."""
 _SIDES = {"left": 1, "l": 1, "right": -1, "r": -1}
 """The side that a word says: 1 for the left."""
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
@@ -113,6 +120,11 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
         if finger and len(path) > len(found.get(finger, ())):
             found[finger] = path
     return found
+
+
+def names_object(name: str) -> bool:
+    """Returns True if the name of a joint contains a word for an object that a hand carries."""
+    return any(part.lower() in _OBJECTS for part in _WORDS.findall(name))
 
 
 def _finger(word: str) -> str:

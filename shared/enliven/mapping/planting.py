@@ -1,14 +1,18 @@
 """Planted feet of a body that is posed as its performer: the body moves so that its feet do not slide.
 
     spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
+    turns = unspun(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
-    planted(legs, root, step, floor)                     # where the root goes, and how far each foot is off
+    planted(legs, root, step, floor)                     # the root's path, and the offset of each foot
 
-A model of other proportions that keeps its performer's pose would slide: its strides are of another length,
-and its feet roll about other points. So the root gives way. Over the floor it goes as the standing foot asks
-for, so that the points that touch do not move, and up and down so that the sole of that foot is on the floor.
-The root's path stays smooth. The legs bend by the rest, and where two standing feet ask for different paths.
-In the air the root follows the performer's, and rises if a foot would be too low.
+A model of other proportions that keeps its performer's pose would slide: its strides have another length,
+and its feet roll about other points. So the root gives way. Along the floor it moves so that the touching
+points of the standing foot do not move. Up and down it moves so that the sole of that foot is on the floor.
+The root's path stays smooth. The legs bend for the rest, and if two standing feet need different paths. In
+the air the root follows the performer's, and rises if a foot would be too low.
+
+Feet of captured performers often turn on the spot while they stand. A sole that did so would slide, so each
+foot keeps one heading in a contact.
 """
 
 from __future__ import annotations
@@ -22,45 +26,47 @@ import scipy
 from enliven.arrays import Float, Int
 from enliven.document import Shape
 from enliven.motion.contact import runs_of, touching
-from enliven.rotation import rotate
+from enliven.rotation import conjugate, multiply, rotate
 
 Spans = tuple[tuple[int, int], ...]
 """The first and the last moment of every contact."""
 
 _HEIGHT = 0.1
-"""Leg lengths above its lowest in which a foot stands: floors of captures drift, so speed says more."""
+"""Largest height of a standing foot above its lowest, in leg lengths. Floors of captures drift."""
 _SPEED = 0.4
-"""Leg lengths a second at which a foot stands while the body stays: captured feet creep."""
+"""Largest speed of a standing foot while the body stays, in leg lengths a second. Captured feet creep."""
 _PACE = 0.3
-"""Share of the body's own speed at which a foot stands: the foot of a runner rolls over the floor at this."""
+"""Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
 _PACE_S = 0.4
-"""Seconds over which the speed of the body is averaged: that of a stride."""
+"""Seconds over which the speed of the body is averaged: a stride."""
 _SHORTEST_S = 0.05
-"""Seconds of a contact at least: those of a sprint last 80 ms."""
+"""Shortest contact in seconds. Those of a sprint last 80 ms."""
 _RELEASE = 1.3
-"""Times as high or fast that a foot is off the floor again: at more, its toe has left."""
+"""Factor on height and speed at which a contact ends: beyond it, the toes have left."""
 _LOWEST = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
 _BLEND_S = 0.1
-"""Seconds over which a foot goes from its performer's way to where it stands, and back."""
+"""Seconds over which a foot goes from its performer's path to its place on the floor, and back."""
 _SMOOTH_S = 0.05
-"""Seconds over which the root's speed and height give way: less jerks, more lets the legs bend."""
+"""Seconds over which the root's speed and height give way. Shorter jerks, longer bends the legs."""
 _CLEAR = 0.7
-"""Share of the performer's height over the floor that a foot has at least in the air: it does not scuff."""
+"""Smallest height of a foot in the air, as a fraction of the performer's, so that it does not scuff."""
 _SCUFF = 0.03
-"""Leg lengths that a swinging foot is above the floor, if the performer's is as high: 25 mm on an adult."""
+"""Smallest height of a swinging foot in leg lengths, if the performer's is as high: 25 mm on an adult."""
 _PATCH = 0.006
-"""Leg lengths above the lowest point of a foot over which it touches the floor: 5 mm on an adult."""
+"""Height above the lowest point of a foot, in leg lengths, over which it touches: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
-"""Least share of a vertex's weight on the foot's bones with which the vertex belongs to the foot."""
+"""Smallest weight on the foot's bones with which a vertex belongs to the foot."""
 _DIRECTIONS = 128
-"""Directions, spread evenly, in which the outermost points of a foot are looked for."""
+"""Number of directions, spread evenly, in which the outermost points of a foot are searched."""
 _BLOCK = 2048
-"""Moments at which all points of a foot are held in memory together."""
+"""Number of moments that are in memory together with all points of a foot."""
 _TINY = 1e-9
-"""Weight of the performer's own height, where no foot stands at all."""
+"""Weight of the performer's own height while no foot stands."""
+_MAX_UNSPIN = np.radians(30.0)
+"""Largest angle (radians) between a standing foot's heading and the performer's: what ankle and hip give."""
 _FREE = 0.01
-"""How much the root keeps to the performer's way, compared with a standing foot."""
+"""Weight of the performer's path for the root, compared with a standing foot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +74,12 @@ class PosedLeg:
     """A leg in its performer's pose, over time.
 
     Attributes:
-        rolled: (T, 2) metres along x and z that the part of the sole that touches the floor has gone against
-            the root; see :func:`rolling`.
+        rolled: (T, 2) metres along x and z that the touching part of the sole has moved relative to the root;
+            see :func:`rolling`.
         sole: (T,) metres from the root up to the lowest point of the foot.
-        clear: (T,) metres that the performer's foot is above the floor, in the size of the body.
-        length: metres of the leg.
-        spans: when it stands.
+        clear: (T,) metres of the performer's foot above the floor, in the size of the body.
+        length: of the leg in metres.
+        spans: when the foot stands.
     """
 
     rolled: Float
@@ -87,14 +93,14 @@ def rolling(points: Float, length: float) -> tuple[Float, Float]:
     """Returns how a foot rolls over a floor.
 
     A foot that rolls without sliding turns about the points that touch the floor, first the heel, last the
-    toes. So it is their speed that has to be zero, and not that of a joint in the foot.
+    toes. So their speed has to be zero, not that of a joint in the foot.
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
-        length: metres of the leg.
+        length: of the leg in metres.
 
     Returns:
-        (T, 2) metres along x and z that the touching points have gone against the root since the first
+        (T, 2) metres along x and z that the touching points have moved relative to the root since the first
         moment, and (T,) metres from the root up to the lowest point.
     """
     height = points[..., 1]
@@ -108,11 +114,11 @@ def rolling(points: Float, length: float) -> tuple[Float, Float]:
 
 
 def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
-    """When a foot stands: a joint of it is low and, compared with the body, slow.
+    """Returns when a foot stands: one of its joints is low and, compared with the body, slow.
 
     Args:
         foot: (T, J, 3) metres, the joints on which the foot rolls, such as ankle, ball and tip.
-        root: (T, 3) metres, the body.
+        root: (T, 3) metres, the place of the body.
         step: seconds between two moments.
         length: metres of the leg.
     """
@@ -141,7 +147,7 @@ class Sole:
 
     def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
         self._skeleton = shape.skeleton
-        self._points, self._bones = shape.skeleton.positions[bones], np.array(bones)[:, None]
+        self._points, self._bones = shape.skeleton.positions[list(bones)], np.array(bones)[:, None]
         self._weights = np.ones((len(bones), 1))
         if shape.mesh is None or shape.skin is None:
             return
@@ -156,7 +162,7 @@ class Sole:
         self._bones, self._weights = shape.skin.indices[chosen], shape.skin.weights[chosen]
 
     def points(self, turns: Float, joints: Float) -> Float:
-        """(T, P, 3) metres: the points with bones turned by (T, N, 4) and joints at (T, N, 3) metres."""
+        """Returns the points (T, P, 3) in metres for turns (T, N, 4) and joints (T, N, 3)."""
         made = np.zeros((len(turns), *self._points.shape))
         for bone in np.unique(self._bones[self._weights > 0.0]):
             weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
@@ -165,7 +171,7 @@ class Sole:
         return made
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
-        """What :func:`rolling` returns of the points, for joints (T, N, 3) metres from the root."""
+        """Returns :func:`rolling` of the points, with joints (T, N, 3) in metres from the root."""
         rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _BLOCK):
             part = slice(start, start + _BLOCK + 1)
@@ -174,8 +180,33 @@ class Sole:
             at, low = at + way[-1], [*low, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(low)
 
-    def lowest(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """(T,) metres from a joint up to the lowest point, if all points turn about it by (T, 4)."""
+    def spin(self, turns: Float, joints: Float, length: float) -> Float:
+        """Returns the angle (T,) in radians about +Y by which the touching part has turned.
+
+        A foot that rolls turns about level axes only. Any other turn drags its sole over the floor.
+        """
+        leader = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
+        touching, bones = list[Float](), np.unique(leader)
+        for start in range(0, len(turns), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            height = self.points(turns[part], joints[part])[..., 1]
+            weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_PATCH * length))
+            touching.append(np.stack([weights[:, leader == bone].sum(1) for bone in bones], axis=1))
+        share = np.concatenate(touching)
+        share = share[1:] + share[:-1]
+        moved = multiply(turns[1:, bones], conjugate(turns[:-1, bones]))
+        about = 2.0 * np.arctan2(moved[..., 2], moved[..., 0])
+        about = (about + np.pi) % (2.0 * np.pi) - np.pi
+        steps = np.sum(share * about, axis=1) / share.sum(1)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def lowest(self, turns: Float, joints: Float) -> Float:
+        """Returns the height (T,) in metres of the lowest point, for turns (T, N, 4) and joints (T, N, 3)."""
+        parts = (slice(start, start + _BLOCK) for start in range(0, len(turns), _BLOCK))
+        return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
+
+    def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
+        """Returns the metres (T,) from a joint up to the lowest point if all points turn about it."""
         low = list[Float]()
         for start in range(0, len(turns), _BLOCK):
             part = slice(start, start + _BLOCK)
@@ -185,7 +216,7 @@ class Sole:
 
 
 def _outermost(points: Float) -> Int:
-    """(P,) numbers of those of (V, 3) points that are farthest in some direction."""
+    """Returns the indices (P,) of the points (V, 3) that are farthest in some direction."""
     if len(points) <= _DIRECTIONS:
         return np.arange(len(points))
     number = np.arange(_DIRECTIONS) + 0.5
@@ -195,14 +226,52 @@ def _outermost(points: Float) -> Int:
     return np.unique((points @ ways).argmax(0))
 
 
-def clearance_of(heights: Float, spans: Spans) -> Float:
-    """(T,) metres that a foot is higher than when it stands, by that of its joints that has risen least.
+def unspun(spin: Float, spans: Spans, step: float) -> Float:
+    """Returns the turns about +Y, (T,) radians, that keep a foot from spinning while it stands.
 
-    Floors of captures drift: it is compared with the contacts before and after.
+    The foot keeps the median heading of each contact. If the performer's foot turns farther than ankle and
+    hip give, as in a pirouette, the foot follows it. The turn fades before and after a contact.
+
+    Args:
+        spin: (T,) radians that the touching part has turned about +Y.
+        spans: when the foot stands.
+        step: seconds between two moments.
+    """
+    count, blend = len(spin), max(round(_BLEND_S / step), 1)
+    spans, turns = _joined(spans, blend), np.zeros(count)
+    ends = [-blend, *(b for _, b in spans)]
+    starts = [*(a for a, _ in spans), count + blend]
+    for number, (first, last) in enumerate(spans):
+        held = float(np.median(spin[first : last + 1]))
+        for t in range(first, last + 1):
+            held = float(np.clip(held, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
+            turns[t] = held - spin[t]
+        before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
+        into, out = _fading(before)[::-1] * turns[first], _fading(after) * turns[last]
+        turns[max(first - len(into), 0) : first] += into[len(into) - min(len(into), first) :]
+        turns[last + 1 : last + 1 + len(out)] += out[: count - last - 1]
+    return turns
+
+
+def _joined(spans: Spans, gap: int) -> Spans:
+    """Returns the spans, with those that are at most ``gap`` moments apart joined to one."""
+    joined = list[tuple[int, int]]()
+    for first, last in spans:
+        if joined and first - joined[-1][1] <= gap:
+            joined[-1] = (joined[-1][0], last)
+        else:
+            joined.append((first, last))
+    return tuple(joined)
+
+
+def clearance_of(heights: Float, spans: Spans) -> Float:
+    """Returns the metres (T,) by which a foot has risen since it stood: of its joint that rose least.
+
+    Floors of captures drift, so it is compared with the contacts before and after.
 
     Args:
         heights: (T, J) metres of the joints of a foot.
-        spans: when it stands.
+        spans: when the foot stands.
     """
     if spans:
         lows = np.array([heights[first : last + 1].min(0) for first, last in spans for _ in range(2)])
@@ -215,15 +284,15 @@ def clearance_of(heights: Float, spans: Spans) -> Float:
 
 
 def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
-    """Where the root goes, and how far each foot is off its performer's pose then.
+    """Returns the root's path, and how far each foot is off its performer's pose then.
 
     Args:
-        root: (T, 3) metres, the performer's way in the size of the body.
+        root: (T, 3) metres, the performer's path in the size of the body.
         step: seconds between two moments.
         floor: metres, the height of the floor.
 
     Returns:
-        The root (T, 3) in metres, and for each leg (T, 3) metres that its foot is to be moved by.
+        The root (T, 3) in metres, and for each leg the offset (T, 3) in metres of its foot.
     """
     root = root.copy()
     if not any(leg.spans for leg in legs):
@@ -237,7 +306,7 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
     flies = _flying(stands, step)
     wanted = [floor - root[:, 1] - leg.sole for leg in legs]
     up = _smoothest(wanted, stands, smooth, 0.0)
-    # In the air the body rises to where no foot is too low.
+    # In the air the body rises until no foot is too low.
     high = np.max([_CLEAR * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0)
     rises = np.where(high > up, flies, 0.0)
     root[:, 1] += _smoothest([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up
@@ -245,7 +314,7 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
 
 
 def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
-    """(T,) the x with the least sum of w (x - wanted)^2 over all, smooth (x' - x)^2, and free x^2."""
+    """Returns the x (T,) with the least sum of w (x - wanted)^2 over all, smooth (x' - x)^2, and free x^2."""
     total = np.sum(weights, axis=0)
     count = len(total)
     bands = np.zeros((2, count))
@@ -258,7 +327,7 @@ def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float,
 
 
 def _while_standing(spans: Spans, count: int) -> Float:
-    """(T,) 1 within the spans and 0 elsewhere."""
+    """Returns (T,) 1 within the spans and 0 elsewhere."""
     on = np.zeros(count)
     for first, last in spans:
         on[first : last + 1] = 1.0
@@ -266,7 +335,7 @@ def _while_standing(spans: Spans, count: int) -> Float:
 
 
 def _flying(stands: Sequence[Float], step: float) -> Float:
-    """(T,) 1 while no foot stands, 0 while one does, with a smooth change between."""
+    """Returns (T,) 1 while no foot stands, 0 while one does, with smooth changes."""
     return np.asarray(
         scipy.ndimage.uniform_filter1d(
             1.0 - np.max(stands, axis=0), 2 * max(round(_BLEND_S / 4.0 / step), 1) + 1, mode="nearest"
@@ -275,7 +344,7 @@ def _flying(stands: Sequence[Float], step: float) -> Float:
 
 
 def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
-    """(T, 3) metres that a foot is to be moved by: to its place while it stands, fading before and after."""
+    """Returns the offset (T, 3) in metres of a foot to its place; it fades before and after a contact."""
     above, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
     foot = np.stack([root[:, 0] + leg.rolled[:, 0], above, root[:, 2] + leg.rolled[:, 1]], axis=1)
     offsets = np.zeros_like(foot)
@@ -295,15 +364,15 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
 
 
 def _clearance(leg: PosedLeg, flies: Float) -> Float:
-    """(T,) metres that a foot is above the floor at least while it swings.
+    """Returns the smallest height (T,) in metres of a foot above the floor while it swings.
 
-    In the air that is as its performer's. Otherwise it clears the floor by a little.
+    In the air that is the performer's. Otherwise the foot clears the floor by a little.
     """
     clear = _CLEAR * leg.clear
     return np.asarray(np.maximum(flies * clear, np.minimum(clear, _SCUFF * leg.length)))
 
 
 def _fading(count: int) -> Float:
-    """(count - 1,) from nearly 1 to nearly 0, without corners."""
+    """Returns (count - 1,) weights that fall smoothly from nearly 1 to nearly 0."""
     left = 1.0 - np.arange(1, count) / max(count, 1)
     return np.asarray(left * left * (3.0 - 2.0 * left))

@@ -20,8 +20,8 @@ from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, joint_places
 from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, begins_tip
 from enliven.mapping.applying import apply_plan, source_anatomy
+from enliven.mapping.gait import legs_that_step, posed_legs_that_step
 from enliven.mapping.plan import Plan
-from enliven.mapping.steps import legs_that_step, posed_legs_that_step
 from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 

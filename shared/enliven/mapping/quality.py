@@ -1,10 +1,12 @@
-"""How good a retargeted motion is: pose, and on the surface stretch, floor, slide, and parts in one another.
+"""The quality of a retargeted motion: pose, stretch, floor, slide, and parts inside one another.
 
-Pose is how far the limbs point away from the performer's (:mod:`enliven.mapping.pose_error`).
+Pose is the angle between the limbs and the performer's (:mod:`enliven.mapping.pose_error`).
 
-Stretch is the length of an edge of the mesh over its length at rest. Above ``BOUND`` skin begins to look like
-a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and of crumbs,
-tiny parts of their own, do not count: their stretch is not seen.
+Stretch is the length of an edge of the mesh divided by its length at rest. Above ``BOUND`` skin begins to
+look like a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and
+of tiny separate parts do not count: their stretch is not visible.
+
+Floor and slide are those of the body. An object that a hand carries does not count.
 """
 
 from __future__ import annotations
@@ -18,66 +20,67 @@ import scipy
 from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.ground import clearance, floor_of, stands, surfaces
+from enliven.mapping.ground import body_points, clearance, floor_of, stands, surfaces
 from enliven.mapping.overlap import Overlap
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers import Player, travel_scale
 
 BOUND = 1.4
-"""Stretch at the 99th percentile above which hands look like sheets: a maker's own run has 1.1 to 1.5."""
+"""Largest stretch at the 99th percentile: hands look like sheets above. Makers' runs have 1.1 to 1.5."""
 THROUGH = 0.03
-"""Share of a surface inside other parts above which it is seen: makers' own clips have up to this."""
+"""Largest fraction of a surface inside other parts: makers' own clips have up to this."""
 LEVEL = 0.03
-"""Share of the height that the lowest point is off the floor above which feet are seen to sink or hover."""
+"""Largest distance of the lowest point from the floor, as a fraction of the height: beyond it feet hover."""
 SLIDE = 20.0
-"""cm/s that feet slide while they stand above which it is seen: half of the data's pairs have up to 8."""
+"""Largest slide of standing feet in cm/s: half of the data's pairs have up to 8."""
 POSE = 8.0
 """Largest median angle (degrees) between a limb and the performer's at which the pose is still theirs."""
 POSE_P90 = 15.0
 """Largest 90th percentile of that angle (degrees)."""
 _MOMENTS = 24
-"""Moments of a motion that are measured: a pose that lasts a twentieth of it is among them."""
+"""Number of moments of a motion that are measured. A pose that lasts a twentieth of it is among them."""
 _SLIVER = 1e-3
-"""Share of the size below which an edge is too short for its stretch to be seen."""
+"""Length of an edge, as a fraction of the size, below which its stretch is not visible."""
 _THIN = 0.02
-"""Height over length below which a triangle is a sliver: it is a line on the screen."""
+"""Height over length below which a triangle is a sliver: a line on the screen."""
 _CRUMB = 1e-4
-"""Share of the surface below which a part of the mesh of its own is a crumb that modelling left behind."""
+"""Fraction of the surface below which a separate part of the mesh is a crumb that modelling left behind."""
 _SAME = 1e-5
-"""Share of the size within which vertices are at one place."""
+"""Distance, as a fraction of the size, within which vertices are at one place."""
 _TOUCH = 0.03
-"""Share of the height within which a vertex counts as on the floor."""
+"""Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
 _IN_AIR = 0.005
-"""Share of the height that the lowest point is above the floor in a leap: 8 mm on an adult."""
+"""Height of the lowest point in a leap, as a fraction of the shape's: 8 mm on an adult."""
 _APART = 1.0 / 60.0
-"""Seconds between the two moments that a slide is measured over: a frame of common displays."""
+"""Seconds between the two moments of a slide: a frame of common displays."""
 _STANDING = 10.0
-"""Per cent of the vertices at the floor that stand at least, while a foot that swings may be as low."""
+"""Per cent of the vertices at the floor that stand at least, while a swinging foot may be as low."""
 _WITHIN = 0.05
-"""How much a measure counts that is within its bound, against one beyond it."""
+"""Weight of a measure within its bound, compared with one beyond it."""
 _NAMED = 4
-"""Joints that are named where a surface stretches, and pairs of parts where it goes through itself."""
+"""Number of joints that are named for stretch, and of pairs of parts that go through one another."""
 
 
 @dataclass(frozen=True)
 class MotionQuality:
-    """What was measured of a motion on a shape.
+    """The measures of a motion on a shape.
 
     Attributes:
-        limbs: how far each limb segment that the take drives points away from the performer's; see
+        limbs: the pose error of each limb segment that the take drives; see
             :func:`enliven.mapping.pose_error.limb_errors`.
-        stretch: of its edges, at the 99th percentile of all edges and moments.
+        stretch: of the edges, at the 99th percentile of all edges and moments.
         stretch_most: of the edge that is stretched most.
-        joints: where most edges are stretched beyond the bound, by name, the worst first.
-        sunk: the lowest point at its lowest below the floor, in heights of the shape; None if it flies.
-        afloat: the lowest point at its highest above the floor while the performer stands, in heights.
-        slide: cm/s that feet slide over the floor while they stand, in the performer's size; None in place
-            or without legs.
-        through: share of the surface that is inside another part of the body and is not at rest, at the
-            moment when most is.
-        parts: what is inside what then, by the joints at which the bones begin, the largest first.
-        feet: the joints of the bones that carry the lowest point where it is farthest off the floor.
+        joints: the joints with most edges stretched beyond the bound, the worst first.
+        sunk: largest depth of the body's lowest point below the floor, in heights of the shape; None if the
+            shape flies.
+        afloat: largest height of that point above the floor while the performer stands, in heights.
+        slide: speed in cm/s of standing feet over the floor, in the performer's size; None in place or
+            without legs.
+        through: largest fraction of the surface that is inside another part of the body, but not at rest.
+        parts: the pairs of parts inside one another then, by the joints at which their bones begin, the
+            largest first.
+        feet: the joints of the bones that carry the lowest point when it is farthest from the floor.
     """
 
     stretch: float
@@ -93,23 +96,23 @@ class MotionQuality:
 
     @property
     def worst_limbs(self) -> tuple[LimbError, ...]:
-        """The limb segments with a pose beyond its bounds, the worst first."""
+        """The limb segments with a pose error beyond its bounds, the worst first."""
         beyond = [limb for limb in self.limbs if limb.median > POSE or limb.p90 > POSE_P90]
         return tuple(sorted(beyond, key=lambda limb: -limb.median))
 
     @property
     def beyond(self) -> float:
-        """How far it is beyond the bounds, in bounds, all measures together; 0 where nothing is."""
+        """Sum of all measures beyond their bounds, in bounds; 0 if none is."""
         return sum(max(ratio - 1.0, 0.0) for ratio in self._ratios)
 
     @property
     def faults(self) -> float:
-        """The same, and a little for what is within the bounds: less is better."""
+        """``beyond``, and a little for measures within their bounds; less is better."""
         return self.beyond + _WITHIN * sum(min(ratio, 1.0) for ratio in self._ratios)
 
     @property
     def _ratios(self) -> tuple[float, ...]:
-        """Each measure over its bound: pose, stretch, floor, slide, and the share inside other parts."""
+        """Each measure over its bound: pose, stretch, floor, slide, and the fraction in other parts."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (BOUND - 1.0)
         pose = max((max(limb.median / POSE, limb.p90 / POSE_P90) for limb in self.limbs), default=0.0)
@@ -139,9 +142,9 @@ class MotionQuality:
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
-    """(E, 2) the edges of a mesh that count for its stretch, and (E,) metres at rest; none without a mesh.
+    """Returns the edges (E, 2) of a mesh that count for stretch, and their lengths (E,) in metres at rest.
 
-    Left out are very short edges, edges of slivers alone, and edges of crumbs.
+    Very short edges, edges of slivers alone, and edges of crumbs are left out. Without a mesh there are none.
     """
     if shape.mesh is None:
         return np.empty((0, 2), np.int32), np.empty(0)
@@ -154,12 +157,12 @@ def edges_of(shape: Shape) -> tuple[Int32, Float]:
 
 
 def _is_seen(faces: Int32, at: Float) -> Bool:
-    """(F,) which faces are neither slivers nor part of a crumb, at rest; all, if that would leave nothing."""
+    """Returns (F,) True for faces that are neither slivers nor part of a crumb; all if none is left."""
     corners = at[faces]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     wide = doubled > _THIN * sides.max(1) ** 2
-    # Vertices of one place are one: flat-shaded models have a vertex for each face, seams have two.
+    # Merge vertices at one place: flat-shaded models have a vertex for each face, seams have two.
     _, place = np.unique(
         np.round(at / (_SAME * max(float(np.ptp(at, axis=0).max()), 1e-300))), axis=0, return_inverse=True
     )
@@ -173,7 +176,7 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
 
 
 def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
-    """(E, 2) the edges of a shape, and (T, E) their stretch at moments over a duration in seconds."""
+    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at moments over a duration in seconds."""
     edges, rest = edges_of(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MOMENTS)
     return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
@@ -182,12 +185,12 @@ def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, 
 def quality_of(
     project: Project, shape_id: str, clip: Clip, duration: float, plan: Plan | None = None
 ) -> MotionQuality:
-    """How good a shape's motion is.
+    """Returns the quality of a shape's motion.
 
     Args:
         clip: the performer's.
         duration: seconds.
-        plan: the mapping by which the shape moves; without one, its pose is not compared.
+        plan: the mapping by which the shape moves. Without one, the pose is not compared.
     """
     shape = project.shape(shape_id)
     edges, stretch = stretches(project, shape_id, duration)
@@ -196,14 +199,14 @@ def quality_of(
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
     times = np.linspace(0.0, duration, _MOMENTS)
     sunk, afloat, feet = None, None, ()
-    moments = list(surfaces(project, shape_id, times))
+    moments, body = list(surfaces(project, shape_id, times)), body_points(shape)
     if stands(shape):
         tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
-        low = (np.array([at[:, 1].min() for at in moments]) - floor_of(shape)) / tall
+        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / tall
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
         worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest(shape, moments[worst])
+        feet = _lowest(shape, np.where(body[:, None], moments[worst], np.inf), tall)
     through, parts = _through(shape, moments)
     goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
     walks = goes and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
@@ -222,7 +225,7 @@ def quality_of(
 
 
 def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
-    """The share of a surface in other parts at the moment when it is largest, and what is in what."""
+    """Returns the largest fraction of a surface in other parts, and which part is in which then."""
     overlap = Overlap(shape)
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
     names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
@@ -238,19 +241,19 @@ def _lengths(at: Float, edges: Int32) -> Float:
 
 
 def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
-    """The joints of the bones that move most ends of edges stretched beyond the bound."""
+    """Returns the joints of the bones that move most ends of edges stretched beyond the bound."""
     torn = np.repeat((stretch > BOUND).sum(0), 2).astype(float)
     return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
-def _lowest(shape: Shape, at: Float) -> tuple[str, ...]:
-    """The joints of the bones that carry the lowest vertices of a pose, (V, 3)."""
-    low, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
+def _lowest(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
+    """Returns the joints of the bones that carry the lowest vertices (V, 3) of a shape of height ``tall``."""
+    low = float(at[:, 1].min())
     return _joints_of(shape, (at[:, 1] < low + _TOUCH * tall).astype(float))
 
 
 def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
-    """The joints of the bones that move most of what is counted at each of the first vertices, (V,)."""
+    """Returns the joints of the bones that move most of the vertices, weighted by ``count`` (V,)."""
     if shape.skin is None or not count.any():
         return ()
     weight = np.zeros(len(shape.skeleton))
@@ -262,12 +265,12 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
 
 
 def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
-    """The mean over the moments of the speed of what touches the floor: of its slower part, which stands."""
+    """Returns the mean speed in cm/s of the slower part of the body that touches the floor: it stands."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
-    floor, speeds = floor_of(shape), []
+    floor, body, speeds = floor_of(shape), body_points(shape), []
     before = surfaces(project, shape.id, times[:-1])
     after = surfaces(project, shape.id, times[:-1] + _APART)
-    for one, other in zip(before, after, strict=True):
+    for one, other in ((one[body], other[body]) for one, other in zip(before, after, strict=True)):
         lands = min(one[:, 1].min(), other[:, 1].min()) < floor + _IN_AIR * tall
         touching = (one[:, 1] < floor + _TOUCH * tall) & (other[:, 1] < floor + _TOUCH * tall)
         if lands and touching.any():

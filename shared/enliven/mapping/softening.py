@@ -13,9 +13,10 @@ import numpy as np
 from enliven.arrays import Bool, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.applying import apply_plan
+from enliven.mapping.gait import legs_that_step
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.quality import BOUND, stretches
-from enliven.mapping.steps import legs_that_step, stepped
+from enliven.mapping.steps import stepped
 
 _AIM = 0.97
 """Share of the bound that is aimed at: other moments than those looked at stretch a little more."""

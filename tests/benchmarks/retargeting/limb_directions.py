@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 
-from enliven.formats.motion import read_bvh, read_expmap
+from enliven.formats.motion import Capture, read_bvh, read_expmap
 from enliven.takes import read_take
 
 SEGMENTS = {"upper arm": (0, 1), "forearm": (1, 2), "thigh": (3, 4), "shin": (4, 5)}
@@ -67,14 +67,12 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
         glb: what was made of it.
         model: the model's convention of names.
     """
-    capture = read_expmap(motion) if motion.suffix == ".txt" else read_bvh(motion)
+    capture, first = read_motion(motion)
     times, nodes = node_places(glb)
-    # A T-pose that was added at the begin is not part of the take: it begins later than its file.
-    first = capture.frames - len(read_take(motion)[0].turns)
     frames = np.clip(first + np.round(times / capture.seconds).astype(int), 0, len(capture.positions) - 1)
     names = {name: k for k, name in enumerate(capture.names)}
     theirs = _directions(
-        {name: capture.positions[frames, k] for name, k in names.items()}, _convention(names)
+        {name: capture.positions[frames, k] for name, k in names.items()}, find_convention(names)
     )
     ours = _directions(nodes, model)
     yaw = _yaw(ours, theirs)
@@ -86,15 +84,24 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
     }
 
 
-def _convention(names: dict[str, int]) -> str:
+def read_motion(motion: Path) -> tuple[Capture, int]:
+    """Returns a motion as its file has it, and the frame at which its take begins.
+
+    A T-pose that was added at the begin is not part of the take.
+    """
+    capture = read_expmap(motion) if motion.suffix == ".txt" else read_bvh(motion)
+    return capture, capture.frames - len(read_take(motion)[0].turns)
+
+
+def find_convention(names: dict[str, int]) -> str:
     """Returns the first convention with all of its joints there."""
     for convention in ("bandai", "cmu", "biovision", "mocapnet"):
-        if all(_found(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
+        if all(find_name(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
             return convention
     raise ValueError(f"no known convention: {sorted(names)[:12]}")
 
 
-def _found(names, spelled: str, side: dict[str, str]) -> str:
+def find_name(names, spelled: str, side: dict[str, str]) -> str:
     """Returns the first of the alternative names that is there, or an empty string."""
     return next((name for name in spelled.format(**side).split("|") if name in names), "")
 
@@ -103,7 +110,7 @@ def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[st
     """Returns (F, 3) unit vectors along each (segment, side)."""
     made = {}
     for number, side in enumerate(SIDES):
-        at = [places[_found(places, spelled, side)] for spelled in JOINTS[convention]]
+        at = [places[find_name(places, spelled, side)] for spelled in JOINTS[convention]]
         for segment, (start, end) in SEGMENTS.items():
             along = at[end] - at[start]
             made[segment, number] = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -133,13 +140,27 @@ def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     A node "A to B" of the exporter begins at joint A; it also counts as A.
     """
     document = pygltflib.GLTF2.load_from_bytes(glb)
-    blob, nodes = document.binary_blob(), document.nodes
-    animation = document.animations[0]
-    times = max((_accessor(document, blob, s.input)[:, 0] for s in animation.samplers), key=len)
-    tracks = {}
+    worlds, places = world_matrices(document), dict[str, np.ndarray]()
+    for k, node in enumerate(document.nodes):
+        for name in (node.name or f"node {k}", (node.name or "").split(" to ")[0]):
+            places.setdefault(name, worlds[k][:, :3, 3])
+    return model_times(document), places
+
+
+def model_times(document: pygltflib.GLTF2) -> np.ndarray:
+    """Returns (T,) seconds of the keys of a GLB's one animation."""
+    blob = document.binary_blob()
+    samplers = document.animations[0].samplers
+    return max((read_accessor(document, blob, s.input)[:, 0] for s in samplers), key=len)
+
+
+def world_matrices(document: pygltflib.GLTF2) -> list[np.ndarray]:
+    """Returns (T, 4, 4) world_from_node of each node of a GLB over its one animation."""
+    blob, nodes, times = document.binary_blob(), document.nodes, model_times(document)
+    animation, tracks = document.animations[0], {}
     for channel in animation.channels:
         sampler = animation.samplers[channel.sampler]
-        keys, values = (_accessor(document, blob, k) for k in (sampler.input, sampler.output))
+        keys, values = (read_accessor(document, blob, k) for k in (sampler.input, sampler.output))
         tracks[channel.target.node, channel.target.path] = _sampled(times, keys[:, 0], values)
     parents = {child: k for k, node in enumerate(nodes) for child in node.children or []}
     worlds: dict[int, np.ndarray] = {}
@@ -150,19 +171,17 @@ def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
             worlds[k] = world(parents[k]) @ own if k in parents else own
         return worlds[k]
 
-    places = {}
-    for k, node in enumerate(nodes):
-        for name in (node.name or f"node {k}", (node.name or "").split(" to ")[0]):
-            places.setdefault(name, world(k)[:, :3, 3])
-    return times, places
+    return [world(k) for k in range(len(nodes))]
 
 
-def _accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.ndarray:
+def read_accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.ndarray:
+    """Returns (N, W) the numbers of an accessor as floats."""
     accessor = document.accessors[number]
     view = document.bufferViews[accessor.bufferView]
     start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
-    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
-    return np.frombuffer(blob, np.float32, accessor.count * width, start).reshape(-1, width).astype(float)
+    width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
+    kind = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}[accessor.componentType]
+    return np.frombuffer(blob, kind, accessor.count * width, start).reshape(-1, width).astype(float)
 
 
 def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:

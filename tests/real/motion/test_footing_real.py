@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from enliven.exporters import performance_of
+from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
-from enliven.mapping import automatic, retarget
+from enliven.mapping import automatic, quality_of, retarget
+from enliven.mapping.ground import floor_of, surfaces
 from enliven.modeling.edits import lock_feet
 from enliven.motion.contact.pin import held_pins, unpin
 from enliven.motion.layers.evaluate import Player
 from enliven.takes import read_take
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "retargeting"))
+from standing_feet import standing_slides
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
@@ -61,3 +68,47 @@ def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     joints = Player(ground, name).sample(times)[1]
     for pin in held_pins(ground.shape(name)):
         assert joints[:, pin.below, 1].min() > pin.sole - 1e-5
+
+
+@pytest.mark.parametrize(("model", "names"), [("mixamo_ely", "mixamo"), ("quaternius_knight", "quaternius")])
+def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, names: str) -> None:
+    """Measured on the written GLB by code that shares nothing with the mapping."""
+    path = DATA / "cmu_expmap" / "train_running_1.txt"
+    clip, shape = read_take(path)[0], read_gltf(DATA / "humanoids" / f"{model}.glb").shape
+    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    speeds = standing_slides(
+        path, glb_of([performance_of(made.project, made.shape_id, 0.0, 1.3, 60.0)]), names
+    )
+    assert len(speeds) > 20
+    assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
+
+
+@pytest.mark.parametrize(
+    ("model", "take"),
+    [
+        ("quaternius/Spider", "dataset-1_punch_normal_001"),
+        ("quaternius/Spider", "dataset-2_wave-both-hands_normal_001"),
+        ("quaternius/Deer", "dataset-1_bow_normal_001"),
+        ("khronos/Monster", "dataset-1_bow_normal_001"),
+    ],
+)
+def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, take: str) -> None:
+    clip, _ = read_take(DATA / "bvh" / "bandai_namco" / f"{take}.bvh", None, 0.0, 4.0)
+    shape = read_gltf(DATA / "gltf" / f"{model}.glb").shape
+    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    tall, rest = np.ptp(shape.mesh.vertices[:, 1]), shape.skeleton.positions
+    root = Player(made.project, made.shape_id).root(np.linspace(0.0, made.duration, 30))[:, 1]
+    assert np.abs(root - rest[0, 1] - shape.place[1]).max() < 0.1 * tall
+
+
+def test_a_real_weapon_does_not_lift_the_body() -> None:
+    """The weapon hangs below the feet as its bearer crouches before a jump."""
+    clip, _ = read_take(DATA / "cmu_expmap" / "train_jumping_1.txt", None, 0.9, 1.7)
+    shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
+    plan = replace(automatic(clip, shape), travel=True, pin=True)
+    made = retarget(shape, clip, plan)
+    assert min(at[:, 1].min() for at in surfaces(made.project, made.shape_id, np.linspace(0.0, 0.8, 9))) < (
+        floor_of(shape) - 0.1
+    )
+    quality = quality_of(made.project, made.shape_id, clip, made.duration, plan)
+    assert quality.afloat < 0.01 and quality.slide < 5.0

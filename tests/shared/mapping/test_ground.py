@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_bodies import horse, man, meshed, random_motion, snake, spider
+from made_bodies import horse, man, meshed, random_motion, snake, spider, walk
 
 from enliven.document.clip import Clip
+from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.ground import clearance, floor_of, levelled, stands, surfaces
+from enliven.mapping.ground import body_points, clearance, floor_of, levelled, stands, surfaces
+from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate
 
@@ -111,3 +113,37 @@ def test_a_stride_is_the_models_own():
         return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
 
     assert 1.2 * way(0.2) < way(0.4) < way(0.8) / 1.2
+
+
+def armed(name, length, hold="Right wrist"):
+    """A man with an object of a length (m) that goes on from a joint, sideways."""
+    skeleton = man()
+    end = skeleton.positions[skeleton.index(hold)] - [length, 0.0, 0.0]
+    parents = [*skeleton.parents, skeleton.index(hold)]
+    return Skeleton(
+        (*skeleton.names, name), np.array(parents), np.concatenate([skeleton.positions, end[None]])
+    )
+
+
+@pytest.mark.parametrize(("name", "length"), [("stick", 1.3), ("Sword.R", 1.3), ("prop_01", 1.1)])
+def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
+    """With hanging arms it goes through the floor; the feet stay on it."""
+    shape, clip = meshed("armed", armed(name, length)), walk(0.3)
+    body = body_points(shape)
+    np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
+    plan = replace(automatic(clip, shape), travel=True)
+    made = retarget(shape, clip, plan)
+    at = np.array(list(surfaces(made.project, "armed", np.linspace(0.0, made.duration, 20))))
+    assert at[:, ~body, 1].min() < floor_of(shape) - 0.2
+    np.testing.assert_allclose(at[:, body, 1].min(1), floor_of(shape), atol=0.002)
+    quality = quality_of(made.project, "armed", clip, made.duration, plan)
+    assert quality.slide < 25.0 and quality.sunk < 0.01 and quality.afloat < 0.01
+
+
+def test_hands_and_short_rods_are_body():
+    assert body_points(meshed("man", man())).all()
+    assert body_points(meshed("armed", armed("rod", 0.2))).all()
+    assert not body_points(meshed("armed", armed("Dagger", 0.2))).all()
+    assert body_points(meshed("horse", horse())).all()
+    turret = replace(snake(), names=tuple(f"gun {k}" if k > 2 else f"base {k}" for k in range(len(snake()))))
+    assert body_points(meshed("turret", turret)).all(), "without arms nothing is carried"

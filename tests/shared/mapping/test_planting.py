@@ -13,10 +13,10 @@ from enliven.document.clip import joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.ground import floor_of, surfaces
-from enliven.mapping.planting import PosedLeg, clearance_of, planted, rolling, standing_spans
+from enliven.mapping.planting import PosedLeg, Sole, clearance_of, planted, rolling, standing_spans, unspun
 from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
-from enliven.rotation import rotate
+from enliven.rotation import from_rotation_vector, multiply, rotate
 
 SLIDE = 3.0
 """cm/s that feet slide at most while they stand, in 90 % of the frames."""
@@ -207,3 +207,63 @@ def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
     times = np.linspace(0.0, clip.duration, 50)
     one, other = (Player(made.project, shape.id).sample(times)[1] for made in (whole, parts))
     np.testing.assert_allclose(one, other, atol=1e-9)
+
+
+@settings(deadline=None, max_examples=15)
+@given(seed=st.integers(0, 1000))
+def test_spin_is_the_turn_about_the_vertical_of_the_part_that_touches(seed):
+    """A shoe that pitches does not spin. If it turns about the vertical as well, it spins by that angle."""
+    random = np.random.default_rng(seed)
+    shape = shod(man(), 0.2)
+    toe = shape.skeleton.index("Left toe")
+    angles, count = np.cumsum(random.uniform(-0.05, 0.05, 60)), 60
+    pitch = from_rotation_vector(np.cumsum(random.uniform(-0.02, 0.02, count))[:, None] * [1.0, 0.0, 0.0])
+    joints = np.tile(shape.skeleton.positions, (count, 1, 1))
+    spins = []
+    for about in (0.0 * angles, angles):
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(shape.skeleton), 1))
+        turns[:, toe] = multiply(from_rotation_vector(about[:, None] * [0.0, 1.0, 0.0]), pitch)
+        spins.append(Sole(shape, [toe]).spin(turns, joints, 0.85))
+    np.testing.assert_allclose(spins[0], 0.0, atol=1e-9)
+    np.testing.assert_allclose(spins[1], angles - angles[0], atol=1e-3)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 1000), size=st.floats(0.0, 6.0))
+def test_a_foot_that_stands_keeps_its_heading_unless_it_turns_far(seed, size):
+    random = np.random.default_rng(seed)
+    spin, spans = size * np.cumsum(random.normal(size=90)) / 30.0, ((5, 30), (40, 50), (52, 55), (75, 89))
+    turns = unspun(spin, spans, STEP)
+    assert np.abs(turns).max() <= np.radians(30.0) + 1e-12
+    for first, last in ((5, 30), (40, 55), (75, 89)):
+        heading = (spin + turns)[first : last + 1]
+        if np.ptp(spin[first : last + 1]) < np.radians(30.0):
+            assert np.ptp(heading) < 1e-12
+        assert np.ptp(heading) <= np.ptp(spin[first : last + 1]) + 1e-12
+    assert turns[65] == 0.0 and unspun(spin, (), STEP).max() == 0.0
+    # A foot does not jerk into its heading: 30 degrees take 0.1 s, from one contact to the next twice that.
+    eased = 2.0 * 1.5 * np.radians(30.0) * STEP / 0.1
+    assert np.abs(np.diff(spin + turns)).max() < 2.0 * np.abs(np.diff(spin)).max() + eased
+
+
+@pytest.mark.parametrize("rate", [1.0, 2.0])
+def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
+    """As in captured runs: feet turn about the vertical by a few degrees in each contact."""
+    clip, stands = gait(3.0, 0.2, 0.45)
+    turns = clip.turns.copy()
+    for side, name in ((0, "Left"), (1, "Right")):
+        about = np.where(stands[:, side], rate * STEP * (_since(stands[:, side]) - 6.0), 0.0)
+        toe = clip.skeleton.index(f"{name} toe")
+        turns[:, toe] = multiply(from_rotation_vector(about[:, None] * [0.0, 1.0, 0.0]), turns[:, toe])
+    clip, shape = replace(clip, turns=turns), shod(short_shinned(1.0), 0.22)
+    speeds, _, _ = slide_of(shape, clip, stands, replace(automatic(clip, shape), travel=True, pin=True))
+    assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
+
+
+def _since(stands):
+    """(F,) frames since the foot landed."""
+    count, made = 0, []
+    for on in stands:
+        count = count + 1 if on else 0
+        made.append(count)
+    return np.array(made, float)

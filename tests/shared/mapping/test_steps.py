@@ -11,11 +11,12 @@ from made_bodies import crawler, horse, man, meshed, random_motion, snake, spide
 from enliven.document.clip import joint_places
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, retarget
+from enliven.mapping.gait import legs_that_step
 from enliven.mapping.ground import floor_of, surfaces
 from enliven.mapping.quality import quality_of
 from enliven.mapping.softening import softened
-from enliven.mapping.steps import legs_that_step
 from enliven.motion.layers.evaluate import Player
+from enliven.rotation import from_rotation_vector
 
 MODELS = {"horse": horse, "spider": spider}
 FRAMES = 61
@@ -123,3 +124,29 @@ def test_shorter_strides_go_less_far():
     far = [np.ptp(feet(made_of(shape, clip, stride=s))[0][:, 0, 2]) for s in (1.0, 0.5)]
     assert far[1] == pytest.approx(far[0] / 2, rel=1e-6)
     assert softened(automatic(clip, shape), clip, shape).stride <= 1.0
+
+
+def gesture(random, reach=1.2):
+    """A man who stands still while his arms move about at random, down to his feet."""
+    clip = walk(0.0)
+    turns = np.repeat(clip.turns[:1], FRAMES, axis=0)
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, 4.0 * np.pi, FRAMES))[:, None]
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        for name in ("elbow", "wrist"):
+            ways = np.array([0.0, 0.0, -sign * np.pi / 2]) + random.normal(size=3) * reach * share
+            turns[:, clip.skeleton.index(f"{side} {name}")] = from_rotation_vector(ways)
+    return replace(clip, turns=turns, root=np.repeat(clip.root[:1], FRAMES, axis=0))
+
+
+@settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(seed=st.integers(0, 10_000), model=st.sampled_from(["horse", "spider", "crawler"]))
+def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
+    random = np.random.default_rng(seed)
+    skeleton = crawler(random) if model == "crawler" else MODELS[model]()
+    shape, clip = meshed(model, skeleton), gesture(random)
+    made = made_of(shape, clip, pin=True)
+    tall = np.ptp(shape.mesh.vertices[:, 1])
+    joints, _ = feet(made)
+    assert np.ptp(joints[:, 0, 1]) < 0.02 * tall, "the body stays at one height as the performer's does"
+    low = [at[:, 1].min() for at in surfaces(made.project, model, np.arange(0, FRAMES, 3) * STEP)]
+    assert np.abs(np.array(low) - floor_of(shape)).max() < 0.02 * tall

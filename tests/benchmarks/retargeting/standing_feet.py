@@ -1,0 +1,137 @@
+"""How fast standing feet slide over the floor in a written GLB: an evaluation apart from the mapping.
+
+The performer's joints come from the motion's file. The model's surface comes from the GLB and is skinned
+here. Nothing of ``enliven.mapping`` is used. A foot of the performer stands if one of its joints is low and
+slow. The model's feet are its lowest part at rest. The lowest centimetre of a foot touches the floor.
+
+    speeds = standing_slides(Path("run.bvh"), glb_bytes, "mixamo")     # (S,) cm/s in the size of a person
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+from limb_directions import (
+    JOINTS,
+    SIDES,
+    find_convention,
+    find_name,
+    model_times,
+    read_accessor,
+    read_motion,
+    world_matrices,
+)
+
+PERSON_M = 1.75
+"""Height of the person in whose size speeds are given, in metres."""
+FOOT_HEIGHT = 0.08
+"""Fraction of a model's height that belongs to its feet at rest: 14 cm of a person."""
+PATCH_M = 0.01
+"""Height above the lowest point, in metres of a person, over which a foot touches the floor."""
+LOW_M = 0.05
+"""Height above its lowest, in metres of a person, at which a joint of a standing foot is at most."""
+SLOW_M_S = 0.5
+"""Largest speed of the slowest joint of a standing foot, in m/s of a person. Captures tremble."""
+PACE = 0.2
+"""The same as a fraction of the body's speed, for runners: their feet roll fast."""
+MIN_CONTACT_S = 0.06
+"""Shortest contact in seconds. A sprinter's lasts 80 ms."""
+
+
+def standing_slides(motion: Path, glb: bytes, model: str) -> np.ndarray:
+    """Returns the speeds (S,) in cm/s of the touching parts of feet, for each frame in which a foot stands.
+
+    Args:
+        motion: the file that was retargeted, from its beginning on.
+        glb: the written model; it travels.
+        model: the model's convention of names.
+    """
+    document = pygltflib.GLTF2.load_from_bytes(glb)
+    times = model_times(document)
+    stands = performer_stands(motion, times)
+    feet, height = _feet_over_time(document, model)
+    scale, speeds = PERSON_M / height, list[np.ndarray]()
+    for side, foot in enumerate(feet):
+        speed = patch_speeds(foot * scale, times)
+        speeds.append(speed[stands[1:, side] & stands[:-1, side]])
+    return 100.0 * np.concatenate(speeds)
+
+
+def patch_speeds(foot: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Returns (T - 1,) m/s along the floor: the median over the vertices (T, V, 3) that are lowest."""
+    between = 0.5 * (foot[1:, :, 1] + foot[:-1, :, 1])
+    lowest = between < between.min(1, keepdims=True) + PATCH_M
+    moved = np.linalg.norm(np.diff(foot, axis=0)[..., [0, 2]], axis=2)
+    along = [np.median(some[which]) for some, which in zip(moved, lowest, strict=True)]
+    return np.array(along) / np.diff(times)
+
+
+def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
+    """Returns (T, 2) whether the left and the right foot of the performer stand at some times (T,)."""
+    capture, first = read_motion(motion)
+    at = capture.positions[first:]
+    height = np.percentile(np.ptp(at[..., 1], axis=1), 90)
+    at = at * PERSON_M / height
+    names = {name: k for k, name in enumerate(capture.names)}
+    spelled = JOINTS[find_convention(names)][-1]
+    nearest = np.clip(np.round(times / capture.seconds).astype(int), 0, len(at) - 1)
+    way = at[-1, 0] - at[0, 0]
+    slow = max(SLOW_M_S, PACE * float(np.hypot(way[0], way[2])) / ((len(at) - 1) * capture.seconds))
+    made = []
+    for side in SIDES:
+        foot = [names[find_name(names, spelled, side)]]
+        for joint, parent in enumerate(capture.parents):
+            if parent in foot:
+                foot.append(joint)
+        joints = at[:, foot]
+        speed = np.linalg.norm(np.gradient(joints, capture.seconds, axis=0), axis=2)
+        low = joints[..., 1] < np.percentile(joints[..., 1], 5, axis=0) + LOW_M
+        made.append(_without_short((low & (speed < slow)).any(1), capture.seconds)[nearest])
+    return np.stack(made, axis=1)
+
+
+def _without_short(stands: np.ndarray, seconds: float) -> np.ndarray:
+    """Returns (F,) the contacts without those that are too short."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(int)))
+    kept = np.zeros(len(stands), bool)
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        kept[start:end] = (end - start) * seconds >= MIN_CONTACT_S
+    return kept
+
+
+def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndarray], float]:
+    """Returns the vertices (T, V, 3) in metres of the left and the right foot, and the model's height."""
+    blob, worlds = document.binary_blob(), world_matrices(document)
+    skinned = [(node, document.skins[node.skin]) for node in document.nodes if node.skin is not None]
+    node, skin = skinned[0]
+    inverse = read_accessor(document, blob, skin.inverseBindMatrices).reshape(-1, 4, 4).swapaxes(1, 2)
+    at, joints, weights = _vertices(document, blob, node.mesh)
+    names = {(document.nodes[k].name or "").split(" to ")[0]: n for n, k in enumerate(skin.joints)}
+    rest = np.linalg.inv(inverse)[:, :3, 3]
+    ankles = [rest[names[find_name(names, JOINTS[model][-1], side)]] for side in SIDES]
+    height, low = np.ptp(at[:, 1]), at[:, 1].min()
+    moves = np.stack([worlds[j] @ inverse[n] for n, j in enumerate(skin.joints)], axis=1)
+    feet = []
+    for own, other in (ankles, ankles[::-1]):
+        nearer = np.linalg.norm(at - own, axis=1) < np.linalg.norm(at - other, axis=1)
+        foot = np.flatnonzero(nearer & (at[:, 1] < low + FOOT_HEIGHT * height))
+        made = np.zeros((len(moves), len(foot), 3))
+        for bones, shares in zip(joints[foot].T, weights[foot].T, strict=True):
+            used = moves[:, bones]
+            turned = np.einsum("tvij,vj->tvi", used[..., :3, :3], at[foot]) + used[..., :3, 3]
+            made += shares[:, None] * turned
+        feet.append(made)
+    return feet, float(height)
+
+
+def _vertices(document: pygltflib.GLTF2, blob: bytes, number: int) -> tuple[np.ndarray, ...]:
+    """Returns places (V, 3), joints (V, 4) and weights (V, 4) of all primitives of a mesh."""
+    kinds = ("POSITION", "JOINTS_0", "WEIGHTS_0")
+    parts = [
+        [read_accessor(document, blob, getattr(primitive.attributes, kind)) for kind in kinds]
+        for primitive in document.meshes[number].primitives
+    ]
+    at, joints, weights = (np.concatenate(some) for some in zip(*parts, strict=True))
+    return at, joints.astype(int), weights / weights.sum(1, keepdims=True)
