@@ -1,7 +1,7 @@
-"""Typed settings: every user-facing number has a default, a unit, a range and one sentence.
+"""Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
-A group of settings is a frozen dataclass with fields made by :func:`setting`; groups nest. TOML files
-override the defaults, and an unknown key is an error that names the nearest known one.
+A group of settings is a frozen dataclass whose fields are made by :func:`setting`; groups can be nested. TOML
+files override the defaults. An unknown key is an error, and the message names the nearest known key.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from enliven.files import read_file
 T = TypeVar("T")
 
 TOML_VERSION = 1
-"""Newest version of settings, sessions, plans, spaces and calibrations. A file that lacks a key gets its
-default, so only a changed meaning of a written key needs a new version."""
+"""Newest version of the TOML formats: settings, sessions, plans, spaces and calibrations. A missing key gets
+its default, so the version only increases if the meaning of an existing key changes."""
 _VERSION = "version"
-"""Key that states the version of a TOML file."""
+"""Key that holds the version of a TOML file."""
 MOST_TOML = 1 << 22
-"""Bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
+"""Maximum size of a TOML file, in bytes. A session of 1,000 key poses with 20 points each has 1.5 million."""
 MOST_LINE = 1 << 14
-"""Bytes of a line: the time to read a key of many dots grows with the square of their number."""
+"""Maximum length of a line, in bytes. Parsing a dotted key takes time quadratic in its number of dots."""
 MOST_NESTED = 32
-"""Tables and arrays in one another: what is written here has at most six."""
+"""Maximum nesting depth of tables and arrays. Files written by enliven have at most six levels."""
 _LATER_KEY = "If a later version of enliven wrote it, update enliven."
-"""Added to the error about an unknown key."""
+"""Hint appended to the error about an unknown key."""
 _DEEP = f"tables or arrays are nested deeper than {MOST_NESTED}"
 
 
@@ -44,9 +44,10 @@ def setting(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> Any:
-    """A dataclass field with the sentence, the unit and the closed range that a user needs to know.
+    """Returns a dataclass field with the description, the unit and the closed range that a user needs.
 
-    Without a default the key is required; a default that is itself a settings dataclass makes a group.
+    Without a default the key is required. If the default is itself a settings dataclass, the field is a
+    group.
     """
     metadata = {"doc": doc, "unit": unit, "low": low, "high": high}
     if dataclasses.is_dataclass(default) and isinstance(default, type):
@@ -55,11 +56,11 @@ def setting(
 
 
 def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str = "") -> T:
-    """A ``kind`` from a TOML file or a mapping, checked key by key.
+    """Returns a ``kind`` built from a TOML file or a mapping, checked key by key.
 
     Raises:
-        InputError: with the key's path, for an unreadable file, an unknown or missing key, a wrong type or a
-            value out of range.
+        InputError: if the file cannot be read, a key is unknown or missing, or a value has the wrong type or
+            is out of range; the message contains the key's path.
     """
     if isinstance(source, Path):
         where = where or str(source)
@@ -68,16 +69,16 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
 
 
 def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
-    """Returns the tables of a TOML file, without the version of its format.
+    """Returns the tables of a TOML file, without its format version.
 
-    A file may begin with ``version = 1``; one that does not is of version 1.
+    A file may begin with ``version = 1``. Without that line the version is 1, too.
 
     Args:
-        newest: the newest version of the format that is read.
+        newest: the newest version of the format that this program can read.
 
     Raises:
-        InputError: if it cannot be read, is not TOML, is of a later version, is longer than :data:`MOST_TOML`
-            bytes, or is deeper than :data:`MOST_NESTED`.
+        InputError: if the file cannot be read, is not TOML, has a later version, is longer than
+            :data:`MOST_TOML` bytes, or is nested deeper than :data:`MOST_NESTED`.
     """
     data = read_file(path, MOST_TOML)
     longest = max(map(len, data.splitlines()), default=0)
@@ -106,7 +107,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
 
 
 def refuse_later_toml(path: Path) -> None:
-    """Raises LaterVersionError if a TOML file is of a later version, so that it is not replaced."""
+    """Raises LaterVersionError if a TOML file has a later version, so that it is not overwritten."""
     if not path.is_file():
         return
     try:
@@ -114,11 +115,11 @@ def refuse_later_toml(path: Path) -> None:
     except LaterVersionError:
         raise
     except EnlivenError:
-        return  # another kind of file, or a damaged one: the writer reports it if it cannot be replaced
+        return  # a different or damaged file: the writer reports an error if it cannot be replaced
 
 
 def _inside(value: Any) -> list[Any]:
-    """Returns the tables and arrays inside a table or an array."""
+    """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [one for one in inner if isinstance(one, (dict, list))]
 
@@ -144,7 +145,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
 
 
 def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
-    """One value, checked against its type hint and range."""
+    """Returns one value after checking it against its type hint and range."""
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         if not isinstance(value, Mapping):
             raise InputError(f"{path} must be a table", where=where)
@@ -171,7 +172,7 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
 
 
 def _named(kind: Any, table: Any, where: str, path: str) -> Any:
-    """Builds one of several settings groups that a file names freely."""
+    """Builds settings groups that the file itself names."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")
@@ -181,7 +182,8 @@ _WRONG = object()
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """``value`` as ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
+    """Returns ``value`` converted to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or
+    _WRONG."""
     import msgspec
 
     try:
@@ -192,7 +194,7 @@ def _converted(hint: Any, value: Any) -> Any:
 
 
 def _is_finite(value: Any) -> bool:
-    """Whether no number of a value, or of the tuples and tables inside, is infinite or none."""
+    """Returns True if all numbers of a value, including nested tuples and tables, are finite."""
     if isinstance(value, float):
         return math.isfinite(value)
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
