@@ -234,7 +234,7 @@ def _walk() -> Choreography:
 
 
 def _wander() -> Choreography:
-    from enliven_synthesis.motion.wander import wander  # it is made of this module's parts
+    from enliven_synthesis.motion.wander import wander  # imports this module
 
     return wander()
 

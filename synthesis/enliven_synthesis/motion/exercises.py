@@ -253,7 +253,7 @@ def _stroll(vary: _Variation) -> Choreography:
 
 
 def _touch(vary: _Variation) -> Choreography:
-    """Shakes hands with a person on the performer's left."""
+    """Holds out a hand to a person on the performer's left."""
     give = replace(_OUT, abduct=vary.near(1.2, 0.1), elbow=0.15)
     return _keyed(
         "touch", vary, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
