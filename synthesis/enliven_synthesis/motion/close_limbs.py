@@ -214,7 +214,7 @@ def _between(a: Wrist, b: Wrist, part: float) -> Float:
 def _jogging(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
-    """Returns a posture jogging on the spot, and its wrists; ``phase`` in radians of a stride."""
+    """Returns a posture jogging on the spot, and its wrists. ``phase`` is in radians; one stride is 2 pi."""
     swing = 0.5 + 0.5 * math.sin(phase)
     feet = [
         replace(
