@@ -15,12 +15,12 @@ WALKS = Path(__file__).with_name("walks.toml")
 
 @dataclass(frozen=True)
 class Walk:
-    """One walk.
+    """One trace.
 
     Attributes:
-        title: from where to where.
-        most: files it may have.
-        steps: the places, see ``walks.toml``.
+        title: its start and end.
+        most: maximum number of files.
+        steps: the functions, see ``walks.toml``.
     """
 
     title: str
