@@ -29,14 +29,14 @@ SSE4.2."""
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One way to run the tests.
+    """One configuration for running the tests.
 
     Attributes:
-        name: as ``--only`` has it.
-        environment: variables that are set.
-        options: of pytest.
-        busy: processes that do nothing but keep the processor busy meanwhile.
-        apart: Numba's compiled kernels are kept apart, as they were compiled for another processor.
+        name: name for ``--only``.
+        environment: environment variables to set.
+        options: pytest options.
+        busy: number of processes that keep the processor busy during the run.
+        apart: True to cache Numba's kernels separately, since they are compiled for another processor.
     """
 
     name: str
