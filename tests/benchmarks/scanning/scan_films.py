@@ -82,16 +82,16 @@ _NO_NUMBER = 1
 
 @dataclass(frozen=True)
 class Film:
-    """A scan, and what becomes of it.
+    """A scan, and the use of its result.
 
     Attributes:
-        title: what stands in the picture.
+        title: text in the image.
         frames: the camera's images.
-        settings: of the scanner.
-        keep: what is cut out.
-        bodies: who takes hold of what was made, and its actor; or None.
-        scanner: makes what fuses the images.
-        act: how.
+        settings: settings of the scanner.
+        keep: the part to cut out.
+        bodies: function that returns the performers and the actor of the result; or None.
+        scanner: function that creates the scanner.
+        act: how the actor is possessed.
         colour: sRGB of a mesh without colours.
     """
 
