@@ -60,7 +60,7 @@ def agree(a, b, size):
 
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000))
-def test_a_stretched_rig_moves_as_gltf_says(folder, seed):
+def test_stretched_rig_moves_like_reference_skinning(folder, seed):
     path, rig, project, shape = model(folder, seed)
     slow, (clip,) = SlowGltf(path), rig.clips
     assert clip.strains is not None and not [note for note in rig.notes if "not kept" in note]
@@ -71,7 +71,7 @@ def test_a_stretched_rig_moves_as_gltf_says(folder, seed):
 
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
-def test_it_is_written_as_it_is_seen_and_read_again(folder, seed):
+def test_written_file_matches_displayed_motion(folder, seed):
     # Nodes have no shear, which unlike factors of joints above one another make.
     _, rig, project, shape = model(folder, seed, 0.0)
     made = folder / "out.glb"
@@ -113,7 +113,7 @@ def test_size_and_mirror_go_with_the_stretches(folder, seed, factor):
 
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.2, 0.8), st.floats(0.05, 0.7))
-def test_nothing_moves_where_it_is_cut_or_merged(folder, seed, at, time):
+def test_cut_and_merge_keep_world_pose(folder, seed, at, time):
     _, _, project, shape = model(folder, seed)
     bare = shape.with_changes(mesh=None, skin=None)
     project = project.with_characters(bare)
@@ -155,7 +155,7 @@ def same(before, after, size):
             agree(after[name][1], linear, 1.0)
 
 
-def test_it_is_saved_smoothed_and_retargeted_with_its_tracks(folder):
+def test_saving_smoothing_and_retargeting_keep_stretch_tracks(folder):
     _, rig, project, shape = model(folder, 5)
     write_project(folder / "kept.enliven", project)
     loaded = read_project(folder / "kept.enliven")

@@ -150,7 +150,7 @@ def test_choices_equal_scipys_assignment(gain):
 
 @given(gains)
 @settings(max_examples=40, deadline=None)
-def test_assignment_uses_what_it_must_and_not_what_it_must_not(gain):
+def test_assignment_respects_required_and_excluded_pairs(gain):
     m, n = gain.shape
     state = np.zeros(n, np.int8)
     state[n - 1] = 1
@@ -277,7 +277,7 @@ def test_dot_products_let_long_branches_decide():
     assert best("dot").score == pytest.approx(0.6)
 
 
-def test_in_perspective_what_is_seen_counts():
+def test_ranking_uses_projected_directions_in_perspective():
     points = np.array([[1, 0, -4], [1, 0, -3], [2, 0, -4], [1, 1, -4]], float)
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     flat = Matcher(abstract(points, [(0, 1), (0, 2), (0, 3)]), points)

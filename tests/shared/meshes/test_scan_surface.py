@@ -48,7 +48,7 @@ def test_a_step_and_a_gap_stay_open() -> None:
     assert mesh.area == pytest.approx(0.3 * 0.6 + 0.07 * 0.6 + 0.13 * 0.6, rel=0.1)  # 3 cm are hidden
 
 
-def test_what_was_not_measured_is_left_out_and_specks_too() -> None:
+def test_unmeasured_areas_and_specks_are_left_out() -> None:
     points = ball(np.array([0.0, 0.0, -2.0]), 0.3)
     specks = np.array([[1.0, 1.0, -2.0], [1.005, 1.0, -2.0], [1.0, 1.008, -2.0], [np.nan, 0.0, -2.0]])
     mesh = surface_through(np.concatenate([points, specks]), np.zeros(3))
@@ -56,7 +56,7 @@ def test_what_was_not_measured_is_left_out_and_specks_too() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_too_few_points_are_said(count: int) -> None:
+def test_too_few_points_are_reported(count: int) -> None:
     with pytest.raises(InputError, match="no surface"):
         surface_through(np.ones((count, 3)), np.zeros(3))
 
@@ -96,7 +96,7 @@ def test_pcd_files_are_read_and_become_meshes(tmp_path, kind) -> None:
         (lambda data: data.replace(b"rgb x y z", b"rgb u v w"), "do not agree"),
     ],
 )
-def test_damaged_pcd_files_are_said(tmp_path, damage, said) -> None:
+def test_damaged_pcd_files_are_reported(tmp_path, damage, said) -> None:
     path = pcd(tmp_path / "a.pcd", ball(np.array([0.0, 0.0, -2.0]), 0.3, 500), "binary")
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(InputError, match=said) as caught:

@@ -104,7 +104,7 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
 
 @settings(deadline=None, max_examples=8)
 @given(factor=st.floats(0.4, 2.5), time=st.floats(-0.5, 2.0), seed=st.integers(0, 99))
-def test_what_rides_is_scaled_mirrored_and_moved_with_its_host_at_every_time(factor, time, seed):
+def test_graft_follows_scaling_mirroring_and_moving_of_host(factor, time, seed):
     project, ours, theirs = beside("bones", "graph", 0.5)
     merged = merge_characters(project, ours, theirs, 0.5, loose=True)
     seen, random = vertices_of(merged, ours, time), np.random.default_rng(seed)
@@ -134,7 +134,7 @@ def test_a_loop_goes_on_for_ever():
         assert off(vertices_of(merged, name, at), vertices_of(project, name, at)) < ROUNDED
 
 
-def test_what_cannot_be_merged_is_said():
+def test_impossible_merge_is_reported():
     project, ours, theirs = beside("bones", "points", 0.2)
     bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))
     with pytest.raises(InputError, match="no mesh"):

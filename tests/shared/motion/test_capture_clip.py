@@ -82,7 +82,7 @@ def test_a_capture_is_its_joints_in_metres(seed, unit, carrier, rest):
         assert angle(clip.turns[at_rest], np.tile(EYE, (20, 1))) < 1e-6
 
 
-def test_the_zero_pose_is_the_rest_where_it_stands():
+def test_standing_zero_pose_is_the_rest_pose():
     capture = a_capture(np.random.default_rng(0))
     clip = clip_of_capture(capture, "take")
     floor = np.percentile(capture.positions[:, :, 1].min(1), 10)
@@ -103,7 +103,7 @@ def test_the_zero_pose_is_the_rest_where_it_stands():
     )
 
 
-def test_what_a_file_cannot_be_asked():
+def test_invalid_file_options_are_refused():
     capture = a_capture(np.random.default_rng(0))
     with pytest.raises(InputError, match="no rest pose 12"):
         clip_of_capture(capture, "take", rest=12)

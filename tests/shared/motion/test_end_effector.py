@@ -65,7 +65,7 @@ def test_the_end_is_where_the_takes_is(seed, joints, mirrored):
 
 @laws
 @given(seeds)
-def test_on_its_own_polyline_it_is_the_take(seed):
+def test_retargeting_to_own_polyline_gives_the_take(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 6, branching=0.0)
     clip = random_clip(rng, skeleton)

@@ -302,7 +302,7 @@ def test_there_must_be_such_a_shape():
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0, 2.0])
-def test_a_looped_take_goes_on_from_where_it_ended(speed):
+def test_looped_take_continues_from_its_end(speed):
     rng = np.random.default_rng(8)
     project, clip, _ = scene(rng)
     project = bind_chain(project, "shape", (0,), "take", (0,), basis=random_turn(rng), speed=speed, loop=True)

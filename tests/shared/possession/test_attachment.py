@@ -143,7 +143,7 @@ def test_out_of_reach_nothing_is_held(graph):
     assert_alike(rest[1], graph.positions, SOLVED)
 
 
-def test_what_is_unknown_does_not_take_hold(graph):
+def test_unknown_joints_are_not_attached(graph):
     joints, sure = standing(), SURE.copy()
     joints[Joint.ELBOW_LEFT] = np.nan
     sure[Joint.KNEE_RIGHT] = 0.0
@@ -366,7 +366,7 @@ def test_each_limb_reaches_until_enough_of_it_holds(graph, enough, farthest):
         np.testing.assert_allclose(grown.node_weights[found], plain.node_weights[expected], atol=1e-12)
 
 
-def test_who_names_an_arm_takes_hold_with_it_however_far_the_mesh_is(graph):
+def test_named_arm_is_attached_at_any_distance(graph):
     joints = standing()
     joints[[Joint.WRIST_LEFT, Joint.HAND_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_LEFT]] += [0.3, 0.0, 0.0]
     grow = Growth(0.25, 5.0)

@@ -36,7 +36,7 @@ LIMITED = """
 
 @pytest.mark.parametrize("sync_seconds", ["0.5", "0.0"])
 @pytest.mark.parametrize("limit", [9_000, 60_000, 200_123])
-def test_what_was_written_before_the_disk_was_full_is_readable(tmp_path, limit, sync_seconds):
+def test_data_before_full_disk_is_readable(tmp_path, limit, sync_seconds):
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-c", textwrap.dedent(LIMITED), str(path), str(limit), sync_seconds]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)

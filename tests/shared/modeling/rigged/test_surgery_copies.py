@@ -106,7 +106,7 @@ def test_a_scaled_shape_turns_the_same_and_goes_as_much_farther(seed, time, fact
 
 @laws
 @given(SEEDS, MOMENTS)
-def test_a_pose_is_what_was_asked_for_at_its_time(seed, time):
+def test_pose_has_requested_rotation_at_its_time(seed, time):
     project, random = random_project(seed, 1)
     shape = project.shape("shape 0")
     j = int(random.integers(0, len(shape.skeleton)))
@@ -152,7 +152,7 @@ def volume(mesh):
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def test_what_cannot_be_done_is_said():
+def test_impossible_edit_is_reported():
     project, _ = random_project(3)
     refused = [
         (lambda: scale_character(project, "shape 0", 0.0), "times as large"),
