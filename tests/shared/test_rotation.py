@@ -135,6 +135,6 @@ def test_nearest_rotation_is_always_proper(matrix):
         assert np.trace(r.T @ matrix) == pytest.approx(np.trace(svd_nearest(matrix).T @ matrix))
 
 
-def test_normalized_mends_what_is_no_rotation():
+def test_normalized_repairs_invalid_rotations():
     q = rotation.normalized(np.array([[0, 0, 0, 0], [np.nan, 1, 0, 0], [1e-300, 0, 0, 0], [0, 3, 0, 4]]))
     np.testing.assert_allclose(q, [[1, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0], [0, 0.6, 0, 0.8]])

@@ -349,7 +349,7 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
 
 @pytest.mark.parametrize(("tail", "translation"), CASES)
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_finds_the_minimum_of_the_reference(tail, translation, seed):
+def test_solver_reaches_reference_minimum(tail, translation, seed):
     graph = make_graph(10, seed, tail)
     points = make_points(graph, 8, seed)
     chosen = replace(EXACT, rigid_translation=translation)
@@ -365,7 +365,7 @@ def test_it_finds_the_minimum_of_the_reference(tail, translation, seed):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_it_finds_the_minimum_of_the_reference_with_planes_and_stiffness(seed):
+def test_solver_reaches_reference_minimum_with_planes_and_stiffness(seed):
     graph = make_graph(10, seed, seed == 2)
     points, planes = make_points(graph, 8, seed), make_planes(graph, 6, seed)
     rng = np.random.default_rng(seed)
@@ -449,7 +449,7 @@ def test_a_frame_of_a_smooth_motion_is_within_two_thousandths():
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1))
-def test_a_frame_whose_targets_jump_by_a_metre_is_within_a_hundredth(seed):
+def test_frame_after_jump_of_a_metre_is_within_one_percent(seed):
     graph = make_graph(30, seed % 20, tail=True)
     points = make_points(graph, 30, seed % 20)
     rng = np.random.default_rng(seed)
@@ -513,7 +513,7 @@ def test_the_energy_never_rises(seed, size):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 30.0))
-def test_no_node_comes_out_mirrored(seed, size):
+def test_nodes_are_never_mirrored(seed, size):
     graph = make_graph(12, seed % 20, tail=True)
     points = make_points(graph, 10, seed % 20)
     rng = np.random.default_rng(seed)
@@ -547,7 +547,7 @@ def test_lost_targets_are_left_out():
     np.testing.assert_allclose(EmbeddedSolver(graph, points, EXACT).solve(targets, weights)[1], b.state()[1])
 
 
-def test_wild_targets_never_break_it_and_it_recovers():
+def test_solver_recovers_from_extreme_targets():
     graph = make_graph(30, 8, tail=True)
     points = make_points(graph, 30, 8)
     rng = np.random.default_rng(0)
@@ -566,7 +566,7 @@ def test_wild_targets_never_break_it_and_it_recovers():
 
 
 @pytest.mark.parametrize("pulled", ["nothing", "no weight"])
-def test_without_constraints_it_stays_where_it_was(pulled):
+def test_unconstrained_solver_keeps_its_state(pulled):
     graph = make_graph(12, 5)
     points = make_points(graph, 10 if pulled == "no weight" else 0, 5)
     turn = rotation.to_matrix(rotation.from_rotation_vector([0.0, 1.0, 0.0]))

@@ -52,7 +52,7 @@ def test_an_example_is_met_exactly_without_the_acceleration_term(seed, count, ne
 
 @given(SEEDS, st.floats(-7, 7), st.lists(st.floats(-50, 50), min_size=3, max_size=3))
 @FEW
-def test_where_the_performer_stands_and_looks_does_not_matter(seed, angle, moved):
+def test_result_is_independent_of_performer_position_and_heading(seed, angle, moved):
     examples = examples_of(seed)
     rng = np.random.default_rng(seed)
     world, root, yaw = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3)), rng.normal(size=12)
@@ -119,7 +119,7 @@ def dense(mapping, poses, constraints, weight):
 
 @given(SEEDS, st.sampled_from([0.0, 0.05, 0.25, 100.0]), st.sampled_from([0.05, 0.3, 3.0]), st.booleans())
 @settings(max_examples=20, deadline=None)
-def test_the_band_solves_what_the_dense_twin_solves(seed, margin, weight, constrained):
+def test_banded_solution_matches_dense_reference(seed, margin, weight, constrained):
     examples = examples_of(seed, 5, 2)
     poses = motion_of(examples, 9, seed)
     mapping = ExampleMap(examples, ExampleSettings(margin=margin, acceleration=weight))

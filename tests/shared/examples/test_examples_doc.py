@@ -51,7 +51,7 @@ def test_its_session_can_be_played(tmp_path):
     assert motion_of(read.project, puppet, 0).places.shape == (91, 2, 3)
 
 
-def test_every_module_that_it_names_is_there():
+def test_modules_named_in_the_page_exist():
     table = PAGE.read_text(encoding="utf-8").split("| module of `enliven.examples` | |")[1].split("## ")[0]
     for name in re.findall(r"^\| (.*?) \|", table, re.MULTILINE)[1:]:
         for module in re.findall(r"`([\w.]+)`", name):

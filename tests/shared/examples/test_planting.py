@@ -60,7 +60,7 @@ def test_feet_that_stand_do_not_slide(seed):
 
 @given(st.integers(0, 10**6), st.floats(0.0, 1.0))
 @settings(max_examples=10, deadline=None)
-def test_a_part_of_it_is_a_part_of_the_way(seed, part):
+def test_partial_planting_moves_part_of_the_way(seed, part):
     places, yaw, stands = shuffler(seed)
     placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
     whole, some = (

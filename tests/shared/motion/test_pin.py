@@ -131,7 +131,7 @@ def test_there_is_no_jump(rise):
         assert steps.max() < np.linalg.norm(np.diff(free[:, joint], axis=0), axis=1).max() + 0.002
 
 
-def test_pinning_is_idempotent():
+def test_pinned_pose_at_one_time_matches_sampled_poses():
     project = pin_feet(walking(walk()), "walker", FEET)
     turns, joints = Player(project, "walker").sample(TIMES)
     player = Player(project, "walker")

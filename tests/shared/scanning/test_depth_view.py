@@ -66,7 +66,7 @@ def slow_tile(depth):
     seed=st.integers(0, 2**16),
     whole=st.booleans(),
 )
-def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, seed, whole):
+def test_prepared_image_matches_plain_loops(height, width, step, seed, whole):
     random = np.random.default_rng(seed)
     depth = (
         800.0

@@ -27,7 +27,7 @@ def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
 
 
 @pytest.mark.parametrize("failing", [0, 7, 19])
-def test_what_fails_in_either_thread_is_raised_and_the_next_call_works(failing):
+def test_error_in_either_thread_is_raised_and_next_call_works(failing):
     def do(_, item):
         if item == failing:
             raise ValueError(str(item))

@@ -156,7 +156,7 @@ def test_of_any_plane_only_the_distance_and_the_tilt_are_known(tilt, distance, v
     assert found.information[2, 2] > 0.02**-2, "how far it is from the plane is known"
 
 
-def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
+def test_slope_noise_correction_matches_slow_sum():
     """The ten sums of the kernel, against the points of an image one by one."""
     scanner, _ = scanned()
     near, pose = room_depth(carried(0.5)), carried(0.5)
@@ -202,7 +202,7 @@ def test_an_image_without_depth_does_nothing():
     assert step.state is ScanState.EMPTY and len(scanner.poses) == 1
 
 
-def test_a_lost_camera_fuses_nothing_and_is_found_where_it_was():
+def test_lost_camera_fuses_nothing_and_relocalizes():
     scanner, _ = scan(np.linspace(0.0, 0.8, 21))
     before = [volume.weight.sum() for volume in scanner.volumes]
     # It is put down before something else.
@@ -233,7 +233,7 @@ def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
     assert np.linalg.norm(step.world_from_camera[:3, 3] - carried(0.56)[:3, 3]) < 0.02
 
 
-def test_a_felt_direction_up_holds_what_the_image_leaves_open():
+def test_measured_gravity_constrains_undetermined_rotation():
     scanner, _ = scan([0.0])
     view = scanner.prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
     start = carried(0.0)
