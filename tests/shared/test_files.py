@@ -1,4 +1,4 @@
-"""Files of our own: there whole, or as they were."""
+"""Tests that our files are replaced atomically: complete, or unchanged."""
 
 import os
 import stat

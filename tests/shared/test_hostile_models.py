@@ -41,7 +41,7 @@ def written(path, uri=INLINE, **changes):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of a model, beside a file that is none of its business."""
+    """Returns a model's folder, next to a file that the model must not read."""
     (tmp_path / "model" / "parts").mkdir(parents=True)
     (tmp_path / "secret.bin").write_bytes(DATA)
     (tmp_path / "model" / "parts" / "its data.bin").write_bytes(DATA)

@@ -1,4 +1,4 @@
-"""Squash-and-stretch deformation against a slow dense twin, its laws, and what it refuses."""
+"""Tests of squash-and-stretch deformation against a slow dense reference, its laws, and its error checks."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def volume(mesh, vertices):
 
 
 class Twin:
-    """Section 4 as it is printed: dense matrices, one SVD and one eigenvalue problem a cell."""
+    """Implements section 4 literally: dense matrices, one SVD and one eigenvalue problem per cell."""
 
     def __init__(self, mesh, held, settings):
         self.rest, self.settings, self.held = mesh.vertices, settings, held

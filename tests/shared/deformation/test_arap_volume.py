@@ -1,4 +1,5 @@
-"""What a surface encloses, and the pressure that keeps it, against slow twins."""
+"""Tests of the enclosed volume of a surface, and of the pressure that preserves it, against slow
+references."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""The deformation graph: connected, local, and blind to what is near only through the air."""
+"""Tests of the deformation graph: connected, local, and without links between parts that are close only
+through the air."""
 
 import numpy as np
 import pytest

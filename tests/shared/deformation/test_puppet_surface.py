@@ -1,4 +1,4 @@
-"""Surfaces of puppets: coarse and fine, warm and settled, and what they refuse."""
+"""Tests of puppet surfaces: coarse and fine, warm-started and converged, and their error checks."""
 
 from dataclasses import replace
 

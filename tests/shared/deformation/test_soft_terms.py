@@ -1,4 +1,4 @@
-"""The makers of soft planes: what is seen, the floor, limbs beside limbs; each by its laws."""
+"""Tests of soft planes from depth, the floor, and neighbouring limbs."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.kernels import hold
 
 GAP = 0.002
-"""Share of the minimum by which a frame may end above it."""
+"""Maximum relative excess of a frame's energy over the minimum."""
 INVISIBLE = 1e-6
 """An energy in which shares mean nothing: a point a tenth of a millimetre off has it."""
 BUCKLES = 880092, 19, 1.9291120993690865
@@ -81,7 +81,7 @@ def test_frame_on_a_ridge_is_reported_and_next_frame_leaves_it():
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0), st.sampled_from([60, 3]))
 @example(*BUCKLES, 60)
 def test_static_targets_converge_to_the_minimum(seed, nodes, pace, most):
-    """What a frame left, on a ridge or for want of steps, the next ones make up."""
+    """Later frames reduce the excess that a frame left on a ridge or because of its step limit."""
     problem = random_problem(seed, nodes, 16, pace)
     solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(iterations=most))
     peer = PlainGaussNewton(problem.graph, problem.points)

@@ -73,9 +73,11 @@ def test_poses_and_examples_moved_together_give_the_same(seed, moved):
 
 
 def dense(mapping, poses, constraints, weight):
-    """The slow twin: all weights and what leaves the examples, as one bounded least squares problem.
+    """The slow reference: all weights and the deviations from the examples, as one bounded least-squares
+    problem.
 
-    Hard constraints are rows of great weight: good to 1e-6 or so."""
+    Hard constraints are rows of great weight: good to 1e-6 or so.
+    """
     nodes, examples = mapping.nodes(poses), mapping.examples
     points, frames, most = nodes.right.shape
     each = most + 3
@@ -146,7 +148,7 @@ def test_banded_solution_matches_dense_reference(seed, margin, weight, constrain
 )
 @settings(max_examples=40, deadline=None)
 def test_long_motions_are_solved_to_the_end(seed, margin, weight, nearest, far, slack, noise):
-    """Each frame's best answer to what the accelerations pull is where the control point is."""
+    """Each control point is at the frame's optimum for the pull of the accelerations."""
     how = ExampleSettings(margin=margin, acceleration=weight, nearest=nearest, far=far, slack=slack)
     mapping = ExampleMap(examples_of(seed, 8, 2), how)
     poses = motion_of(mapping.examples, 240, seed)

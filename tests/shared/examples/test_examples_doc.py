@@ -1,4 +1,5 @@
-"""The code of docs/examples.md runs as it stands and says what the page says; its session is one."""
+"""Tests that the code of docs/examples.md runs unchanged and prints the page's output, and that its session
+is valid."""
 
 import re
 import tomllib

@@ -22,7 +22,8 @@ LEASH = LocomotionSettings().leash
 
 
 def performance(seed, kind, seconds):
-    """A clip of somebody who stays in place, walks, or turns, with hands and feet that do anything."""
+    """Returns a clip of a person that stays in place, walks, or turns, with random motion of hands and
+    feet."""
     rng = np.random.default_rng(seed)
     clip = walker(seconds, turning=0.4 if kind == "walks" else 0.0, swing=0.45 if kind == "walks" else 0.2)
     if kind == "walks":
@@ -41,7 +42,8 @@ def performance(seed, kind, seconds):
 
 
 def project_of(seed, kind, body, seconds):
-    """A stool that steps, whose feet are never posed apart (a base), or that has none (it swims)."""
+    """Returns a stool that steps, one with feet that are never posed apart (a base), or one without feet (it
+    swims)."""
     project = puppet_project(seed, clip=performance(seed, kind, seconds))
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     seen = performed(clip, ["LeftFoot", "RightFoot"]).poses

@@ -69,7 +69,7 @@ def test_a_chess_piece_has_a_head_and_hips(rest):
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 9))
 def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
-    """Whatever the mesh; the base of what stands on one foot alone may follow the hips."""
+    """This holds for any mesh. The base of an object on a single foot may follow the hips."""
     random = np.random.default_rng(seed)
     clip = random_motion(random, man(), frames=6, size=0.5)
     motion = joint_motion(clip)
@@ -100,7 +100,7 @@ FISH_PARTNERS = (0, 1, 2, 4, 3)
 
 
 def acting(names, seed=0, frames=40):
-    """A clip of somebody whose joints of these names move about, and the others as much as people sway."""
+    """Returns a clip in which the named joints of a person move, and the others only sway."""
     random, body = np.random.default_rng(seed), man()
     clip = random_motion(random, body, frames=frames, size=0.03)
     turns = clip.turns.copy()

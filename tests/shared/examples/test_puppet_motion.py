@@ -1,4 +1,4 @@
-"""What a puppet does: its key poses, wherever the performer stands; mixed, looped and played by others."""
+"""Tests of a puppet's motion: its key poses at any performer position; mixing, loops and other performers."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ def test_motion_is_independent_of_performer_position_and_heading(seed, yaw, x, z
 
 
 def leashed(project, leash):
-    """The project with a stool that its own steps may lead so many of its sizes from the performer's way."""
+    """Returns the project with a stool whose drift from the performer's path is limited to a number of its
+    sizes."""
     puppet = project.puppets["stool"]
     how = replace(puppet.locomotion, leash=leash)
     return project.with_characters(replace(puppet, locomotion=how))
@@ -285,7 +286,7 @@ def test_the_pose_on_the_wire_is_the_state():
 
 
 def child(names=JOINTS, front=0.0, size=0.6):
-    """The walker's motion by somebody smaller, whose joints are called otherwise and who rests elsewhere."""
+    """Returns the walker's motion by a smaller person, with other joint names and another rest pose."""
     clip = walker(names=names, size=size)
     away = from_rotation_vector(np.array([0.0, front, 0.0]))
     back = from_rotation_vector(np.array([0.0, -front, 0.0]))
@@ -382,7 +383,7 @@ def test_there_is_no_layer_of_that_number():
         motion(project, 4)
 
 
-def test_cache_key_of_motion_includes_settings():
+def test_changed_settings_recompute_the_motion():
     project = puppet_project()
     puppet = project.puppets["stool"]
     other = project.with_characters(puppet.with_changes(examples=ExampleSettings(acceleration=3.0)))

@@ -1,4 +1,4 @@
-"""Exporters are found by a file's ending, and what cannot be written is refused before any work."""
+"""Tests that exporters are found by file suffix, and that an unwritable file is refused before any work."""
 
 import sys
 

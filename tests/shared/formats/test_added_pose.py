@@ -21,7 +21,7 @@ STEP = 1 / 60
 
 
 def moving(seed, seconds=1.5, reach=1.2):
-    """(F, N, 3) metres, a man who bends all of his joints smoothly, from a pose of its own."""
+    """Returns (F, N, 3) metres of a man that bends all joints smoothly, starting from a separate pose."""
     random, skeleton = np.random.default_rng(seed), man()
     times, count = np.arange(round(seconds / STEP)) * STEP, len(skeleton)
     axes, about = random.normal(size=(count, 3)) * reach / 2, random.normal(size=(count, 3)) * 0.4
@@ -74,7 +74,7 @@ def test_a_rest_pose_that_fades_into_the_motion_is_left_out(fade):
 
 
 def test_a_motion_that_begins_fast_is_kept():
-    """A kick within the first frames, and somebody who runs off."""
+    """Returns a kick within the first frames, and a person that runs off."""
     motion, times = moving(3), np.arange(90)[:, None, None] * STEP
     kick = np.exp(-((times - 0.05) ** 2) / 0.005) * [0.0, 0.2, 0.4]
     kicked = motion.copy()

@@ -196,7 +196,7 @@ def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second)
 
 
 def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
-    """By hand: two keys of the whole, of which the second one stands a metre aside."""
+    """Returns hand-made root keys; the second one is a metre to the side."""
     project = key_characters(puppet_project(), ["stool"], 0.0)
     project = key_characters(project, ["stool"], 2.0, (1.0, 0.0, 0.0))
     before = [vertices_of(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
@@ -210,7 +210,7 @@ def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
-    """What is said to come from files is not written again, and gives the same puppet."""
+    """Content that comes from files is not written again, and gives the same puppet."""
     mesh = MeshTable("stool.ply", 1.0)
     loaded = fit_height(load_mesh(folder / "stool.ply").mesh, 1.0)
     project = full_project()
@@ -220,7 +220,7 @@ def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
     write_session(folder / "made.toml", project, "stool", mesh, takes)
     assert not (folder / "made.enliven").exists()
     assert same(read_session(folder / "made.toml").project.puppets["stool"], puppet)
-    # A take that has no file goes beside.
+    # A take without a file is saved next to the session.
     write_session(folder / "part.toml", project, "stool", mesh, {"walk": takes["walk"]})
     assert same(read_session(folder / "part.toml").project, project)
 

@@ -204,7 +204,7 @@ def test_a_required_extension_without_effect_is_accepted_with_a_note(tmp_path, n
 
 
 def compressed(data: bytes) -> Twin:
-    """A chain whose vertices are compressed by Draco."""
+    """Returns a chain with Draco-compressed vertices."""
     twin = Twin()
     chain(twin)
     primitive = twin.json["meshes"][0]["primitives"][0]
@@ -320,7 +320,7 @@ def test_written_files_of_all_kinds_are_valid(tmp_path, kind):
 FOREIGN = re.compile(
     r"\b\w*(Error|Exception|Warning)\b|NoneType|'\w+' object|Expecting |subscriptable|not iterable"
 )
-"""What only Python and its parsers write."""
+"""Matches text that only Python and its parsers write."""
 
 
 @settings(max_examples=60, deadline=None)
@@ -377,7 +377,7 @@ def test_messages_contain_no_exception_class_names(package):
                 named = [a.arg for a in node.args.args if a.arg in ("error", "exception", "exc")]
                 found += [f"{path}:{line}" for name in named for line in lines_that_name(node, name)]
     allowed = [one for one in found if "sensors/isolation/helper.py" in one]
-    # The helper process sends the class of enliven's own errors, from which the edge makes the same error.
+    # The helper process sends the class of enliven's own errors, from which the edge recreates the error.
     assert len(allowed) <= 2 and not set(found) - set(allowed)
 
 

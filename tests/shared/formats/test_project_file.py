@@ -38,7 +38,7 @@ STORED = Path(__file__).parent / "projects"
 
 
 def possessed():
-    """A possessed triangle: a character of two nodes, and what they did."""
+    """Returns a possessed triangle: a character of two nodes, and their motion."""
     skin = SkinWeights(
         np.array([[0, 1, 0, 0]] * 3, np.uint16), np.array([[0.75, 0.25, 0, 0]] * 3, np.float32)
     )

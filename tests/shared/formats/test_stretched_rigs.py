@@ -1,6 +1,7 @@
-"""Models whose clips move and scale joints: played, saved, cut, merged, scaled and written with that motion.
+"""Tests of models whose clips move and scale joints: played, saved, cut, merged, scaled and written with that
+motion.
 
-The twin is glTF's own skinning, one vertex at a time (slow_gltf).
+The reference is glTF's own skinning, one vertex at a time (slow_gltf).
 """
 
 from __future__ import annotations
@@ -150,7 +151,7 @@ def named(project, shape_id, time):
 def same(before, after, size):
     for name, (place, linear) in before.items():
         agree(after[name][0], place, size)
-        # The root of what was cut off is new: no bone ends there.
+        # The root of the cut-off part is new, so no bone ends there.
         if name in after:
             agree(after[name][1], linear, 1.0)
 

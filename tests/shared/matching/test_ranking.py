@@ -182,7 +182,7 @@ def test_a_cost_that_is_not_finite_is_refused(bad):
 
 
 def star(arms, seed=0):
-    """A middle with arms, from which a source cannot be driven choice by choice."""
+    """Returns a tree with arms around a middle, which a source cannot drive choice by choice."""
     rng = np.random.default_rng(seed)
     positions = np.concatenate([np.zeros((1, 3)), rng.normal(size=(arms, 3))])
     return positions, [(0, i) for i in range(1, arms + 1)]

@@ -1,4 +1,4 @@
-"""What is seen of bones, and from where more of them can be seen."""
+"""Tests of the visible length of bones, and of viewing directions that show more of them."""
 
 from __future__ import annotations
 

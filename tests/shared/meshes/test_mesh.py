@@ -1,4 +1,4 @@
-"""Meshes: areas, normals, welding, refining, fitting, and what is repaired and said."""
+"""Tests of meshes: areas, normals, welding, refining, fitting, and reported repairs."""
 
 import numpy as np
 import pytest

@@ -30,7 +30,8 @@ def test_of_a_ball_the_near_half_is_there_and_faces_the_sensor(x, y, away, radiu
     distance = np.linalg.norm(mesh.vertices - centre, axis=1)
     assert np.abs(distance - radius).max() < 0.01
     towards = viewpoint - centre
-    # What can be seen of a ball is less than its half, by how near it is; its rim is seen too flatly.
+    # Less than half of a ball is visible, depending on its distance, and its rim is seen at too flat an
+    # angle.
     seen = 2 * np.pi * radius**2 * (1 - radius / np.linalg.norm(towards))
     assert 0.65 * seen < mesh.area < 1.1 * seen
     middles = mesh.vertices[mesh.faces].mean(1)
@@ -62,7 +63,7 @@ def test_too_few_points_are_reported(count: int) -> None:
 
 
 def pcd(path: Path, points: np.ndarray, kind: str) -> Path:
-    """A PCD file whose points are preceded by a colour and padded, seen from (0, 1, 0)."""
+    """Returns a PCD file with padding and a colour before the points, seen from (0, 1, 0)."""
     head = "# .PCD v0.7\nVERSION 0.7\nFIELDS rgb x y z _\nSIZE 4 4 4 4 1\nTYPE U F F F U\nCOUNT 1 1 1 1 4\n"
     head += f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 1 0 1 0 0 0\nPOINTS {len(points)}\nDATA {kind}\n"
     if kind == "ascii":

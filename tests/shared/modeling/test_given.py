@@ -45,7 +45,7 @@ FOLDED = 0.2
 
 
 def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
-    """The chair that is performed, and beside it a stool that stands still."""
+    """Returns a performed chair, and a still stool next to it."""
     mesh = replace(STOOL, vertices=STOOL.vertices * size)
     project, name = paste_character(WORLD, project_of_mesh(mesh, "stool"), "stool")
     return move_character(project, name, place)

@@ -28,7 +28,7 @@ from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.rotation import rotate
 
 BAKED = 0.02
-"""Share of a puppet's size by which it may be off when it is baked (BakeSettings): what the note says."""
+"""Maximum error of a baked puppet relative to its size (BakeSettings), as stated in the note."""
 ROUNDED = 2e-3
 """Metres between two frames of a recorded skeleton: rotations are mixed in proportion there."""
 FRAME = 1.0 / 60.0
@@ -40,7 +40,7 @@ pairs = pytest.mark.parametrize(("host", "graft"), [*UNLIKE, ("bones", "possesse
 
 
 def beside(host, graft, time):
-    """Both in one project, the graft so far to the right that the two do not touch."""
+    """Returns both in one project, with the graft far enough to the right not to touch the host."""
     project, ours = paste_character(Project(), *WORLDS[host])
     project, theirs = paste_character(project, *WORLDS[graft])
     one, other = (vertices_of(project, name, time) for name in (ours, theirs))

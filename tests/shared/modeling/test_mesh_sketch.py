@@ -1,4 +1,4 @@
-"""Sketches: any closed stroke becomes a closed, even, weighted part whose bones run where they should."""
+"""Tests of sketches: any closed stroke becomes a closed, even, weighted part with correctly placed bones."""
 
 import numpy as np
 import pytest

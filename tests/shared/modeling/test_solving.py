@@ -1,4 +1,5 @@
-"""The motion of a possessed mesh is solved again by its performers: what fits still, and what follows."""
+"""Tests of solving a possessed mesh's motion again from its performers: which solutions stay valid, and which
+follow."""
 
 from __future__ import annotations
 
@@ -157,7 +158,7 @@ def leg_cut(project, name, time=0.0):
 @laws
 @given(seed=st.integers(0, 20))
 def test_both_parts_are_solved_after_cutting_a_leg(seed):
-    """The chair follows its performer as nearly as before, and what is above the seat hardly knows."""
+    """The chair follows its performer as closely as before, and parts above the seat hardly change."""
     project, name = possessed_chair(frames=30, seed=seed)
     whole = vertices_of(project, name, 0.7)
     cut, (chair, leg) = leg_cut(project, name)
@@ -267,7 +268,7 @@ def test_progress_notes_and_refusals():
         settings_of(replace(how, settings='{"fades": 1}'))
 
 
-def test_painted_weights_affect_reattachment():
+def test_painted_softness_affects_the_next_solve():
     project, name = WORLD
     middle, wide = project.graph(name).mesh.vertices.mean(0)[None], 5.0
     soft = paint_character(project, name, middle, wide, "softer")

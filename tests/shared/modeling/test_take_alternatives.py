@@ -1,4 +1,4 @@
-"""Takes of which one is heard: kept beside one another, chosen, and dropped with all that was theirs."""
+"""Tests of alternative takes (comping): stored together, selected, and removed with all their data."""
 
 from __future__ import annotations
 

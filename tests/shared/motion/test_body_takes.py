@@ -1,4 +1,4 @@
-"""Takes of joints: every frame as it was measured, whatever is missing in it."""
+"""Tests that takes of joints store every measured frame, including incomplete ones."""
 
 import numpy as np
 import pytest

@@ -33,7 +33,7 @@ _TRUNK = [[0, 0.95, 0], [0, 1.05, 0], [0, 1.4, 0], [0, 1.6, 0]]
 _ARM = np.array([[0.2, 1.4, 0], [0.22, 1.12, 0], [0.22, 0.88, 0], [0.22, 0.8, 0]])
 _LEG = np.array([[0.1, 0.9, 0], [0.1, 0.5, 0], [0.1, 0.1, 0], [0.1, 0.05, 0.1]])
 STANDING = np.concatenate([_TRUNK, _ARM, _ARM * [-1, 1, 1], _LEG, _LEG * [-1, 1, 1]])
-"""(20, 3) somebody who stands with hanging arms."""
+"""(20, 3) joints of a standing person with hanging arms."""
 
 
 def joints_of(clip):

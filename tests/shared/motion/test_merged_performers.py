@@ -23,7 +23,7 @@ def body(who: int, number: int, x: float = 0.0):
 
 
 def frames(count: int, who) -> list[BodyFrame]:
-    """Frames in which the function says who is seen, each with a place."""
+    """Returns frames in which the function determines the visible people and their positions."""
     return [BodyFrame([body(i, n, x) for i, x in who(n)], n * STEP, "edge") for n in range(count)]
 
 

@@ -1,4 +1,4 @@
-"""What was performed live becomes takes and layers that play as it was seen."""
+"""Tests that a live performance becomes takes and layers that play as displayed."""
 
 from __future__ import annotations
 

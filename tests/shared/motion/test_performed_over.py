@@ -1,4 +1,4 @@
-"""What is performed over a possessed mesh, and what is punched in, leaves everything else as it was."""
+"""Tests that an overdub of a possessed mesh, and a punch-in, leave everything else unchanged."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def chair() -> Project:
 
 
 def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Performed:
-    """What an edge would publish of the chair held by its top: it swings, aside of where it plays."""
+    """Returns an edge's messages for the chair held at its top: it swings, away from its playing position."""
     character, poses = character_of_graph(shape), []
     top = shape.positions[:, 1] > np.quantile(shape.positions[:, 1], 0.7)
     stands = to_matrix(from_rotation_vector(np.array([0.0, 0.7, 0.0])))

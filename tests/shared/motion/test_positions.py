@@ -1,4 +1,4 @@
-"""Turns of bones from the places of joints: the kernel against the same in plain NumPy, and what is odd."""
+"""Tests of bone rotations from joint positions: the kernel against plain NumPy, and special cases."""
 
 import sys
 from pathlib import Path

@@ -24,7 +24,7 @@ RATE = 30
 
 
 def waving(id: int, seconds: float) -> Body:
-    """Somebody whose left arm swings."""
+    """Returns a person whose left arm swings."""
     joints = STANDING.copy()
     arm = from_rotation_vector([-np.sin(3 * seconds), 0, 0])
     joints[5:8] = joints[4] + rotate(arm, STANDING[5:8] - STANDING[4])

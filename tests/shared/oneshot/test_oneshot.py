@@ -37,12 +37,12 @@ HALF = [
     (Joint.ANKLE_LEFT, (0.22, 0.10, 0.0)),
     (Joint.FOOT_LEFT, (0.22, 0.02, 0.10)),
 ]
-"""The left side of a person who stands in the chair, metres."""
+"""The left side of a person standing in the chair, metres."""
 TRUNK = [(0.0, 0.95, 0.0), (0.0, 1.10, 0.0), (0.0, 1.40, 0.0), (0.0, 1.60, 0.0)]
 
 
 def standing(bow: float = 0.0) -> Body:
-    """A person in the chair who bows by so many radians."""
+    """Returns a person in the chair that bows by an angle in radians."""
     joints = np.zeros((J, 3))
     joints[:4] = TRUNK
     for joint, place in HALF:

@@ -22,7 +22,7 @@ LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_
 
 
 def standing():
-    """(20, 3) a person of 1.75 m at the origin who faces +Z, forearms held forward, feet apart."""
+    """(20, 3) a person of 1.75 m at the origin, facing +Z, forearms forward, feet apart."""
     joints = np.zeros((J, 3))
     spine = {Joint.HIP_CENTER: 0.95, Joint.SPINE: 1.08, Joint.SHOULDER_CENTER: 1.42, Joint.HEAD: 1.6}
     for joint, height in spine.items():
@@ -291,7 +291,7 @@ def test_taking_hold_of_a_deformed_mesh_moves_nothing(graph):
     forth = (forth * again.node_weights[..., None]).sum(1)
     gaps = np.linalg.norm(forth - again.targets(lifted), axis=1)
     assert np.median(gaps) < 1e-3 and gaps.max() < 0.03
-    # What was stretched relaxes a little; nothing leaps.
+    # Stretched parts relax a little; nothing jumps.
     after = EmbeddedSolver(graph, again, start=state).solve(again.targets(lifted))[1]
     moves = np.linalg.norm(after - positions, axis=1)
     assert moves.mean() < 0.01 and moves.max() < 0.06

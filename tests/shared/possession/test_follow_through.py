@@ -1,4 +1,4 @@
-"""Follow-through: what is soft swings, what is stiff does not, and what goes evenly is where it is."""
+"""Tests of follow-through: soft parts swing, stiff parts do not, and uniform motion has no lag."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -53,7 +53,7 @@ def kernels_of(nodes: int, *, warm: bool) -> set[str]:
 @pytest.mark.timeout(700)
 @pytest.mark.parametrize("nodes", [40, 230])
 def test_warm_up_compiles_all_kernels(nodes):
-    """Below and above the number of nodes from which a matrix is made after every frame."""
+    """Node counts below and above the threshold for recomputing the matrix after every frame."""
     assert kernels_of(nodes, warm=True) == set()
 
 

@@ -1,4 +1,5 @@
-"""enliven recover: every whole message of a cut or damaged recording, and what was lost, said."""
+"""Tests of enliven recover: it keeps every whole message of a truncated or damaged recording, and reports the
+losses."""
 
 import math
 import random

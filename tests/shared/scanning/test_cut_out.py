@@ -1,4 +1,4 @@
-"""What stands on the floor is cut out of a surface: the floor is found, soles and small holes are closed."""
+"""Tests of cutting out objects on the floor: the floor is found, contact areas and small holes are closed."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is meant is cut out of a scan: by a box, and as what stands where nothing was before."""
+"""Tests of cutting a selection out of a scan: by a box, and as a new object where nothing was before."""
 
 import sys
 from pathlib import Path
@@ -53,7 +53,7 @@ def parts_of(mesh):
     turn=st.floats(-3, 3),
 )
 def test_box_keeps_only_its_content(low, high, tall, lean, turn):
-    """The kept surface is that of the clipped box, whose area is known, however the scan lies."""
+    """The kept surface is that of the clipped box, whose area is known, in any frame of the scan."""
     # A side of the thing that lies in a side of the box may count as in it, or not.
     assume(all(abs(abs(side) - 0.15) > 1e-6 for side in (*low, *high)))
     whole = Mesh(*standing((0.0, 0.0)))

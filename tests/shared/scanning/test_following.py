@@ -1,4 +1,4 @@
-"""What is vacated, and how far points are from a surface: laws, and slow obvious twins."""
+"""Tests of vacated space, and of distances between points and a surface, against laws and slow references."""
 
 import sys
 from pathlib import Path

@@ -163,7 +163,7 @@ def test_pixels_that_are_left_out_carve_and_make_no_surface():
     assert volume.integrate(empty, pose).new == 0
 
 
-def test_object_in_view_centre_comes_first():
+def test_object_at_the_view_target_comes_first():
     floor = box((-2, -0.05, -2), (2, 0, 2))
     small, large = box((-0.1, 0.0, -0.1), (0.1, 0.3, 0.1)), box((0.6, 0.0, -0.3), (1.1, 0.8, 0.3))
     scene, focus = together(floor, small, large), np.zeros(3)

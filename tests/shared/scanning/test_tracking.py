@@ -88,7 +88,7 @@ def test_a_carried_camera_is_found_on_its_whole_way():
         for step, a in zip(steps, np.linspace(0, 1, 26), strict=True)
     ]
     assert np.max(errors, axis=0)[0] < 0.008 and np.max(errors, axis=0)[1] < 0.006
-    # What is said of the error is no promise that it does not keep.
+    # The reported error must be a reliable bound.
     assert all(
         error[0] < 4 * step.alignment.deviation for error, step in zip(errors[1:], steps[1:], strict=True)
     )
@@ -118,7 +118,7 @@ def test_a_blank_wall_is_unsure_and_not_fused():
     assert step.state is ScanState.UNSURE and step.alignment.deviation > 1.0
     assert scanner.volumes[0].weight.sum() == before
     values, vectors = np.linalg.eigh(step.alignment.covariance[:3, :3])
-    # Along the wall's normal the place is known, beside it is not.
+    # The position is known along the wall's normal, but not parallel to the wall.
     normal = np.abs(step.world_from_camera[:3, 2])
     assert np.abs(vectors[:, 0]) @ normal > 0.99 and values[0] < 1e-4 < values[1]
 
@@ -189,7 +189,8 @@ def test_slope_noise_correction_matches_slow_sum():
     told = camera_tracker._told(sums)
     # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
     assert np.abs(told - expected).max() < 0.3 * np.abs(matrix - expected).max()
-    # Looked at closely: products of slopes and normals, and a part of the rest for so many points.
+    # Corrected for noise: products of slopes and normals, and a fraction of the rest for the number of
+    # points.
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
     close, less = camera_tracker._told_closely(sums, independent), 1.0 / np.sqrt(independent * count)

@@ -1,4 +1,5 @@
-"""Puppets on the wire: whole there and back, rigid for who does not know them, small, and never trusted."""
+"""Tests of puppets on the wire: unchanged after a round trip, rigid for older programs, small, and
+validated."""
 
 from __future__ import annotations
 

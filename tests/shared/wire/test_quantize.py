@@ -133,7 +133,7 @@ def test_the_stated_errors_hold(seed: int, spread: float, kind: str) -> None:
 
 @few
 @given(SEEDS)
-def test_encoding_is_deterministic_and_idempotent(seed: int) -> None:
+def test_encoding_is_deterministic_and_reencoding_is_stable(seed: int) -> None:
     codec, pose = PoseCodec(character(16, seed)), random_pose(16, seed, 0.3)
     data = codec.encode(pose).data
     assert codec.encode(pose).data == data == PoseCodec(character(16, seed)).encode(pose).data

@@ -23,7 +23,8 @@ def areas(points, triangles):
 
 
 def not_delaunay(points, triangles):
-    """Inner edges whose two opposite angles sum to more than a half turn, the slow obvious way."""
+    """Returns the inner edges whose two opposite angles sum to more than 180 degrees, by a slow direct
+    method."""
     opposite = {}
     for a, b, c in triangles.tolist():
         for tip, i, j in ((a, b, c), (b, c, a), (c, a, b)):

@@ -135,7 +135,7 @@ def test_union_restores_cut_mesh():
     union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
     assert union.fused and watertight(union.mesh)
     assert volume(union.mesh) == pytest.approx(volume(mesh), rel=1e-9)
-    # The caps are gone: but for the rim there is no vertex that was not there before.
+    # The caps are gone: except at the rim, all vertices existed before.
     assert len(union.mesh.vertices) - len(mesh.vertices) == union.seam.sum()
     from_near = cut.near.kept[union.first[union.first >= 0]]
     assert set(range(len(mesh.vertices))) - set(from_near) <= set(cut.far.kept)

@@ -27,7 +27,7 @@ def together(*meshes):
 
 
 def beast(lean=0.0):
-    """A body, a head before it, two arms of which the left (-x) may be higher, and a tail."""
+    """Returns a body with a head in front, a tail, and two arms. The left arm (-x) may be higher."""
     return together(
         box([-0.2, 0.0, -0.4], [0.2, 0.5, 0.4]),
         box([-0.1, 0.4, 0.35], [0.1, 0.7, 0.6]),

@@ -1,4 +1,4 @@
-"""Edits of puppets: pure, undone by the value before, refused with the reason, and laws of what they keep."""
+"""Tests of puppet edits: they are pure and undoable, errors give the reason, and invariants hold."""
 
 from __future__ import annotations
 

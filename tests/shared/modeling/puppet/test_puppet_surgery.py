@@ -1,4 +1,4 @@
-"""Puppets cut and merged: where they were at that time, as they were in their key poses, and still moving."""
+"""Tests of puppets that are cut and merged: world pose and key poses are kept, and they still move."""
 
 import made_puppets
 import numpy as np

@@ -37,7 +37,7 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     away = random.normal(size=3)
     edited, copy = copy_character(project, "shape 0", offset=away, delay=delay)
     one, two = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
-    # A loop's seam may fall between the two times where the sum is rounded; a millisecond off is no law.
+    # A loop's seam may fall between the two times because the sum is rounded, so a millisecond is excluded.
     if not any(layer.loop for layer in project.shape("shape 0").layers):
         assert angle(one.turns, two.turns) < 1e-7
         np.testing.assert_allclose(one.joints + away, two.joints, atol=1e-7)
