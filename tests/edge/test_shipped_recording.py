@@ -18,7 +18,7 @@ ROUNDED_OTHERWISE = 1e-3
 """Share of the pixels that may differ on another processor: millimetres that are rounded the other way."""
 
 
-def test_it_holds_nine_seconds_with_the_truth() -> None:
+def test_recording_has_nine_seconds_with_ground_truth() -> None:
     recording = Recording(CHAIR)
     assert CHAIR.stat().st_size < 3_000_000
     frames, truth = list(recording.frames()), list(recording.truth())

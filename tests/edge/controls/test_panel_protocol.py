@@ -80,7 +80,7 @@ def test_presses_of_lost_messages_are_made_good_and_none_is_heard_twice(presses)
 
 
 @given(st.lists(st.integers(0, 15), min_size=9, max_size=9), st.integers(0, 0xFFFF))
-def test_what_was_pressed_before_the_first_message_is_nothing(counts, beat):
+def test_presses_before_the_first_message_are_ignored(counts, beat):
     keys = PanelKeys()
     assert keys.feed(sent(beat, counts)) == []
     counts[4] += 1

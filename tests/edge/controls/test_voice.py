@@ -114,7 +114,7 @@ def test_speech_that_is_no_phrase_is_reported_with_words(recogniser, text):
 
 
 @pytest.mark.parametrize("kind", ["silence", "hiss", "hum", "claps"])
-def test_what_nobody_says_is_no_command(recogniser, kind):
+def test_sounds_without_speech_give_no_command(recogniser, kind):
     random, time = np.random.default_rng(1), np.arange(8 * RATE) / RATE
     sound = {
         "silence": np.zeros(len(time)),

@@ -125,7 +125,7 @@ def test_the_mirror_image_is_of_the_mirrored_person():
     assert np.mean(np.concatenate(alike)) > PARTS_RIGHT
 
 
-def test_where_the_world_lies_changes_nothing_but_where_the_joints_are():
+def test_world_frame_changes_only_joint_positions():
     """Turned about the vertical and moved along the floor."""
     for n in range(5):
         case = fresh(n)

@@ -109,7 +109,7 @@ def test_noise_does_not_pull_the_clock_between_frames():
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
-def test_who_is_who_does_not_depend_on_ids_or_order(order):
+def test_person_matching_is_independent_of_ids_and_order(order):
     people = [
         Walker(),
         Walker(WalkPath(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)),

@@ -16,7 +16,7 @@ def supposing(name, time):
     return [body(here, 1)]
 
 
-def test_who_is_supposed_where_they_were_is_nobody_else():
+def test_predicted_body_keeps_its_identity():
     told = [(time, bodies) for time, bodies, _ in run(supposing, 6.0) if time > 0.3]
     assert {tuple(b.id for b in bodies) for _, bodies in told} == {(1,)}
     assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05

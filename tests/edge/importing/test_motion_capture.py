@@ -88,7 +88,7 @@ def test_a_take_of_it_is_what_was_danced(tmp_path) -> None:
     assert first.stature == again.stature
 
 
-def test_what_is_no_person_is_refused_by_what_is_missing(tmp_path) -> None:
+def test_non_human_skeleton_error_names_missing_joints(tmp_path) -> None:
     path = write_bvh(tmp_path / "dog.bvh", danced(seconds=0.2))
     path.write_text(path.read_text().replace("Elbow", "Paw"))
     with pytest.raises(InputError, match=r"no elbow.*dog\.bvh|dog\.bvh.*no elbow"):

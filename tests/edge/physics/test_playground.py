@@ -141,7 +141,7 @@ def test_the_same_frames_give_the_same_props():
     np.testing.assert_array_equal(first, second)
 
 
-def test_nothing_is_there_before_somebody_shows_the_place():
+def test_boxes_appear_only_after_a_person_stands_still():
     made = playground(place="performer")
     assert step(made, [at((9, 0, 9))], [], set(), 0) is None
     for k in range(1, 20):
@@ -165,7 +165,7 @@ def test_performers_push_where_they_are_said_to(rule, holders, pushes):
     assert (np.abs(props.positions[:, 0] - 0.5).max() > 0.2) == pushes
 
 
-def test_who_appears_among_the_boxes_flings_nothing():
+def test_character_appearing_among_boxes_does_not_fling_them():
     made = playground()
     step(made, [], [], set(), 0)
     highest = 0.0
@@ -225,7 +225,7 @@ def test_balls_are_thrown_and_hits_are_counted():
     assert "block hit" in props.note and "performer 7 hit" in props.note
 
 
-def test_who_steps_aside_is_not_hit():
+def test_character_stepping_aside_is_not_hit():
     game = DodgeballSettings(balls=1, every=0.5, flight=0.8, distance=2.5)
     made = playground("dodgeball", dodgeball=game)
     for k in range(120):

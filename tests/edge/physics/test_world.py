@@ -101,7 +101,7 @@ def test_a_box_moves_away_from_what_hits_it(angle, speed):
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
-def test_it_is_pushed_as_fast_as_the_sphere_is(speed):
+def test_box_is_pushed_at_the_spheres_speed(speed):
     """Like a heavy body of that speed: the box leaves with it, and a little faster at most."""
     fastest = 0.0
     world = World(boxes(), UNBOUND)

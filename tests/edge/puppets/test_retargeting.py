@@ -135,7 +135,7 @@ def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() ->
     np.testing.assert_allclose(steps[-1], seen(retargeting, back)[1], atol=1e-6)
 
 
-def test_who_was_never_seen_stands_with_hanging_arms() -> None:
+def test_never_tracked_performer_stands_with_hanging_arms() -> None:
     retargeting = Retargeting(own_skeleton(), PAIRED)
     nobody = Body(1, np.full((20, 3), np.nan), np.zeros(20))
     pose = seen(retargeting, nobody)

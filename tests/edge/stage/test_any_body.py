@@ -63,7 +63,7 @@ def at_origin(known) -> np.ndarray:
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
 
 
-def test_who_stands_in_it_has_the_back_in_its_back(known):
+def test_performers_back_is_in_the_meshs_back(known):
     """The trunk within 4 cm of theirs, and the front theirs."""
     modelled, _ = prepared(known.mesh, ActorSettings(stand="modelled"))
     fitted, _ = prepared(known.mesh, ActorSettings(stand="fitted"))
@@ -96,7 +96,7 @@ def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
 
 
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])
-def test_it_waves_when_its_performer_waves(known, how, side):
+def test_mesh_waves_with_its_performer(known, how, side):
     """The mesh comes to its performer's pose without a jump, arms hanging as theirs do, then waves."""
     own = ActorSettings(how=how, stand="modelled")
     actor = cast_mesh(known.mesh, "it", 128, own)

@@ -96,7 +96,7 @@ def test_joining_replaces_ones_own_hold_and_extending_keeps_it(chair):
     assert [h.body for h in actor.holds] == [2]
 
 
-def test_who_joins_unnamed_is_who_does_not_hold_yet(chair):
+def test_unnamed_join_selects_a_free_performer(chair):
     house, bodies = stage(chair), [person(), person(id=2)]
     house.perform(bodies, 0)
     house.possess("chair", parts="legs")
@@ -228,7 +228,7 @@ def test_contradiction_is_shared_whoever_came_first(chair):
     assert np.linalg.det(one.linear).min() > 0.05
 
 
-def test_who_is_lost_lets_go_smoothly_and_the_other_goes_on(chair):
+def test_lost_performer_releases_smoothly_and_other_continues(chair):
     house, poses = stage(chair), []
 
     def play(count, *ids):
@@ -268,7 +268,7 @@ def test_a_crowd_leaves_and_comes_back(chair):
     assert [h.body for h in house.actors["chair"].holds] == [1, 2]
 
 
-def test_who_drops_through_the_floor_is_out_of_sight(chair):
+def test_performer_below_the_floor_counts_as_lost(chair):
     """A skeleton of somebody who is half hidden sinks before it is gone; the mesh does not go with it."""
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)

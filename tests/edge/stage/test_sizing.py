@@ -97,7 +97,7 @@ def test_holding_still_ends_it_and_lost_hands_change_nothing():
     assert play.told[-1].body == -1 and play.growth == pytest.approx(grown, rel=0.02)
 
 
-def test_who_holds_it_holds_it_as_before_at_every_size():
+def test_resizing_keeps_the_attachment():
     plain, grown = Play(), Play()
     for play in (plain, grown):
         play.frames(person())
@@ -150,7 +150,7 @@ def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
     assert later._swing._exaggeration == 0.5 and play.told[-1].exaggeration is None
 
 
-def test_what_has_no_soft_parts_refuses_to_swing():
+def test_rigid_mesh_refuses_follow_through():
     class Stiff(EmbeddedActor):
         exaggerate = Actor.exaggerate  # as of characters with bones, and puppets
 

@@ -64,7 +64,7 @@ def played(chair, bodies, **options):
     return np.stack([skin_vertices(chair[0], pose) for pose in poses]), actor
 
 
-def test_who_crouches_does_not_push_the_mesh_through_the_floor(chair):
+def test_crouching_does_not_push_the_mesh_through_the_floor(chair):
     bodies = [person(down=0.006 * min(i, 30)) for i in range(40)]
     off, above = (played(chair, bodies, floor=FloorSettings(use=use))[0] for use in ("off", "above"))
     assert off[-1, :, 1].min() < -0.15
@@ -185,7 +185,7 @@ def test_legs_driven_through_each_other_stay_beside_each_other(trousers):
     assert off > 0.03 and on < 0.35 * off
 
 
-def test_nothing_changes_where_nothing_touches(trousers):
+def test_no_contact_changes_nothing(trousers):
     (off, _), (on, _) = crossing(trousers, 0.06, False), crossing(trousers, 0.06, True)
     for a, b in zip(off, on, strict=True):
         np.testing.assert_allclose(a[1], b[1], atol=2e-4)
@@ -270,7 +270,7 @@ def test_an_error_that_is_there_falls():
 
 
 @pytest.mark.parametrize("follow", ["surface", "both"])
-def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
+def test_tracked_depth_reaches_the_mesh(chair, follow):
     """From depth frames: the performer's surface is found, and draws the mesh that they hold."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]

@@ -97,7 +97,7 @@ def test_out_of_the_image_or_of_range_is_not_visible() -> None:
     assert not far.visible.any()  # the profile measures to 5 m
 
 
-def test_who_is_away_has_no_joints() -> None:
+def test_absent_performer_has_no_joints() -> None:
     scene = Ensemble(TOF, (appearance("still", present=(0.2, 0.5)),), noise=False)
     there = [scene.frame(n)[1] for n in (0, 10, 20)]
     assert [bool(t.present[0]) for t in there] == [False, True, False]

@@ -49,7 +49,7 @@ def test_the_performer_is_where_the_truth_says(noise: bool, share: float) -> Non
     assert (body.confidence == 1).all()
 
 
-def test_it_ends_or_begins_again() -> None:
+def test_stream_ends_or_loops() -> None:
     sensor = SyntheticSensor("tof", "wave", width=80, realtime=False, loop=False)
     count = 0
     while sensor.read() is not None:

@@ -24,7 +24,7 @@ def test_in_vain_it_waits_twice_as_long_each_time_and_no_longer_than_asked():
     assert frames_between(Backoff(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
 
 
-def test_what_helped_is_tried_in_every_bad_frame():
+def test_successful_method_is_tried_in_every_bad_frame():
     backoff = Backoff(8)
     frames_between(backoff, 0.3, 5)
     assert not backoff.is_due(0.3)

@@ -40,12 +40,12 @@ def verdicts(posture: Posture, seen: EstimateAtPoints, velocity=STILL, frames: i
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
-def test_who_faces_the_right_way_is_left_alone(yaw):
+def test_correct_facing_is_kept(yaw):
     assert not any(verdicts(standing(yaw), seen_facing(standing(yaw))))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
-def test_who_faces_the_wrong_way_is_turned_after_a_while_and_not_before(yaw):
+def test_wrong_facing_is_corrected_after_a_delay(yaw):
     wrong = verdicts(turned_about(standing(yaw)), seen_facing(standing(yaw)))
     assert any(wrong)
     assert not any(wrong[:10]), "a few frames must not turn a person"
@@ -87,7 +87,7 @@ def test_people_bend_forward(yaw):
     assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
 
 
-def test_who_lies_on_the_back_does_not_lean():
+def test_person_lying_on_the_back_does_not_lean():
     assert backward(bent(-1.5).rotations) == 0.0
 
 
@@ -95,7 +95,7 @@ def test_a_slight_doubt_turns_nobody():
     assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
 
 
-def test_who_has_been_facing_rightly_is_turned_only_by_more_than_who_is_new():
+def test_established_facing_needs_more_evidence_to_flip():
     """Sideways, where the sensor itself says nothing for either way."""
     sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
