@@ -1,4 +1,5 @@
-"""The panel's messages: laws of finding them among noise, and of counting presses by what was heard."""
+"""Tests of the panel's messages: they are found in noise, and presses are counted from the received
+counters."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ noises = st.one_of(st.binary(max_size=40), st.text("$*\nP0", max_size=40).map(st
 
 
 def sent(beat: int, counts: list[int]) -> bytes:
-    """What a panel sends whose buttons were pressed so often."""
+    """Returns a panel's message for these numbers of presses."""
     return encode(f"P{beat % 0x10000:04X}" + "".join(f"{count % 16:X}" for count in counts))
 
 

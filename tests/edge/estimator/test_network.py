@@ -1,4 +1,4 @@
-"""The network as it is trained: its shapes, where it reads joints, that it learns, and what is exported."""
+"""Tests of the network in training: its shapes, its joint decoding, its learning, and its export."""
 
 from __future__ import annotations
 

@@ -277,7 +277,7 @@ def test_a_heap_of_joints_is_nobody():
 
 
 def test_half_a_body_beside_a_whole_one_is_nobody():
-    """Sensor a takes the legs for a second person; sensor b, who looks there too, sees one."""
+    """Sensor a detects the legs as a second person; sensor b, which covers the same area, sees one person."""
     half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
 
     def told(name, time):

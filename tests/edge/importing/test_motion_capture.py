@@ -45,7 +45,7 @@ def test_the_joints_are_those_of_the_person_in_metres(tmp_path, name, height, un
     frames = read(write_bvh(tmp_path / "a.bvh", joints, unit, turn))
     read_back = np.stack([frame.bodies[0].joints for frame in frames])
     moved = read_back - joints
-    # Where the floor is may differ by what is under the ankles of this performer, and by nothing else.
+    # The floor height may differ by the sole thickness of this performer, and by nothing else.
     assert np.ptp(moved[:, LIMBS, 1]) < 1e-5
     assert np.abs(moved[:, LIMBS, 1]).max() < 0.03
     assert np.abs(moved[:, LIMBS][..., [0, 2]]).max() < 1e-5

@@ -1,4 +1,4 @@
-"""Colour beside the tracker: it helps where depth does not show enough, and is not needed."""
+"""Tests of colour in addition to the tracker: it helps if depth is insufficient, and is optional."""
 
 import dataclasses
 

@@ -51,7 +51,7 @@ class Show:
         return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
-        """(3,) from the middle to the tip of a limb, as it is now."""
+        """Returns (3,) the current vector from the middle to the tip of a limb."""
         joints = self.actor.live_shape.joints
         return joints[self.names.index(f"{name} 2")] - joints[0]
 

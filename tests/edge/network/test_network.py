@@ -1,4 +1,5 @@
-"""Strangers at the edge's ports, over real sockets: who is let in, what is read, in what order it is done."""
+"""Tests of untrusted connections to the edge, over real sockets: admission, reading, and order of
+execution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The playground: where it is laid out, who pushes, what the games say, and that it repeats itself."""
+"""Tests of the playground: its placement, pushing bodies, game messages, and repeatability."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_bodies_become_spheres_about_their_joints():
 
 def test_the_ground_is_where_a_performer_stands_and_looks():
     ground = WorldGround(np.array([1.0, 0.0, 2.0]), np.pi / 2)
-    # Who has turned by a quarter from +Z looks along +X, and has -Z to the left.
+    # A person rotated by 90 degrees from +Z faces +X, and has -Z to the left.
     np.testing.assert_allclose(
         ground.to_world(np.array([[0, 0, 1.0], [1, 0, 0]])), [[2, 0, 2], [1, 0, 1]], atol=1e-12
     )

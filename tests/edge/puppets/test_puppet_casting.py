@@ -1,4 +1,4 @@
-"""Puppets from files: what is missing is said before the stage opens, in one sentence, with what to do."""
+"""Tests of puppets from files: missing parts are reported with a fix before the stage opens."""
 
 from __future__ import annotations
 

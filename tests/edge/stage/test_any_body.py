@@ -1,4 +1,4 @@
-"""Ten bodies that nobody tuned on wave as their performer does, limb for limb."""
+"""Tests that ten held-out bodies wave like their performer, limb by limb."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_all_limbs_are_found(known):
 
 
 def at_origin(known) -> np.ndarray:
-    """(20, 3) metres: its joints where a mesh of 1.75 m stands as it was modelled."""
+    """(20, 3) metres: its joints in a mesh of 1.75 m in its modelled position."""
     low, high = known.mesh.bounds
     middle = [(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2]
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
@@ -131,7 +131,7 @@ def test_mesh_waves_with_its_performer(known, how, side):
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
 def test_a_t_pose_lets_its_arms_hang_before_anybody_holds_it(how, ahead):
-    """It meets who is in view, without a jump, and nothing of it moves as they take hold."""
+    """It approaches the performer in view without a jump, and does not move on attachment."""
     known = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
     actor = cast_mesh(known.mesh, "it", 128, own)

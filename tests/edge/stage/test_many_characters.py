@@ -1,4 +1,5 @@
-"""Several characters on one stage: who takes what, and who goes on when one comes or goes."""
+"""Tests of several characters on one stage: assignment of performers, and continuity when one comes or
+goes."""
 
 import uuid
 

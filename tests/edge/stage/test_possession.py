@@ -50,7 +50,7 @@ def stage(chair, **options) -> Stage:
 
 
 def steps(poses):
-    """(F - 1,) metres by which the fastest node moves from frame to frame."""
+    """Returns (F - 1,) distance that the fastest node moves from frame to frame, metres."""
     return np.array([np.linalg.norm(b.positions - a.positions, axis=1).max() for a, b in pairwise(poses)])
 
 
@@ -208,7 +208,7 @@ def test_taking_hold_in_the_middle_of_a_fade_goes_on_from_what_is_shown(chair):
 
 
 def pulled_apart(chair, order):
-    """Two performers who hold the same parts and walk away from each other."""
+    """Returns two performers that hold the same parts and walk away from each other."""
     house = stage(chair, fade=0.0)
     house.perform([person(), person(id=2)], 0)
     for who in order:
@@ -253,7 +253,7 @@ def test_lost_performer_releases_smoothly_and_other_continues(chair):
 
 
 def test_a_crowd_leaves_and_comes_back(chair):
-    """The mesh waits as it was; both go on with what they held, and a third never steals."""
+    """The mesh waits in its pose; both continue with their parts, and a third performer never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -269,7 +269,7 @@ def test_a_crowd_leaves_and_comes_back(chair):
 
 
 def test_performer_below_the_floor_counts_as_lost(chair):
-    """A skeleton of somebody who is half hidden sinks before it is gone; the mesh does not go with it."""
+    """The skeleton of a half-occluded person sinks before it is lost; the mesh must not sink with it."""
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -280,7 +280,7 @@ def test_performer_below_the_floor_counts_as_lost(chair):
         sunk = replace(sunk, joints=sunk.joints - [0.0, 0.05 * i, 0.0])
         (pose,) = house.perform([person(), sunk], i * FRAME)
     assert [hold.active for hold in house.actors["chair"].holds] == [True, False]
-    # What two hold less firmly when one lets go moves a little.
+    # Parts that two performers hold move a little when one releases them.
     assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 

@@ -1,4 +1,5 @@
-"""Both hands make a character larger: what they mean, what stays, and that whoever holds it goes on."""
+"""Tests of resizing a character with both hands: the gesture, the kept properties, and continuity of the
+attachment."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ few = settings(deadline=None, max_examples=8)
 
 
 def person(away: float | None = None, id: int = 1, x: float = 0.0) -> Body:
-    """A performer, with the hands so many metres apart."""
+    """Returns a performer with the hands at a given distance, metres."""
     joints = FIGURE + np.array([x, 0.0, -2.5])
     if away is not None:
         middle = joints[[Joint.HAND_LEFT, Joint.HAND_RIGHT]].mean(0)

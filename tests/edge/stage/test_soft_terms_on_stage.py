@@ -1,4 +1,4 @@
-"""Floor, limbs and what is seen, through the actor and its solver: what each is for, and that it is off."""
+"""Tests of soft terms for floor, limbs and depth, through the actor and its solver."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def crossing(trousers, across, use):
 
 
 def depth_in_each_other(trousers, states, contact):
-    """Metres by which the left leg's surface is in the right leg's balls, at worst."""
+    """Returns the maximum penetration of the left leg's surface into the right leg's balls, metres."""
     character, graph = trousers
     left = np.flatnonzero((character.vertices[:, 0] > 0.08) & (character.vertices[:, 1] < 0.6))
     right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
@@ -209,7 +209,7 @@ def arm(bend):
 
 
 def seen_of(ends) -> ObservedPoints:
-    """What a depth camera sees of the arm: rendered by the project's own renderer."""
+    """Returns a depth camera's view of the arm, rendered by the project's own renderer."""
     flipped = np.diag([1.0, -1.0, -1.0])
     ends = (ends - WORLD_FROM_CAMERA[:3, 3]) @ flipped
     shape, hull = np.zeros((2, 16)), np.zeros((2, 7))
@@ -253,7 +253,7 @@ def test_the_surface_follows_what_is_seen_without_a_skeleton():
 
 
 def test_an_error_that_is_there_falls():
-    """From a wrong start the surface comes to what is seen, frame by frame."""
+    """From a wrong start the surface converges to the depth image, frame by frame."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.03), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)

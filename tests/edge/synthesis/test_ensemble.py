@@ -49,7 +49,7 @@ def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
 
 @pytest.mark.parametrize("frame", [15, 80, 130])
 def test_visibility_agrees_with_a_slow_ray(frame: int) -> None:
-    """Joints on the rim of what hides them may go either way; nearly all others agree."""
+    """Joints at an occlusion boundary may differ; nearly all others agree."""
     cast = (
         appearance("crossed", place=(-0.1, -2.9), yaw=0.4),
         appearance("overhead", Proportions(1.9, 0.9), place=(0.45, -3.4)),

@@ -1,4 +1,4 @@
-"""The synthetic sensor as a sensor: its pace, its end, its truth, and what it refuses."""
+"""Tests of the synthetic sensor: its rate, its end, its ground truth, and its error checks."""
 
 from __future__ import annotations
 

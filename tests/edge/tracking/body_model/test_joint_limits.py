@@ -1,4 +1,5 @@
-"""How far joints turn: what performers do is free, what nobody can is not, left and right alike."""
+"""Tests of joint limits: possible postures are free, impossible ones are not, and left and right are
+equal."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
 
 
 def with_thigh(side: int, **turn: float):
-    """Somebody who stands with one thigh turned from hanging; the right one as in a mirror."""
+    """Returns a standing person with one thigh rotated from hanging; the right one is mirrored."""
     made = joint_limits.standing()
     made[model.THIGH_L] = rotation(**turn)
     return made if side == model.THIGH_L else joint_limits.mirrored(made)

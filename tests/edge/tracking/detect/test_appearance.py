@@ -1,4 +1,4 @@
-"""What a frame looks like: parts at the points, limbs that carry them, and the way that somebody faces."""
+"""Tests of appearance: body parts at points, the limbs that carry them, and a person's facing."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from enliven_edge.tracking.detect.appearance import (
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
 PARTS_RIGHT = 0.6
-"""Least share of the points whose part the shipped network tells rightly."""
+"""Minimum fraction of points whose body part the shipped network classifies correctly."""
 FRONT_TOLD = 0.7
-"""Least share of the people whose front it tells from their back."""
+"""Minimum fraction of people whose front and back are distinguished correctly."""
 YAWS = st.floats(-3.1, 3.1)
 NECK = 6
 """The capsule between the sides, which carries a little of both."""

@@ -1,4 +1,4 @@
-"""What was tried in vain is tried again more and more rarely, and at once where it gets worse."""
+"""Tests of backoff: failed attempts are repeated increasingly rarely, and at once if the fit gets worse."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven_edge.tracking.detect.backoff import Backoff
 
 
 def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
-    """Frames that went by before each of some trials in vain."""
+    """Returns the number of frames before each of several failed attempts."""
     gaps = []
     for _ in range(trials):
         waited = 1

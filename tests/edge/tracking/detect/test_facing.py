@@ -1,4 +1,5 @@
-"""Which way somebody faces is decided over frames, by what the network sees and by their walk."""
+"""Tests of facing, which is decided over several frames, from the network's output and the walking
+direction."""
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_forward_does_not_turn_over_when_somebody_bends_over():
 
 
 def bent(pitch: float, yaw: float = 0.0) -> Posture:
-    """Standing, the trunk bent forward by so many radians."""
+    """Returns a standing posture with the trunk bent forward by an angle in radians."""
     posture = standing(yaw)
     posture.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(x=pitch)
     return posture
@@ -79,7 +80,7 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
-    """Who bows towards the sensor does not lean backward away from it, though the network says nothing."""
+    """A person bowing towards the sensor does not lean backward away from it, even without network output."""
     assert backward(bent(0.0, yaw).rotations) == 0.0
     assert backward(bent(0.6, yaw).rotations) == 0.0
     assert backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
@@ -109,7 +110,7 @@ def test_established_facing_needs_more_evidence_to_flip():
 
 
 def any_posture(random) -> Posture:
-    """Somebody anywhere, bent and turned anyhow."""
+    """Returns a person at a random position, with random bends and rotations."""
     posture = standing(random.uniform(-np.pi, np.pi))
     posture.position = posture.position + random.normal(0, 1, 3)
     posture.rotations[model.PELVIS] = rotation(*random.normal(0, [0.5, 2, 0.5]))

@@ -1,4 +1,4 @@
-"""What a device says of itself becomes states of health, and is over when it is well again."""
+"""Tests that a device's reports become health states, which end when the device recovers."""
 
 import numpy as np
 import pytest

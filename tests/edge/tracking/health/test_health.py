@@ -41,7 +41,7 @@ def kinds(monitor: HealthMonitor) -> set[str]:
 
 
 def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Body:
-    """Somebody who stands straight before the sensor."""
+    """Returns a person that stands straight in front of the sensor."""
     joints = np.zeros((20, 3))
     joints[:, 1] = 0.95
     joints[Joint.HEAD, 1] = 1.6
@@ -141,7 +141,7 @@ def test_every_kind_has_its_sentence_and_what_to_do():
 
 
 def watched(monitor: HealthMonitor, frames) -> list[set[str]]:
-    """What is wrong after each frame."""
+    """Returns the problems after each frame."""
     said = []
     for each in frames:
         if monitor.admit(each):

@@ -1,4 +1,4 @@
-"""What a frame says of a joint, and the confidence made of it."""
+"""Tests of a frame's evidence for a joint, and of the resulting confidence."""
 
 from functools import cache
 
@@ -136,7 +136,7 @@ def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone)
 
 @cache
 def in_full_view():
-    """What is seen of a person who stands; drawn once for all examples."""
+    """The view of a standing person; rendered once for all examples."""
     return observed(standing())
 
 

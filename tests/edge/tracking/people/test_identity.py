@@ -1,4 +1,4 @@
-"""Numbers, looks, and who has come back."""
+"""Tests of identities, appearance, and re-identification."""
 
 import numpy as np
 import pytest
