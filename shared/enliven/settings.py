@@ -1,6 +1,6 @@
 """Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
-A group of settings is a frozen dataclass whose fields are made by :func:`setting`; groups can be nested. TOML
+A group of settings is a frozen dataclass with fields made by :func:`setting`; groups can be nested. TOML
 files override the defaults. An unknown key is an error, and the message names the nearest known key.
 """
 

@@ -2,7 +2,7 @@
 runs into them.
 
 It also measures the cost and quality of other ways of moving the spheres, which explains why contacts are
-corrected: the engine's own mocap bodies, and heavy bodies whose position and speed are set in every step.
+corrected: the engine's own mocap bodies, and heavy bodies with position and speed set in every step.
 """
 
 from __future__ import annotations

@@ -57,21 +57,21 @@ def _stamp(depth: UInt16) -> int:
 
 
 class StampedRealSense(RealSenseSensor):
-    """A driver whose images contain the time of their transfer to the library."""
+    """A driver with images that contain the time of their transfer to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedOak(OakSensor):
-    """A driver whose images contain the time of their transfer to the library."""
+    """A driver with images that contain the time of their transfer to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedTof(TofSensor):
-    """A driver whose images contain the time of their transfer in place of the library, when it measures
+    """A driver with images that contain the time of their transfer in place of the library, when it measures
     them."""
 
     def _hand_over(self, measured: Any) -> None:
@@ -80,8 +80,7 @@ class StampedTof(TofSensor):
 
 
 class StampedOrbbec(OrbbecSensor):
-    """A driver whose images contain the time when the library delivers them, since it reads them from a file
-    itself."""
+    """A driver with images that contain the time of their delivery by the library, which reads the file itself."""
 
     def _received(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
@@ -99,7 +98,7 @@ image."""
 
 
 def figures() -> Iterator[Figure]:
-    """Yields overhead, copies and reconnection time of each driver whose library is installed."""
+    """Yields overhead, copies and reconnection time of each driver with an installed library."""
     with tempfile.TemporaryDirectory() as folder:
         take = Path(folder) / "take.mcap"
         _record(take)

@@ -51,7 +51,7 @@ HALF_MINUTE = 30.0
 PATIENCE = 120.0
 """Timeout for the start of the edge with a character on the stage, seconds."""
 QUIET = 2.0
-"""Time before the first edit, whose frames are compared with those during an edit, seconds."""
+"""Time before the first edit, seconds. Its frames are compared with those during an edit."""
 TURN = 0.002
 """Interval between two polls of the sockets, seconds."""
 

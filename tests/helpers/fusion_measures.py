@@ -69,7 +69,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
 
 
 def _partner(body: Body, others: Sequence[Body]) -> Body | None:
-    """Returns the body whose trunk is near this body's trunk, or None."""
+    """Returns the body with its trunk near this body's trunk, or None."""
     if not others:
         return None
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]

@@ -159,7 +159,7 @@ def sparse() -> Twin:
 
 
 def two_skins() -> Twin:
-    """Returns a second part in centimetres, whose scale is only in its own inverse bind matrices."""
+    """Returns a second part in centimetres; its scale is only in its own inverse bind matrices."""
     twin, joints = waving()
     part = json.loads(json.dumps(twin.json["meshes"][0]["primitives"][0]))
     points, _ = tower()

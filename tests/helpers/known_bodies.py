@@ -32,7 +32,7 @@ _FINGERS = (
 
 @dataclass(frozen=True)
 class KnownBody:
-    """A mesh whose limbs are known.
+    """A mesh with known limbs.
 
     Attributes:
         mesh: metres.

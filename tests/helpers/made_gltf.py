@@ -111,7 +111,7 @@ def unit(random, size=1.0):
 
 
 def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None):
-    """Writes a rig whose joints rotate (its root also travels), with as many unusual features as possible.
+    """Writes a rig with rotating joints (its root also travels), with as many unusual features as possible.
 
     If ``stretched`` is given, its joints are also moved and scaled, with factors that differ by that much per
     axis.

@@ -17,7 +17,7 @@ from enliven_synthesis.body.rotations import about_x, about_y, about_z, on_grid
 
 
 class SlowPerformer(Performer):
-    """A performer whose postures are computed by the reference implementation."""
+    """A performer with postures computed by the reference implementation."""
 
     def pose(self, posture: PerformerPosture) -> Figure:
         """Computes forward kinematics.

@@ -13,7 +13,7 @@ ROUNDING = {np.dtype(np.float32): 2e-6, np.dtype(np.float64): 1e-12}
 """Maximum difference, relative to the largest number, after a few hundred terms. It is about twenty units in
 the last place for float32 and ten thousand for float64. Products of long rows differed by 5e-9 in float32."""
 SOLVED = 1e3
-"""Factor on :data:`ROUNDING` for solutions of linear systems, whose condition number amplifies rounding."""
+"""Factor on :data:`ROUNDING` for solutions of linear systems: the condition number amplifies rounding."""
 
 
 def assert_alike(made: Any, wanted: Any, times: float = 1.0) -> None:

@@ -23,7 +23,7 @@ MAX_TURN_RATE_DEG_S = 300.0
 SEGMENT_S = (0.4, 2.0)
 """Minimum and maximum time for which a simulated person keeps a rate of turning, seconds."""
 MAX_HIP_NODES = 10
-"""Number of nodes whose mean rotation defines a mesh's hips. A person of 128 nodes has about this many."""
+"""Number of nodes for the mean rotation of a mesh's hips. A person of 128 nodes has about this many."""
 
 
 def spinning_people(

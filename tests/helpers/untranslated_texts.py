@@ -17,13 +17,13 @@ LABELLED = {
     *("button", "small_button", "checkbox", "radio_button", "selectable", "menu_item", "text"),
     *("text_unformatted", "text_wrapped", "text_disabled"),
 }
-"""Those functions whose first argument is visible, not only an ID."""
+"""Those functions with a visible first argument, not only an ID."""
 TELLING = {"add_text", "say", "complain", "tell", "caption", "fitting", "_wrapped", "_centred", "_tell"}
 """Methods and functions that draw or announce all their text arguments."""
 ERRORS = {"InputError", "ResourceError", "FileChangedError"}
 """Errors that the window shows. The location of the error is not translated."""
 STEPS = {"edit", "drop"}
-"""Methods whose argument is the name of a history step, which is translated when the history is drawn."""
+"""Methods with the name of a history step as argument, which is translated when the history is drawn."""
 SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
 """Names that are the same in every language."""
 

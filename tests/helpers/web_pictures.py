@@ -22,7 +22,7 @@ from enliven_viewer.settings import RenderSettings
 SIZE = 256
 """Side of each image, pixels."""
 _CELL = 16
-"""Side of each region whose mean colour is compared, pixels."""
+"""Side of each region for comparing mean colours, pixels."""
 _FULL = 0.25
 """Minimum fraction of a region that both renderers must cover. Regions at edges have too few pixels for a
 mean."""

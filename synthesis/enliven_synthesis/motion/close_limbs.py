@@ -31,9 +31,9 @@ from enliven_synthesis.motion.motion import placed
 from enliven_synthesis.motion.tracks import ease
 
 _SPREAD = 0.025
-"""Standard deviation by which a seed varies a wrist target, metres. It is less than a hand's thickness."""
+"""Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
 _TEMPO = 0.2
-"""Fraction by which a seed varies the tempo."""
+"""Maximum random variation of the tempo, as a fraction."""
 _DOWN = (0.7, -0.7, -0.35)
 """Direction of a hanging elbow in the chest's frame: outward, down and back."""
 
@@ -135,7 +135,7 @@ def _written() -> dict[str, tuple[Key, ...]]:
 
 
 _SIT = {"rise": -0.40, "z": -0.30, "pitch": 0.1, "spine_pitch": 0.15}
-"""A sitting trunk: metres by which the pelvis is lower and behind the feet, and angles in radians."""
+"""A sitting trunk: the pelvis' offset down and behind the feet in metres, and angles in radians."""
 _LEAN = {"rise": -0.22, "z": -0.16, "pitch": 0.6, "spine_pitch": 0.4}
 """A trunk between standing and sitting, bent forward for balance."""
 _KEYS: dict[str, tuple[Key, ...]] = _written() | {

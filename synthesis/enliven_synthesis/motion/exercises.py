@@ -199,7 +199,7 @@ def _turn(vary: _Variation) -> Choreography:
     duration = 1.0 + beat * (steps + 1) + 0.6
 
     def heading(side: int, time: float) -> tuple[float, float]:
-        """Returns the angle by which a foot has turned, radians, and its height, metres."""
+        """Returns a foot's rotation so far, radians, and its height, metres."""
         yaw = lift = 0.0
         for n in range(side, steps + 1, 2):
             span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)

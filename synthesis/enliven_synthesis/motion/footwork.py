@@ -69,7 +69,7 @@ class Footwork:
         return max(-1.0, min(1.0, sum(signed)))
 
     def hop(self, time: float) -> float:
-        """Returns the height by which a hop lifts the whole body, metres."""
+        """Returns the body's height in a hop, metres."""
         return max((s.height(time) for s in self._steps if s.both), default=0.0)
 
     def planted(self, side: int, time: float) -> bool:

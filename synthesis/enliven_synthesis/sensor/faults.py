@@ -17,7 +17,7 @@ range."""
 
 @njit(cache=True, nogil=True)
 def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
-    """Marks in ``shadow`` the pixels whose surface is occluded from the second imager or the projector.
+    """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
     The second imager sees pixel u at column u - parallax / z. The loop moves away from that imager, so these
     columns must increase. A column that was already passed is occluded by a nearer surface.

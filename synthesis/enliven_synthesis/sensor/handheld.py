@@ -180,5 +180,5 @@ class HandheldScan:
 
 
 def _whole_millimetres(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 if there is no surface."""
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
     return np.where(depth < _NOWHERE, np.rint(np.minimum(depth, _NOWHERE) * 1000.0), 0.0).astype(np.uint16)

@@ -17,7 +17,7 @@ from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 
 _LIFT = 0.2
-"""Height by which an object is lifted in the middle of a move, metres."""
+"""Height of an object above its rest in the middle of a move, metres."""
 _GRIP = 0.4
 """Time that the hands hold the object before it moves and after it comes to rest, seconds."""
 _ARM = 0.7

@@ -19,7 +19,7 @@ _TREMOR = 0.01
 _ARM = 0.6
 """Visible length of an arm from the hand, metres."""
 _SWAY = 0.03
-"""Amplitude by which the person holding the object sways, metres."""
+"""Sway amplitude of the person holding the object, metres."""
 _THICK = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 
@@ -33,7 +33,7 @@ class InHandsWay:
         begins: time for which it stands at first, seconds.
         period: duration of a full turn, seconds.
         lift: height of the held object above its resting position, metres.
-        tilt: amplitude by which it tilts back and forth as it turns, radians.
+        tilt: amplitude of its tilt back and forth as it turns, radians.
         grips: number of times that each hand regrips in a turn.
         reach: position of the grip: metres from the object's axis, and above its lowest point.
         behind: distance of the person behind the object, metres; 0: only the arms are in view.
@@ -62,7 +62,7 @@ class InHandsWay:
         return pose
 
     def _angle(self, time: float) -> float:
-        """Returns the angle by which the object is turned, radians."""
+        """Returns the object's rotation angle, radians."""
         passed = max(time - self.begins - _LIFTED, 0.0)
         return 2.0 * math.pi * min(passed, self.period) / self.period
 

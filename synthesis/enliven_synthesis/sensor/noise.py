@@ -70,7 +70,7 @@ class DepthNoise:
         """Returns (H, W) uint16 millimetres; 0 for pixels without a measurement.
 
         Args:
-            depth: (H, W) metres along the optical axis, inf if there is no surface.
+            depth: (H, W) metres along the optical axis, inf for rays without a surface.
             material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
             index: the frame's number. Together with the seed it determines all random numbers.
         """

@@ -104,7 +104,7 @@ def _inverse(rigid: Float) -> Float:
 
 
 def _perfect(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 if there is no surface."""
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
 

@@ -47,7 +47,7 @@ _TRIES = 12
 hold succeeds."""
 
 _OUTWARD = 0.01
-"""Distance by which arms that are held close move away from the trunk with each attempt, metres."""
+"""Distance that arms held close move away from the trunk with each attempt, metres."""
 
 
 def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: str | None = None) -> None:

@@ -70,7 +70,7 @@ class Dataset:
         """Opens a data set.
 
         Raises:
-            InputError: if there is no data set, its rendering was interrupted, or it is damaged.
+            InputError: if the data set is missing, its rendering was interrupted, or it is damaged.
         """
         if not (folder / _COMPLETE).exists():
             raise InputError(

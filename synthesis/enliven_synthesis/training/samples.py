@@ -46,7 +46,7 @@ _TAKES_IN = 0.1
 """Fraction of samples in which a piece of another object is assigned to the person."""
 _TAKES_IN_WALL = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
-to it, there is no step in depth."""
+to it, depth has no step there."""
 _BEHIND = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006

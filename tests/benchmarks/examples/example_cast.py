@@ -87,7 +87,7 @@ class Act:
         mirrored: True to add the mirror image of each key pose.
         shown: the film.
         colour: sRGB.
-        of: name of another act whose session this act plays; empty for its own.
+        of: name of another act; this act plays its session; empty for its own.
         finer: maximum edge length after refining the mesh, metres; 0 does not refine.
     """
 

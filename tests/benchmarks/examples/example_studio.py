@@ -41,7 +41,7 @@ class Panel:
         return self.renderer.size
 
     def view(self, middle: Float, half: Float, azimuth: float) -> CameraView:
-        """Returns a camera whose image contains a box around a position on the floor."""
+        """Returns a camera with an image that contains a box around a position on the floor."""
         aspect = self.size[0] / self.size[1]
         camera = OrbitCamera()
         camera.face(azimuth, _ABOVE)

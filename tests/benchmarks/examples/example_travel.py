@@ -86,7 +86,7 @@ class Travelled:
 
 
 def travels() -> Iterator[Travelled]:
-    """Yields every mesh in every performance whose files exist."""
+    """Yields every mesh in every performance, if their files exist."""
     for mesh, table in MESHES.items():
         for take, file in {**STAYS, **GOES}.items():
             if (DATA / table.file).is_file() and (DATA / file).is_file():

@@ -129,7 +129,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
 
 
 def joined(workspace: Workspace, edge: RealEdge) -> Actions:
-    """Connects the window to the edge whose camera shows a person."""
+    """Connects the window to the edge with a person in view."""
     perform = workspace.perform
     yield Say("Somebody stands before a camera: go there")
     yield Key("ctrl+1")

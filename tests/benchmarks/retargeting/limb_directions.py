@@ -88,7 +88,7 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
 
 
 def _convention(names: dict[str, int]) -> str:
-    """Returns the first naming convention whose joints all exist."""
+    """Returns the first naming convention with all joints present."""
     for convention in ("bandai", "cmu", "biovision", "mocapnet"):
         if all(_found(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
             return convention

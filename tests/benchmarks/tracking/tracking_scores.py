@@ -44,7 +44,7 @@ TURNS: dict[str, tuple[tuple[Joint, Limb], ...]] = {
     "forearm": ((Joint.WRIST_LEFT, Limb.FOREARM_LEFT), (Joint.WRIST_RIGHT, Limb.FOREARM_RIGHT)),
     "hand": ((Joint.HAND_LEFT, Limb.HAND_LEFT), (Joint.HAND_RIGHT, Limb.HAND_RIGHT)),
 }
-"""Parts whose rotation error is measured: chest and head by their facing, forearms and hands about their
+"""Parts with a measured rotation error: chest and head by their facing, forearms and hands about their
 length."""
 
 

@@ -342,7 +342,7 @@ def floor_work() -> list[Sequence]:
 
 
 def sequences(split: str | None = None, only: str | None = None) -> list[Sequence]:
-    """Returns the available sequences of a split (or all), whose names contain ``only``."""
+    """Returns the available sequences of a split (or all) with names that contain ``only``."""
     return [
         s
         for s in (

@@ -40,7 +40,7 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
     Args:
         dataset: its samples from number ``first`` on calibrate the value ranges.
     """
-    import onnx  # belongs to the same extra as PyTorch, whose absence is reported first
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
 
     with (
         tempfile.TemporaryDirectory() as spare,

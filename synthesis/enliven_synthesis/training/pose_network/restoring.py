@@ -100,7 +100,7 @@ def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None
 
 def _weights(path: Path) -> dict[str, Float32]:
     """Returns the weights of an exported network by name. Eight-bit weights are converted to floats."""
-    import onnx  # belongs to the same extra as PyTorch, whose absence is reported first
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
     from onnx import numpy_helper
 
     try:

@@ -1,6 +1,6 @@
 """Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
-Joint positions are trained by their likelihood under a distribution whose width the network predicts. The
+Joint positions are trained by their likelihood under a distribution of predicted width. The
 predicted width is the expected error, and occluded joints contribute less to the loss than visible ones.
 """
 
@@ -161,7 +161,7 @@ def measure(path: Path, dataset: Dataset) -> Measured:
 
 def export(network: PoseNetwork, path: Path) -> None:
     """Writes a network as an ONNX file that accepts any batch size."""
-    import onnx  # belongs to the same extra as PyTorch, whose absence is reported first
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
 
     example = (torch.zeros(2, CHANNELS, ROWS, COLUMNS), torch.zeros(2, 3))
     crops = torch.export.Dim("crops", min=1)
