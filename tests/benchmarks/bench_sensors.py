@@ -80,7 +80,7 @@ class StampedTof(TofSensor):
 
 
 class StampedOrbbec(OrbbecSensor):
-    """A driver with images that contain the time of their delivery by the library, which reads the file itself."""
+    """A driver with images that contain the time of delivery by the library, which reads the file itself."""
 
     def _received(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
