@@ -1,4 +1,4 @@
-"""Let three chairs dance one after the other: copies of one that play later."""
+"""Let three chairs dance in canon: copies of one chair that play later."""
 
 from enliven import Recording, copy, load_sample, possess
 from enliven.possession import ActorSettings

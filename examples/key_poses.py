@@ -14,7 +14,7 @@ cactus = cactus_project().puppets["cactus"].mesh
 top, pot = int(cactus.vertices[:, 1].argmax()), int(cactus.vertices[:, 1].argmin())
 rest = cactus.vertices[[top, pot]]
 bowed = rest + np.array([[0.0, -0.25, 0.35], [0.0, 0.0, 0.0]])
-# Control points: a vertex each, and the joint of the performer that it follows.
+# Each control point has a vertex and the joint of the performer that it follows.
 points = {"top": (top, "head"), "pot": (pot, "hip center")}
 project, _ = fit_examples(cactus, take, points, {0.0: rest, 2.6: bowed})
 

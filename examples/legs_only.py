@@ -1,4 +1,4 @@
-"""Let only the performer's legs move a mesh: the lamp keeps its head still."""
+"""Move a mesh by the performer's legs only: the lamp keeps its head still."""
 
 from enliven import Recording, load_sample, possess
 from enliven.possession import ActorSettings

@@ -1,4 +1,4 @@
-"""Make a mesh from numbers, a ring on four legs, and step into it."""
+"""Create a mesh from numbers, a ring on four legs, and possess it."""
 
 import numpy as np
 import trimesh

@@ -1,4 +1,4 @@
-"""Rank the limbs of a rigged model by how much they look like a performer's arms: match_limbs.py MODEL.glb"""
+"""Rank the limbs of a rigged model by their similarity to a performer's arms: match_limbs.py MODEL.glb"""
 
 import sys
 

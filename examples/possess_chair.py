@@ -1,4 +1,4 @@
-"""Move a chair with a performer who stands in it, and keep it as a project and a GLB."""
+"""Possess a chair with a performer, and save it as a project and a GLB."""
 
 from enliven import Recording, export, load_sample, possess, write_project
 from enliven.possession import ActorSettings
@@ -6,7 +6,7 @@ from enliven_edge.assets import CHAIR
 from enliven_viewer.film import write_project_sheet
 
 performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][60:150]
-# The settings let the chair come to the performer; without them it stays where it was modelled.
+# These settings move the chair to the performer; without them it stays in its modelled position.
 project, chair = possess(load_sample("chair"), performer, settings=ActorSettings())
 
 write_project("possess_chair.enliven", project)  # opens in the studio

@@ -1,4 +1,4 @@
-"""Move a rigged model by a motion of another skeleton: retarget_model.py TAKE.bvh MODEL.glb"""
+"""Retarget the motion of another skeleton to a rigged model: retarget_model.py TAKE.bvh MODEL.glb"""
 
 import sys
 

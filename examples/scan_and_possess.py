@@ -1,4 +1,4 @@
-"""Scan a chair with a camera that is carried around it, and step into the scan."""
+"""Scan a chair with a camera that is carried around it, and possess the scan."""
 
 from enliven import Recording, fit_height, load_sample, possess, save_mesh
 from enliven.possession import ActorSettings
@@ -7,7 +7,8 @@ from enliven_edge.assets import CHAIR
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_viewer.film import write_project_sheet
 
-# A made-up camera. A real one is recorded by `enliven record`, and read by Recording("FILE.mcap").frames().
+# This camera is simulated. Record a real one with `enliven record`, and read it with
+# Recording("FILE.mcap").frames().
 path = HandheldPath(target=(0.0, 0.5, 0.0), radius=1.5, height=(0.7, 1.3), turns=1.0, seconds=8.0)
 carried = HandheldScan(
     fit_height(load_sample("chair"), 1.1), load_profile("kinect1"), path, width=320, colour=True

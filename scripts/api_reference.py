@@ -1,6 +1,7 @@
-"""Writes the API reference into out/api, a page for each door: .venv/bin/python scripts/api_reference.py
+"""Writes the API reference into out/api, one page per public package: .venv/bin/python
+scripts/api_reference.py
 
-pdoc makes it of the docstrings; a door's page has the names that it shows to other rooms.
+pdoc generates it from the docstrings. A page lists the names that the package exports to other packages.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from house import House, Rules  # noqa: E402
 
 
 def doors() -> list[str]:
-    """The rooms with a stub, the library's first, each before the rooms in it."""
+    """Returns the packages with a stub file, the library's first, each before its subpackages."""
     house = House(HOUSE, Rules.read(HOUSE / "tests" / "house" / "rules.toml"))
     return sorted(door for door in house.doors if house.modules[door].with_suffix(".pyi").exists())
 
 
 def opens(door: str) -> bool:
-    """Whether all that a door shows can be loaded here; says what is missing where it cannot."""
+    """Returns True if all exports of a package can be imported here; otherwise prints what is missing."""
     try:
         room = import_module(door)
         return all(hasattr(room, name) for name in room.__all__)

@@ -1,6 +1,7 @@
-"""Writes the rooms of docs/architecture.md anew from the code: .venv/bin/python scripts/architecture.py
+"""Updates the package tables of docs/architecture.md from the code: .venv/bin/python scripts/architecture.py
 
-The text between a pair of marks is made from docstrings and imports; a test holds the page to it.
+The text between a pair of marks is generated from docstrings and imports. A test checks that the page is up
+to date.
 """
 
 from __future__ import annotations
@@ -26,17 +27,18 @@ NAMES = {
     "enliven_synthesis": "Synthesis",
 }
 INDENT = "&nbsp;" * 4
-"""What moves the name of a room to the right of that of the room around it."""
+"""Indentation of a package's name relative to its parent's."""
 
 
 def purpose(house: House, room: str) -> str:
-    """The first sentence of a room's door, on one line."""
+    """Returns the first sentence of a package's docstring, on one line."""
     text = ast.get_docstring(ast.parse(house.modules[room].read_text(encoding="utf-8"))) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
 def table(house: House, package: str) -> str:
-    """The rooms of a package in the order of their imports, what each is for, and how many modules it has."""
+    """Returns a table of a package's subpackages in import order, with the purpose and the number of modules
+    of each."""
     counts = Counter(house.room_of(module) for module in house.modules.keys() - house.doors)
     rooms = sorted(
         (room for room in house.doors if room.startswith(f"{package}.")),
@@ -51,7 +53,8 @@ def table(house: House, package: str) -> str:
 
 
 def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
-    """Where a room stands: by the order of each folder that it is in, else by name."""
+    """Returns the sort key of a package: the configured order of each folder that contains it, else its
+    name."""
     parts = room.split(".")
     found = []
     for depth in range(1, len(parts)):
@@ -61,7 +64,8 @@ def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
 
 
 def drawing(house: House, package: str) -> str:
-    """The rooms of a package as a Mermaid diagram: arrows of imports, but for those that others imply."""
+    """Returns the subpackages as a Mermaid diagram. Arrows are imports; imports implied by others are left
+    out (transitive reduction)."""
     inside = {room.split(".")[1] for room in house.doors if room.startswith(f"{package}.")}
     after: dict[str, set[str]] = {room: set() for room in inside}
     for one in house.imports:
@@ -82,7 +86,7 @@ def drawing(house: House, package: str) -> str:
 
 
 def written(page: str) -> str:
-    """The page with everything between its marks made anew."""
+    """Returns the page with everything between its marks regenerated."""
     house = project_house()
     walks = Walk.read()
     makers = {

@@ -3,9 +3,9 @@
     make audit
     make audit ARGS=--offline
 
-pip-audit and pip-licenses live in an environment of their own, out/audit. Vulnerabilities come from the
-package index. A release that could not be looked up has not passed: it is named, and the exit code is 1. With
---offline nothing is looked up, and that is said.
+pip-audit and pip-licenses are installed in a separate environment, out/audit. Vulnerabilities come from the
+package index. A release that could not be looked up counts as failed: its name is printed, and the exit code
+is 1. With --offline nothing is looked up, and the output says so.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ HOUSE = Path(__file__).parents[1]
 TOOLS = HOUSE / "out" / "audit"
 WANTED = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
 COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
-"""In a licence's name; the Lesser one is none of these."""
+"""Matches copyleft licence names, but not the Lesser GPL."""
 CHOSEN = {"hidapi": "BSD, of three that it offers"}
-"""Packages whose copyleft licence is one of several, and which of them is taken here."""
+"""Packages that offer several licences, one of them copyleft, with the licence chosen here."""
 
 
 TELEMETRY_HOSTS = (
@@ -48,13 +48,13 @@ TELEMETRY_HOSTS = (
     b"datadoghq.com",
     b"newrelic.com",
 )
-"""Hosts that well-known telemetry libraries report to, as they stand in binaries and in source text."""
+"""Hosts that well-known telemetry libraries report to, as they appear in binaries and in source text."""
 TELEMETRY_OFF = {("onnxruntime", "events.data.microsoft.com"): "off by enliven_edge.onnx_runtime"}
-"""The top folder of a package and a host that it names, and what keeps it from reporting."""
+"""By top folder of a package and host named in it: what disables its telemetry."""
 
 
 def main() -> None:
-    """Prints what was checked and what is objected to, and ends with 1 if there is anything."""
+    """Prints the checks and the problems found. Exits with 1 if there is any problem."""
     parser = argparse.ArgumentParser(description="Check the installed packages.")
     parser.add_argument(
         "--offline", action="store_true", help="look up no vulnerabilities: there is no network here"
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def tool(name: str) -> str:
-    """Returns the path of one of the tools, which is installed first if it is missing."""
+    """Returns the path of one of the tools, after installing it if it is missing."""
     scripts = TOOLS / ("Scripts" if sys.platform == "win32" else "bin")
     if not (scripts / name).exists():
         subprocess.run([sys.executable, "-m", "venv", TOOLS], check=True)
@@ -99,7 +99,8 @@ def rounds(lines: list[str]) -> list[list[str]]:
 
 
 def vulnerabilities() -> list[str]:
-    """Returns a sentence for each known vulnerability of a pinned release, and for each one not looked up."""
+    """Returns one sentence for each known vulnerability of a pinned release, and for each release that was
+    not looked up."""
     found: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
@@ -121,7 +122,7 @@ def vulnerabilities() -> list[str]:
 
 
 def flaws(known: list[dict]) -> list[str]:
-    """Returns a sentence for each vulnerability of the releases that were looked up."""
+    """Returns one sentence for each vulnerability of the releases that were looked up."""
     return [
         f"{release['name']} {release['version']}: {flaw['id']}, "
         f"fixed in {', '.join(flaw['fix_versions']) or 'none'}"
@@ -131,12 +132,12 @@ def flaws(known: list[dict]) -> list[str]:
 
 
 def unchecked(found: list[dict], not_asked: list[str], reason: str) -> list[str]:
-    """Returns a sentence that names the releases that were not looked up; none if there are none.
+    """Returns a sentence that names the releases that were not looked up. Returns nothing if all were.
 
     Args:
         found: pip-audit's answers; a skipped release has a ``skip_reason``.
         not_asked: requirements for which pip-audit gave no answer.
-        reason: why not, if the answers do not say.
+        reason: the reason, if the answers do not give one.
     """
     skipped = [release for release in found if "skip_reason" in release]
     names = sorted([release["name"] for release in skipped] + [pin.partition("==")[0] for pin in not_asked])
@@ -151,7 +152,8 @@ def unchecked(found: list[dict], not_asked: list[str], reason: str) -> list[str]
 
 
 def telemetry(packages: Path) -> list[str]:
-    """Returns a sentence for each host of telemetry in an installed package that is not known to be off."""
+    """Returns one sentence for each telemetry host in an installed package that is not known to be
+    disabled."""
     named = sorted(set(telemetry_hosts(packages)))
     for package, host in named:
         if (package, host) in TELEMETRY_OFF:
@@ -164,7 +166,8 @@ def telemetry(packages: Path) -> list[str]:
 
 
 def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
-    """Yields the top folder of a package and a host of telemetry, for each file that names one."""
+    """Yields the top folder of a package and a telemetry host, for each file that contains the host's
+    name."""
     for path in packages.rglob("*"):
         if path.suffix == ".pyc" or not path.is_file() or not path.stat().st_size:
             continue
@@ -175,7 +178,7 @@ def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
 
 
 def licences() -> list[str]:
-    """A sentence for each installed package whose licence is objected to; the licences are printed."""
+    """Prints the licences. Returns one sentence for each installed package with an unacceptable licence."""
     command = [tool("pip-licenses"), "--python", sys.executable, "--format", "json", "--with-system"]
     found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     kinds = sorted({one["License"] for one in found})
@@ -184,7 +187,7 @@ def licences() -> list[str]:
 
 
 def objections(found: list[dict[str, str]]) -> list[str]:
-    """A sentence for each package whose licence is not known, or is copyleft without a choice."""
+    """Returns one sentence for each package with an unknown licence, or with copyleft and no other choice."""
     return [
         f"{one['Name']} {one['Version']} has the licence {one['License']!r}"
         for one in found
@@ -193,14 +196,14 @@ def objections(found: list[dict[str, str]]) -> list[str]:
 
 
 def site_packages() -> Path:
-    """Where the packages of this Python are."""
+    """Returns the folder of this Python's installed packages."""
     import numpy
 
     return Path(numpy.__file__).parents[1]
 
 
 def bundled(packages: Path) -> Iterator[str]:
-    """Names of the libraries in the folders that wheels bring along, without lib, hash and version."""
+    """Yields the names of the libraries that wheels bundle, without "lib", hash and version."""
     for folder in (*packages.glob("*.libs"), *packages.glob("*/.dylibs")):
         for path in folder.iterdir():
             stem = path.name.partition(".")[0].removeprefix("lib")
@@ -208,7 +211,7 @@ def bundled(packages: Path) -> Iterator[str]:
 
 
 def documented() -> set[str]:
-    """The libraries that docs/licences.md names, each in backquotes, without lib."""
+    """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
     text = (HOUSE / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}
 

@@ -3,9 +3,9 @@
     .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
     .venv/bin/python scripts/lock.py lines dev aarch64 3.11   # what a lock holds for another machine
 
-The index is asked by pip's own client, as pip is configured here; names, versions and hashes are written, no
-addresses. `pip lock` knows one platform at a time, so the files of a release are read by pip's inner parts;
-constraints.txt pins pip, and with it these.
+pip's own client queries the package index, with this machine's pip configuration. The files contain names,
+versions and hashes, but no addresses. `pip lock` supports one platform at a time, so the files of a release
+are listed by pip's internal modules. constraints.txt pins pip's version, so these do not change.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from packaging.tags import Tag
 from packaging.utils import InvalidWheelFilename, canonicalize_name, parse_wheel_filename
 
 Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
-"""By name and version: the tags of each wheel, by its SHA-256."""
+"""For each (name, version): the tags of each wheel, by the wheel's SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer", "synthesis")
 RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags",)}
-"""Extras by package that `make setup` installs: they decode files that a user may open."""
+"""Extras that `make setup` installs, by package. They decode files that a user may open."""
 DEV_EXTRAS = {
     "shared": ("test",),
     "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
 }
-"""Extras by package that `make setup-dev` installs in addition."""
+"""Extras that `make setup-dev` installs in addition, by package."""
 BUILD = ("hatchling", "editables", "pip", "setuptools")
-"""What installs the packages themselves."""
+"""Packages needed to install the project's own packages."""
 PEERS = HOUSE / "tests" / "benchmarks" / "requirements.txt"
 PYTHONS = (11, 12, 13, 14)
-"""Minor versions of Python 3 that scripts/setup.sh takes."""
+"""Minor versions of Python 3 that scripts/setup.sh accepts."""
 MACHINES = (
     {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "x86_64"},
     {"sys_platform": "linux", "platform_system": "Linux", "os_name": "posix", "platform_machine": "aarch64"},
@@ -51,11 +51,11 @@ PLATFORMS = {
     "arm64": re.compile(r"any|macosx_.*_(arm64|universal2)"),
     "AMD64": re.compile(r"any|win_amd64"),
 }
-"""Platforms of the wheels that run on each of MACHINES; Numba has none for a Mac with an Intel processor."""
+"""Wheel platforms that run on each of MACHINES. Numba has no wheels for Intel Macs."""
 
 
 def environments() -> Iterator[dict[str, str]]:
-    """The values of markers for every Python on every machine."""
+    """Yields the marker values for every Python version on every machine."""
     for minor in PYTHONS:
         for machine in MACHINES:
             version = {"python_version": f"3.{minor}", "python_full_version": f"3.{minor}.2"}
@@ -64,7 +64,7 @@ def environments() -> Iterator[dict[str, str]]:
 
 
 def pins() -> dict[str, list[Requirement]]:
-    """The lines of constraints.txt by canonical name."""
+    """Returns the lines of constraints.txt by canonical name."""
     found: dict[str, list[Requirement]] = {}
     for line in (HOUSE / "constraints.txt").read_text().splitlines():
         if line and not line.startswith("#"):
@@ -74,7 +74,7 @@ def pins() -> dict[str, list[Requirement]]:
 
 
 def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
-    """The line that holds in this environment; None where there is none."""
+    """Returns the line that applies in this environment; None if there is none."""
     for pin in found.get(name, ()):
         if pin.marker is None or pin.marker.evaluate(where):
             return pin
@@ -82,7 +82,8 @@ def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]
 
 
 def wanted(kind: str) -> list[str]:
-    """What is asked for by name: kind is run, dev, or peers (those of the benchmarks)."""
+    """Returns the packages requested by name. ``kind`` is run, dev, or peers (the packages that benchmarks
+    compare with)."""
     if kind == "peers":
         lines = (line.partition("#")[0].strip() for line in PEERS.read_text().splitlines())
         return [line for line in lines if line]
@@ -99,7 +100,8 @@ def wanted(kind: str) -> list[str]:
 
 
 def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
-    """Canonical names of all that is needed in an environment, by the metadata of what is installed here."""
+    """Returns the canonical names of all packages required in an environment, from the metadata of the
+    packages installed here."""
     found: set[tuple[str, str]] = set()
     queue = [(Requirement(line), "") for line in asked]
     while queue:
@@ -116,7 +118,7 @@ def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
 
 
 def absent(names: Iterable[str]) -> Iterator[str]:
-    """Those that are not installed here, so that what they need in turn is not known."""
+    """Yields the packages that are not installed here. Their own requirements are therefore unknown."""
     for name in sorted(names):
         try:
             distribution(name)
@@ -125,7 +127,7 @@ def absent(names: Iterable[str]) -> Iterator[str]:
 
 
 def fits(tag: Tag, where: dict[str, str]) -> bool:
-    """Whether a wheel with this tag runs in an environment."""
+    """Returns True if a wheel with this tag runs in an environment."""
     minor = int(where["python_version"].removeprefix("3."))
     made_for = re.fullmatch(r"cp3(\d+)", tag.interpreter)
     if made_for is None:
@@ -138,7 +140,7 @@ def fits(tag: Tag, where: dict[str, str]) -> bool:
 
 
 def wheels(names: Iterable[str]) -> Wheels:
-    """The wheels of all releases of packages, as the index that pip uses tells them."""
+    """Returns the wheels of all releases of packages, as listed by the index that pip uses."""
     from pip._internal.commands import create_command
     from pip._internal.commands.install import InstallCommand
     from pip._internal.index.collector import parse_links
@@ -164,7 +166,7 @@ def wheels(names: Iterable[str]) -> Wheels:
 
 
 def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
-    """The lines of a lock file, in the order of the names; says on the way what no wheel is there for."""
+    """Returns the lines of a lock file, sorted by name. Prints the packages that have no wheel."""
     hashes: dict[tuple[str, str], set[str]] = {}
     lacking: dict[str, list[str]] = {}
     for where in environments():
@@ -190,7 +192,8 @@ def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> l
 
 
 def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
-    """A lock file's lines for another machine, without the markers that pip would evaluate for this one."""
+    """Yields a lock file's lines for another machine, without the markers, which pip would evaluate for this
+    one."""
     (where,) = (
         at for at in environments() if (at["platform_machine"], at["python_version"]) == (machine, python)
     )

@@ -1,7 +1,7 @@
 """Writes the sample characters and motions that ship: .venv/bin/python scripts/make_samples.py
 
-The files are small because coordinates are whole steps and neighbours in an array differ by little: what is
-stored are the differences along it.
+Coordinates are rounded to whole steps, and neighbouring values differ by little. The files store the
+differences (delta encoding), which makes them small.
 """
 
 from __future__ import annotations
@@ -45,12 +45,13 @@ def write_motions(path: Path) -> None:
 
 
 def differences(rows: np.ndarray) -> np.ndarray:
-    """(3, N) int16: each of the rows (N, 3) less the row before it."""
+    """Returns (3, N) int16: each of the rows (N, 3) minus the row before it."""
     return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
 
 
 def stepped(mesh: Mesh) -> Mesh:
-    """The mesh with coordinates in whole steps, and its faces in an order that packs well."""
+    """Returns the mesh with coordinates in whole steps, and with its faces in an order that compresses
+    well."""
     order = np.lexsort(mesh.faces.T[::-1])
     return replace(mesh, vertices=np.rint(mesh.vertices / STEP) * STEP, faces=mesh.faces[order])
 

@@ -1,11 +1,11 @@
-"""Build the release of this commit, and try it where nothing of the checkout is: `make release`.
+"""Build the release of this commit, and test it in environments without the checkout: `make release`.
 
     .venv/bin/python scripts/release.py            # out/release: sdists, wheels, notes.md, trial.txt
-    .venv/bin/python scripts/release.py --only oak # tries one of the environments only
+    .venv/bin/python scripts/release.py --only oak # tests one of the environments only
     .venv/bin/python scripts/release.py --no-trial # builds and checks only, without a network
 
-A version that ends in .dev0 (the file VERSION) makes a development build. Any other needs a section of its
-own in CHANGELOG.md, and the tag v<VERSION> on this commit.
+A version that ends in .dev0 (see the file VERSION) makes a development build. Any other version needs a
+section in CHANGELOG.md, and the tag v<VERSION> on this commit.
 """
 
 from __future__ import annotations
@@ -29,34 +29,37 @@ PACKAGES = {
     "kernels": "enliven_kernels", "shared": "enliven", "edge": "enliven_edge", "viewer": "enliven_viewer",
     "synthesis": "enliven_synthesis",
 }  # fmt: skip
-"""The importable package in each folder that is a distribution; those that others need come first."""
+"""The importable package of each distribution folder. Distributions that others depend on come first."""
 BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
 """Files that an sdist has in addition to the package, if the distribution's folder has them."""
 FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
-"""Requirements that are installed into an empty environment each, by the name of the environment."""
+"""Requirements to install into an empty environment each, by the name of the environment."""
 MOST_MB = {"edge": 640, "oak": 860, "studio": 870}
-"""Most megabytes (10^6 bytes) of an environment, byte code counted, Python and pip not.
+"""Maximum size of an environment in megabytes (10^6 bytes), with byte code, without Python and pip.
 
-They are 5 % above the sizes of November 2026, which docs/releasing.md explains."""
+These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains.
+"""
 LARGEST = 7
-"""Packages of an environment that are listed with their sizes."""
+"""Number of packages that are listed with their sizes for each environment."""
 EDGE = (
     *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
     *("--port", "0", "--record", "performance.mcap"),
 )
 """The edge's part of the main job: the shipped recording moves the chair, and the performance is recorded."""
 FILM = ("run", "--film", "--size", "320x180", "--out", "film")
-"""A small version of the main job: an edge, and a viewer that films its picture."""
+"""A small version of the main job: an edge, and a viewer that films its output."""
 
 EXAMPLES = (
     *("possess_chair", "legs_only", "made_mesh", "scan_and_possess", "canon", "cut_and_merge"),
     "key_poses",
 )
-"""Scripts of ``examples/`` that need no files of the user: they compile what the main job does not reach."""
+"""Scripts of ``examples/`` that need no user files. They compile the kernels that the main job does not
+use."""
 MOST_COMPILED = 0
-"""Kernels that an installed edge may compile in the main job: a release that ships them needs none."""
+"""Maximum number of kernels that an installed edge may compile in the main job. A release that ships its
+kernels compiles none."""
 
 OWN_FILES = """
 import runpy, sys
@@ -67,7 +70,8 @@ sys.path += [str(documents.parent / "helpers"), sys.argv[1] + "/scripts"]
 import own_files
 own_files.make_own_files(Path.cwd())
 """
-"""Makes the files in capitals of docs/library.md in the working folder. Argument: the checkout."""
+"""Program that creates the files in capitals of docs/library.md in the working folder. Argument: the
+checkout."""
 LIBRARY_PAGE = """
 import sys
 from pathlib import Path
@@ -80,25 +84,27 @@ names = {}
 for block in blocks.blocks_of(page):
     exec(compile("\\n" * (block.line - 1) + block.text, str(page), "exec"), names)
 """
-"""Runs the code of docs/library.md in the working folder. Arguments: the checkout, the environment."""
+"""Program that runs the code of docs/library.md in the working folder. Arguments: the checkout, the
+environment."""
 
 
 class ReleaseError(Exception):
-    """A fault of the release; the message also says what to do."""
+    """An error in the release. The message also says how to fix it."""
 
 
 def version() -> str:
-    """The version of all packages: the one line of the file VERSION."""
+    """Returns the version of all packages: the only line of the file VERSION."""
     return (ROOT / "VERSION").read_text(encoding="utf-8").strip()
 
 
 def is_development(of: str) -> bool:
-    """Whether a version is one between two releases."""
+    """Returns True if a version is a development version."""
     return ".dev" in of
 
 
 def section(changelog: str, of: str) -> str:
-    """Returns the changelog's lines on a version without their heading; for a development one the unreleased.
+    """Returns the changelog's lines for a version without their heading; for a development version the
+    unreleased ones.
 
     Raises:
         ReleaseError: if the section is missing or empty.
@@ -115,10 +121,10 @@ def section(changelog: str, of: str) -> str:
 
 
 def check_commit(of: str) -> None:
-    """Refuses a release unless its files are those of a commit with its tag.
+    """Raises unless the working files are exactly those of a tagged commit.
 
     Raises:
-        ReleaseError: where files are changed or new, or the tag is missing or elsewhere.
+        ReleaseError: if files are changed or new, or the tag is missing or on another commit.
     """
     changed = _git("status", "--porcelain")
     if changed:
@@ -129,7 +135,8 @@ def check_commit(of: str) -> None:
 
 
 def build(folder: str, into: Path) -> None:
-    """Builds a package's sdist, and its wheel from that sdist, which shows that the sdist is whole."""
+    """Builds a package's sdist, and builds its wheel from that sdist, which shows that the sdist is
+    complete."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(into)]
     _must(command, f"{folder}: the sdist cannot be built", ROOT / folder)
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
@@ -141,16 +148,16 @@ def build(folder: str, into: Path) -> None:
 
 
 def build_wheel(folder: str, into: Path, **environment: str) -> None:
-    """Builds a package's wheel from the checkout, with variables for its build hook."""
+    """Builds a package's wheel from the checkout, with environment variables for its build hook."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(into)]
     _must(command, f"{folder}: the wheel cannot be built", ROOT / folder, **environment)
 
 
 def check_sdist_wheel(folder: str, built: Path) -> None:
-    """Compares the files of the wheel, which comes from the sdist, with those of a wheel from the checkout.
+    """Compares the files of the wheel built from the sdist with those of a wheel built from the checkout.
 
     Raises:
-        ReleaseError: naming the files that only one of them has.
+        ReleaseError: if they differ; the message names the files that only one of them has.
     """
     with tempfile.TemporaryDirectory() as place:
         build_wheel(folder, Path(place))
@@ -162,7 +169,8 @@ def check_sdist_wheel(folder: str, built: Path) -> None:
 
 
 def wanted_files(folder: str) -> set[str]:
-    """Paths that a package's wheel should have: what git does not ignore, and the firmware with the edge."""
+    """Returns the paths that a package's wheel should have: all files that git does not ignore, and the
+    firmware for the edge."""
     package = PACKAGES[folder]
     found = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
     if folder == "edge":
@@ -171,13 +179,13 @@ def wanted_files(folder: str) -> set[str]:
 
 
 def wheel_files(wheel: Path) -> set[str]:
-    """Paths of a wheel but for its metadata."""
+    """Returns the paths in a wheel, without its metadata."""
     with zipfile.ZipFile(wheel) as archive:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
 def sdist_files(sdist: Path) -> set[str]:
-    """Paths of an sdist within its top folder."""
+    """Returns the paths in an sdist, relative to its top folder."""
     with tarfile.open(sdist) as archive:
         return {member.name.partition("/")[2] for member in archive if member.isfile()}
 
@@ -186,7 +194,7 @@ def check_files(folder: str, built: Path) -> None:
     """Compares the files of a wheel and an sdist with those that git tracks.
 
     Raises:
-        ReleaseError: naming files that are lacking or too many.
+        ReleaseError: if they differ; the message names missing and superfluous files.
     """
     package, inside = PACKAGES[folder], wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
@@ -207,14 +215,15 @@ def check_files(folder: str, built: Path) -> None:
 
 
 def check_metadata(built: Path) -> None:
-    """Has twine check that an index would take the archives and could show their texts."""
+    """Has twine check that an index would accept the archives and render their descriptions."""
     files = sorted(map(str, built.iterdir()))
     command = [sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files]
     _must(command, "twine refuses an archive", built)
 
 
 def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
-    """Installs the wheels into empty environments and works with them; yields a line for each thing done."""
+    """Installs the wheels into empty environments and runs jobs with them. Yields one line per finished
+    job."""
     with tempfile.TemporaryDirectory() as empty:
         for name in names:
             began = time.monotonic()
@@ -235,10 +244,10 @@ def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
 
 
 def build_kernels(built: Path, of: str) -> Iterator[str]:
-    """Compiles the kernels of all jobs for each processor level, and builds the wheel that brings them.
+    """Compiles the kernels of all jobs for each processor level, and builds the wheel that contains them.
 
     It runs the jobs of the trial and the examples in an environment with the release's wheels. The levels are
-    those of this processor; a lower level's code runs on it too.
+    those that this processor supports; code for a lower level runs on it, too.
     """
     with tempfile.TemporaryDirectory() as empty:
         environment = Environment(Path(empty, "kernels"), built, INSTALLS["studio"], of)
@@ -254,12 +263,12 @@ def build_kernels(built: Path, of: str) -> Iterator[str]:
 
 
 class Environment:
-    """A virtual environment with the wheels of a release, in a folder without a checkout.
+    """A virtual environment with the wheels of a release, in a folder outside the checkout.
 
     Args:
         place: an empty folder for the environment, and for a home folder with no kernels in it.
         built: the folder of the wheels.
-        asked: what pip is asked for.
+        asked: the requirement to install.
         of: the version.
     """
 
@@ -277,7 +286,8 @@ class Environment:
         subprocess.run([sys.executable, "-m", "venv", str(self.place / "venv")], check=True)
         self._bare = self._bytes()
         self._bare_code = self._bytes("*.pyc")
-        # pip's own settings say where other packages are, so this one step has the whole environment.
+        # Other packages come from the index in pip's own settings, so this step gets the unchanged process
+        # environment.
         pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
         choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{asked}=={of}"]
         subprocess.run([*pip, *choice], check=True)
@@ -288,7 +298,7 @@ class Environment:
         return self._run(str(self._bin / "python"), "-c", ask).split()
 
     def compile_for(self, level: str, folder: Path) -> None:
-        """Runs all jobs with kernels for a processor level, which are then in a folder."""
+        """Runs all jobs with kernels for a processor level, so that the folder contains these kernels."""
         self._around |= {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(folder)}
         shutil.rmtree(self.place / "work")
         (self.place / "work").mkdir()
@@ -303,10 +313,10 @@ class Environment:
         return sum(path.lstat().st_size for path in self.place.rglob(pattern) if path.is_file())
 
     def size(self, most: float) -> str:
-        """Says how large the packages are.
+        """Returns a line with the total size of the packages.
 
         Raises:
-            ReleaseError: above ``most`` megabytes.
+            ReleaseError: if they exceed ``most`` megabytes.
         """
         megabytes = (self._bytes() - self._bare) / 1e6
         code = (self._bytes("*.pyc") - self._bare_code) / 1e6
@@ -316,7 +326,7 @@ class Environment:
         return line
 
     def largest(self) -> str:
-        """Returns a line with the largest packages and their sizes in megabytes, byte code counted."""
+        """Returns a line with the largest packages and their sizes in megabytes, with byte code."""
         ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
         site = self._run(str(self._bin / "python"), "-c", ask)
         sizes = {
@@ -332,7 +342,7 @@ class Environment:
         return f"{self._asked}: the largest packages, in MB: {named}"
 
     def basics(self) -> Iterator[str]:
-        """Asks for the version, and checks the machine."""
+        """Prints the version, and runs the machine check."""
         if self._enliven("--version") != self._of:
             raise ReleaseError(f"enliven --version says {self._enliven('--version')}, not {self._of}")
         yield self._done("enliven --version")
@@ -356,7 +366,7 @@ class Environment:
         yield self._done("the code of docs/library.md")
 
     def film(self) -> Iterator[str]:
-        """Films the main job: an edge and a viewer that shows it."""
+        """Films the main job: an edge, and a viewer that shows it."""
         self._enliven(*FILM)
         films = list((self.place / "work" / FILM[-1]).glob("*.mp4"))
         if not films or not films[0].stat().st_size:
@@ -364,7 +374,7 @@ class Environment:
         yield self._done(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
 
     def camera_library(self) -> Iterator[str]:
-        """Imports the library of OAK cameras, and searches for one."""
+        """Imports the library for OAK cameras, and searches for a camera."""
         told = self._run(str(self._bin / "python"), "-c", "import depthai; print(depthai.__version__)")
         yield self._done(f"import depthai, version {told.splitlines()[-1]}")
         self._enliven("sensors", "--json")
@@ -398,13 +408,13 @@ def _git(*words: str) -> str:
 
 
 def _known_to_git(folder: str) -> list[str]:
-    """Paths from the checkout's top of the files in a folder that are tracked, or will be."""
+    """Returns the paths, relative to the checkout, of a folder's files that are tracked or not ignored."""
     listed = _git("ls-files", "--cached", "--others", "--exclude-standard", folder).splitlines()
     return [path for path in listed if (ROOT / path).exists()]
 
 
 def _must(command: list[str], what: str, folder: Path, **environment: str) -> str:
-    """Runs a command in a folder and returns what it prints; raises ReleaseError where it fails."""
+    """Runs a command in a folder and returns its output. Raises ReleaseError if it fails."""
     words = {**os.environ, **environment}
     done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
     if done.returncode:
@@ -413,7 +423,7 @@ def _must(command: list[str], what: str, folder: Path, **environment: str) -> st
 
 
 def _shown(steps: Iterator[str]) -> list[str]:
-    """Prints each step's line when the step is done, and returns all lines."""
+    """Prints each step's line as soon as the step is done, and returns all lines."""
     lines = []
     for line in steps:
         print(line, flush=True)
@@ -422,7 +432,7 @@ def _shown(steps: Iterator[str]) -> list[str]:
 
 
 def main() -> int:
-    """The exit code: 0 where the release is built, checked and tried."""
+    """Returns the exit code: 0 if the release is built, checked and tested."""
     parser = argparse.ArgumentParser(description="Build the release of this commit and try it.")
     parser.add_argument("--no-trial", action="store_true", help="do not install it into empty environments")
     parser.add_argument(

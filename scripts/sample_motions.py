@@ -1,4 +1,5 @@
-"""The motions that the studio brings, made by formulas on chains of a few joints, for make_samples.py."""
+"""The motions shipped with the studio, computed by formulas on chains of a few joints, for
+make_samples.py."""
 
 from __future__ import annotations
 
@@ -12,21 +13,22 @@ from enliven.document import Clip, Skeleton
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply
 
 STEP = 1 / 30
-"""Seconds between two frames of a motion, as cameras have them."""
+"""Time between two frames of a motion, seconds. The usual rate of cameras."""
 _SIDE = np.array([0.0, 0.0, 1.0])
 _FORTH = np.array([1.0, 0.0, 0.0])
 
 Bends = Callable[[float], list[Float]]
-"""For a phase in [0, 1]: a rotation vector for each bone, in the axes of the bone before it."""
+"""A function of the phase in [0, 1] that returns a rotation vector for each bone, in the axes of its parent
+bone."""
 
 
 def library() -> tuple[Clip, ...]:
-    """Every motion of the library."""
+    """Returns every motion of the library."""
     return tuple(make() for make in _MAKERS)
 
 
 def wave() -> Clip:
-    """A wave that runs along a chain that points up, side to side, growing towards its end."""
+    """Returns a wave from side to side along a chain that points up. Its amplitude grows towards the end."""
 
     def bends(phase: float) -> list[Float]:
         return [_SIDE * (0.10 + 0.09 * k) * math.sin(2 * math.pi * (phase - 0.16 * k)) for k in range(6)]
@@ -35,7 +37,7 @@ def wave() -> Clip:
 
 
 def curl() -> Clip:
-    """A chain that points up rolls up to one side and unrolls again."""
+    """Returns a chain pointing up that rolls up to one side and unrolls again."""
 
     def bends(phase: float) -> list[Float]:
         rolled = 0.5 - 0.5 * math.cos(2 * math.pi * phase)
@@ -45,7 +47,7 @@ def curl() -> Clip:
 
 
 def reach() -> Clip:
-    """An arm that hangs folded stretches forward, snaps shut and folds again."""
+    """Returns a folded, hanging arm that stretches forward, snaps shut and folds again."""
 
     def bends(phase: float) -> list[Float]:
         out = _bump(phase, 0.10, 0.42, 0.62)
@@ -56,7 +58,7 @@ def reach() -> Clip:
 
 
 def walk() -> Clip:
-    """A leg that hangs down steps: it swings forward with its knee bent, and pushes back straight."""
+    """Returns a hanging leg that steps: it swings forward with its knee bent, and pushes back straight."""
 
     def bends(phase: float) -> list[Float]:
         swing = math.sin(2 * math.pi * phase)
@@ -67,7 +69,7 @@ def walk() -> Clip:
 
 
 def sway() -> Clip:
-    """A body that breathes and leans gently from side to side."""
+    """Returns a body that breathes and leans gently from side to side."""
 
     def bends(phase: float) -> list[Float]:
         lean = math.sin(2 * math.pi * phase)
@@ -78,7 +80,8 @@ def sway() -> Clip:
 
 
 def quarter_turn() -> Clip:
-    """One bone turns by a quarter, counter-clockwise, and stays: the motion of AniMesh's Figure 6."""
+    """Returns one bone that rotates by 90 degrees counter-clockwise and stays there: the motion of AniMesh's
+    Figure 6."""
 
     def bends(phase: float) -> list[Float]:
         eased = phase * phase * (3 - 2 * phase)
@@ -91,7 +94,8 @@ _MAKERS = (wave, curl, reach, walk, sway, quarter_turn)
 
 
 def _chain(bones: int, length: float) -> Skeleton:
-    """Joints one above the other; below one another where ``length``, metres a bone, is negative."""
+    """Returns a vertical chain of joints. ``length`` is metres per bone; if it is negative the chain hangs
+    down."""
     heights = length * np.arange(bones + 1) + (0.2 if length > 0 else 0.2 - bones * length)
     places = np.zeros((bones + 1, 3))
     places[:, 1] = heights
@@ -100,7 +104,7 @@ def _chain(bones: int, length: float) -> Skeleton:
 
 
 def _clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
-    """Make a clip of a chain from the bends of its bones, each in the axes of the bone before."""
+    """Returns a clip of a chain from the rotations of its bones, each in the axes of its parent bone."""
     frames = round(seconds / STEP) + 1
     bent = from_rotation_vector(np.array([bends(frame / (frames - 1)) for frame in range(frames)]))
     turns = np.tile(IDENTITY, (frames, len(skeleton), 1))
@@ -110,7 +114,7 @@ def _clip(name: str, skeleton: Skeleton, seconds: float, bends: Bends) -> Clip:
 
 
 def _bump(phase: float, start: float, top: float, end: float) -> float:
-    """From 0 at ``start`` smoothly to 1 at ``top`` and back to 0 at ``end``."""
+    """Returns a smooth bump: 0 at ``start``, 1 at ``top``, and 0 again at ``end``."""
     if not start < phase < end:
         return 0.0
     share = (phase - start) / (top - start) if phase < top else (end - phase) / (end - top)

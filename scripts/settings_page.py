@@ -1,6 +1,6 @@
-"""Writes the tables of docs/settings.md anew from the classes: .venv/bin/python scripts/settings_page.py
+"""Updates the tables of docs/settings.md from the settings classes: .venv/bin/python scripts/settings_page.py
 
-Each setting says its own default, unit, range and sentence; a test holds the page to them.
+Each setting has its own default, unit, range and description. A test checks that the page is up to date.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from enliven_viewer.studio.settings import StudioSettings
 PAGE = Path(__file__).parents[1] / "docs" / "settings.md"
 KINDS = {kind.__name__: kind for kind in (EdgeSettings, ViewerSettings, StudioSettings, Plan)}
 _NAMES = {"chains": "chain"}
-"""Keys that a file writes otherwise than the class that is made of them."""
+"""Keys with a different name in a file than in the class that is built from them."""
 
 
 def tables(kind: type, path: str = "") -> Iterator[str]:
-    """A table of TOML for each group of settings: its own keys first, then the groups in it."""
+    """Yields one TOML table for each group of settings: its own keys first, then the nested groups."""
     hints, rows, groups = typing.get_type_hints(kind), list[str](), list[tuple[str, type]]()
     for field in dataclasses.fields(kind):
         inner = _group(hints[field.name])
@@ -47,7 +47,7 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
 
 
 def _group(hint: Any) -> type | None:
-    """The class of a group, or of the groups in a table of them; None for a single value."""
+    """Returns the class of a group, or of the groups in a table of groups; None for a single value."""
     for one in (hint, *typing.get_args(hint)):
         if dataclasses.is_dataclass(one) and isinstance(one, type):
             return one
@@ -76,7 +76,7 @@ def _default(field: dataclasses.Field[Any]) -> str:
 
 
 def _range(field: dataclasses.Field[Any], hint: Any) -> str:
-    """The unit, the range, or the words that a value may be."""
+    """Returns the unit, the range, or the allowed words of a value."""
     words = [f'`"{word}"`' for word in _words(hint)]
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
     unit = field.metadata.get("unit", "")
@@ -90,7 +90,7 @@ def _range(field: dataclasses.Field[Any], hint: Any) -> str:
 
 
 def _words(hint: Any) -> Iterator[str]:
-    """The words of a ``Literal``, in a union or not."""
+    """Yields the words of a ``Literal``, also inside a union."""
     if typing.get_origin(hint) is Literal:
         yield from map(str, typing.get_args(hint))
     elif typing.get_origin(hint) in (typing.Union, types.UnionType):
@@ -99,7 +99,7 @@ def _words(hint: Any) -> Iterator[str]:
 
 
 def written(page: str) -> str:
-    """The page with everything between its marks made anew."""
+    """Returns the page with everything between its marks regenerated."""
 
     def made(match: re.Match[str]) -> str:
         return "\n\n".join([f"<!-- settings {match[1]} -->", *tables(KINDS[match[1]]), "<!-- end -->"])

@@ -1,7 +1,7 @@
-"""Runs the tests once for each row: other processors' instructions, other orders, a loaded machine.
+"""Runs the tests once per row: with other processor instructions, in other orders, on a loaded machine.
 
-Usage: test_matrix.py [--only ROW ROW ...] [--load N] [what pytest takes ...]
-Prints a table with what passed, what failed and the seconds of each row; exit 1 where a test failed.
+Usage: test_matrix.py [--only ROW ROW ...] [--load N] [pytest arguments ...] Prints a table with the passed
+tests, the failed tests and the seconds of each row. Exits with 1 if a test failed.
 """
 
 import argparse
@@ -19,23 +19,24 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 TWO = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
-"""Two processes that share the files, in the order in which they are collected."""
+"""pytest options for two processes that share the files in the order of collection."""
 SEED = "20251123"
-"""Of the shuffled order: any number, the same each time."""
+"""Seed of the shuffled order. Any fixed number works."""
 PLAIN_NUMPY = "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
-"""All that NumPy 2.4 chooses by the processor on x86-64: what is left is compiled for SSE4.2."""
+"""All instruction sets that NumPy 2.4 dispatches to on x86-64. Without them it uses code compiled for
+SSE4.2."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One way to run the tests.
+    """One configuration for running the tests.
 
     Attributes:
-        name: as ``--only`` has it.
-        environment: variables that are set.
-        options: of pytest.
-        busy: processes that do nothing but keep the processor busy meanwhile.
-        apart: Numba's compiled kernels are kept apart, as they were compiled for another processor.
+        name: name for ``--only``.
+        environment: environment variables to set.
+        options: pytest options.
+        busy: number of processes that keep the processor busy during the run.
+        apart: True to cache Numba's kernels separately, since they are compiled for another processor.
     """
 
     name: str
@@ -46,7 +47,7 @@ class Row:
 
 
 def rows(load: int) -> list[Row]:
-    """All of them, in the order in which they are run."""
+    """Returns all rows, in the order in which they run."""
     cores = ("Sandybridge", "Haswell", "SkylakeX", "Zen")
     old = {"NPY_DISABLE_CPU_FEATURES": PLAIN_NUMPY, "NUMBA_CPU_NAME": "generic"}
     return [
@@ -61,7 +62,7 @@ def rows(load: int) -> list[Row]:
 
 @contextlib.contextmanager
 def kept_busy(count: int) -> Iterator[None]:
-    """So many processes that turn in a circle."""
+    """Keeps ``count`` processes busy in an endless loop."""
     circles = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
@@ -72,14 +73,14 @@ def kept_busy(count: int) -> Iterator[None]:
 
 
 def command_of(row: Row, rest: list[str]) -> str:
-    """What is typed to run this row alone."""
+    """Returns the command line that runs this row alone."""
     words = [f"{name}={shlex.quote(value)}" for name, value in row.environment.items()]
     words += ["NUMBA_CACHE_DIR=$(mktemp -d)"] if row.apart else []
     return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
 
 
 def counted(said: str) -> tuple[int, int]:
-    """(passed, failed) of pytest's last line; errors count as failed."""
+    """Returns (passed, failed) from pytest's last line. Errors count as failed."""
     lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
     found = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
     counts = {word: int(count) for count, word in found}
@@ -87,7 +88,7 @@ def counted(said: str) -> tuple[int, int]:
 
 
 def run(row: Row, rest: list[str]) -> tuple[bool, str]:
-    """Whether the row holds, and its line of the table."""
+    """Runs a row. Returns True if it passed, and its line of the table."""
     with tempfile.TemporaryDirectory() as kernels, kept_busy(row.busy):
         extra = {"NUMBA_CACHE_DIR": kernels} if row.apart else {}
         begun = time.monotonic()

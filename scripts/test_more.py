@@ -1,6 +1,6 @@
-"""Tries the laws on new examples of chance, again and again, until the time is out: exit 1 where one fell.
+"""Repeats the property-based tests with new random examples until the time is up. Exits with 1 if one fails.
 
-Usage: test_more.py [--minutes N] [what pytest takes ...]
+Usage: test_more.py [--minutes N] [pytest arguments ...]
 """
 
 import argparse
@@ -10,15 +10,17 @@ import sys
 import time
 
 WHOLE = ["tests"]
-"""Where laws are looked for unless said otherwise."""
+"""Default folders in which property-based tests are searched."""
 
 
 MOST_TIMES = 64
-"""Every round tries twice the examples of the one before, up to this many times what a law asks for."""
+"""Maximum factor on a test's number of examples. Every round tries twice the examples of the round before, up
+to this factor."""
 
 
 def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
-    """Whether every law held in one round: those that the time leaves, in an order of chance."""
+    """Runs one round of property-based tests in random order, as many as the time allows. Returns True if all
+    passed."""
     laws = ["-m", "hypothesis", "--hypothesis-profile", "more", "--hypothesis-seed", str(seed)]
     laws += ["--examples", str(times)]
     order = ["--shuffle", str(seed), "--until", str(until)]

@@ -1,7 +1,8 @@
-"""Update the catalogues of the window, viewer/enliven_viewer/locale/*.po, after texts have changed.
+"""Update the translation catalogues of the window, viewer/enliven_viewer/locale/*.po, after texts have
+changed.
 
-.venv/bin/python scripts/texts.py          # new texts are added without a translation, old ones leave
-.venv/bin/python scripts/texts.py fr       # begins a catalogue of another language
+.venv/bin/python scripts/texts.py          # adds new texts without a translation, removes obsolete ones
+.venv/bin/python scripts/texts.py fr       # starts a catalogue for another language
 """
 
 from __future__ import annotations
@@ -38,19 +39,19 @@ SHOWING = {
 SHOWING |= {"modal": (0,), "switch": (1, 4), "Texts": (0,), "later": (0,), "slider": (5,)}
 SHOWING |= {"edit": (0,), "drop": (0,), "_edit": (0,), "_add": (0,), "_take_away": (0,), "_copy": (0,)}
 SHOWING |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
-"""Functions that translate what they show, with the places of their texts."""
+"""Functions that translate the texts they show, with the argument positions of these texts."""
 TABLES = {"_TITLES", "_MEANT", "_MOUSE", "_SIDES"}
-"""Tables of texts that one of these functions is called with."""
+"""Tables of texts that are passed to one of these functions."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
-"""Settings of a puppet with numbers that have tips."""
+"""Settings of a puppet: numbers with tooltips."""
 WRAP = 78
 """Characters of a line of a catalogue, as gettext's own programs write it."""
 SAYING = ("hint", "lacks", "why_not", "at_end")
-"""Beginnings of names of functions with texts that such a function shows: hints of tools, and reasons."""
+"""Name prefixes of functions that return texts shown by these functions: hints of tools, and reasons."""
 
 
 def constants(node: ast.AST) -> Iterator[ast.Constant]:
-    """Yields the whole texts in an expression: not keys of a table, and not parts of another text."""
+    """Yields the complete texts in an expression. Keys of a table and parts of another text are skipped."""
     if isinstance(node, ast.Constant):
         if isinstance(node.value, str) and any(letter.isalpha() for letter in node.value):
             yield node
@@ -69,7 +70,7 @@ def constants(node: ast.AST) -> Iterator[ast.Constant]:
 
 
 def shown(tree: ast.Module) -> Iterator[ast.Constant]:
-    """Yields the texts of a module that a function shows which translates them."""
+    """Yields the texts of a module that are passed to a translating function."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -115,7 +116,7 @@ def texts() -> dict[str, str]:
 
 
 def plurals() -> dict[str, str]:
-    """Returns the texts for a count of one, each with the text for another count."""
+    """Returns the singular texts, each with its plural text."""
     calls = (node for path in modules() for node in ast.walk(ast.parse(path.read_text("utf-8"))))
     return {
         str(ast.literal_eval(node.args[0])): str(ast.literal_eval(node.args[1]))
@@ -125,12 +126,12 @@ def plurals() -> dict[str, str]:
 
 
 def is_translated(entry: polib.POEntry) -> bool:
-    """Whether an entry of a catalogue has a translation, or one for each form of its plural."""
+    """Returns True if an entry of a catalogue has a translation, or one for each of its plural forms."""
     return all(entry.msgstr_plural.values()) if entry.msgid_plural else bool(entry.msgstr)
 
 
 def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
-    """Adds what a catalogue lacks, and takes out what the window does not have any more."""
+    """Adds missing texts to a catalogue, and removes texts that the window no longer has."""
     many = plurals()
     for entry in list(catalogue):
         if entry.msgid not in found or entry.msgid_plural != many.get(entry.msgid, ""):
@@ -147,7 +148,7 @@ def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
 
 
 def main() -> None:
-    """Updates every catalogue, and begins one for each language that is named."""
+    """Updates every catalogue, and starts one for each language named on the command line."""
     for name in sys.argv[1:]:
         path = CATALOGUES / f"{name}.po"
         if not path.exists():

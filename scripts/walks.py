@@ -1,4 +1,4 @@
-"""The walks of docs/architecture.md: a value followed through the code, by the places that pass it on."""
+"""The traces of docs/architecture.md: a value followed through the code, from function to function."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ WALKS = Path(__file__).with_name("walks.toml")
 
 @dataclass(frozen=True)
 class Walk:
-    """One walk.
+    """One trace.
 
     Attributes:
-        title: from where to where.
-        most: files it may have.
-        steps: the places, see ``walks.toml``.
+        title: its start and end.
+        most: maximum number of files.
+        steps: the functions, see ``walks.toml``.
     """
 
     title: str
@@ -29,15 +29,17 @@ class Walk:
 
     @staticmethod
     def read(path: Path = WALKS) -> dict[str, Walk]:
-        """The walks of a file, by name."""
+        """Reads the traces of a file, by name."""
         return {name: Walk(**said) for name, said in tomllib.loads(path.read_text(encoding="utf-8")).items()}
 
 
 def table(house: House, walk: Walk) -> str:
-    """The files of a walk in order, with the function that the value comes to and its sentence.
+    """Returns a table of a trace's files in order, with the function that receives the value and its first
+    sentence.
 
     Raises:
-        ValueError: where a place is not there, is named by no place before it, or has no sentence.
+        ValueError: if a function does not exist, is not mentioned by an earlier function of the trace, or has
+            no docstring.
     """
     rows, before = list[str](), list[str]()
     for step in walk.steps:
@@ -58,7 +60,7 @@ def table(house: House, walk: Walk) -> str:
 
 
 def _place(house: House, at: str) -> tuple[Path, str, str]:
-    """The file of a place, the name of its function, and the first sentence of its docstring."""
+    """Returns the file of a function, its name, and the first sentence of its docstring."""
     if "/" in at:
         path = house.root / at
         if not path.is_file():

@@ -1,4 +1,4 @@
-"""Typed settings: every user-facing number has a default, a unit, a range and one sentence.
+"""Typed settings: every user-facing number has a default, a unit, a range and a one-sentence description.
 
 A group of settings is a frozen dataclass with fields made by :func:`setting`. Groups can be nested. TOML
 files override the defaults. An unknown key is an error that names the nearest known one.
@@ -24,7 +24,7 @@ TOML_VERSION = 1
 """Newest version of settings, sessions, plans, spaces and calibrations. A missing key gets its default, so
 only a changed meaning of an existing key needs a new version."""
 _VERSION = "version"
-"""Key that states the version of a TOML file."""
+"""Key that holds the version of a TOML file."""
 MOST_TOML = 1 << 22
 """Maximum bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
 MOST_LINE = 1 << 14
@@ -58,8 +58,8 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
     """Builds a ``kind`` from a TOML file or a mapping, checked key by key.
 
     Raises:
-        InputError: with the key's path, for an unreadable file, an unknown or missing key, a wrong type or a
-            value out of range.
+        InputError: if the file cannot be read, a key is unknown or missing, or a value has the wrong type or
+            is out of range; the message contains the key's path.
     """
     if isinstance(source, Path):
         where = where or str(source)
@@ -68,7 +68,7 @@ def load_settings(kind: type[T], source: Path | Mapping[str, Any], *, where: str
 
 
 def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
-    """Returns the tables of a TOML file, without the version of its format.
+    """Returns the tables of a TOML file, without its format version.
 
     A file may start with ``version = 1``. A file without it is of version 1.
 
@@ -76,8 +76,8 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
         newest: the newest supported version of the format.
 
     Raises:
-        InputError: if it cannot be read, is not TOML, is of a later version, is longer than :data:`MOST_TOML`
-            bytes, or is deeper than :data:`MOST_NESTED`.
+        InputError: if the file cannot be read, is not TOML, has a later version, is longer than
+            :data:`MOST_TOML` bytes, or is nested deeper than :data:`MOST_NESTED`.
     """
     data = read_file(path, MOST_TOML)
     longest = max(map(len, data.splitlines()), default=0)
@@ -106,7 +106,7 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
 
 
 def refuse_later_toml(path: Path) -> None:
-    """Raises LaterVersionError if a TOML file is of a later version, so that it is not replaced."""
+    """Raises LaterVersionError if a TOML file has a later version, so that it is not overwritten."""
     if not path.is_file():
         return
     try:
@@ -118,7 +118,7 @@ def refuse_later_toml(path: Path) -> None:
 
 
 def _inside(value: Any) -> list[Any]:
-    """Returns the tables and arrays inside a table or an array."""
+    """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [one for one in inner if isinstance(one, (dict, list))]
 

@@ -1,1 +1,1 @@
-"""Synthesises a performer and a depth camera with the faults of a real one, for tests and training."""
+"""Synthetic performers and depth cameras, with the faults of real cameras, for tests and training."""

@@ -1,10 +1,12 @@
-"""How fast a surface follows its handles, beside libigl on the same mesh, handles, targets and energy.
+"""Measures how fast a surface follows its handles, compared with libigl on the same mesh, handles, targets
+and energy.
 
-Ten handles far from each other, five of them moving, three iterations a frame from the last frame's shape;
-ours with squash and stretch on (two shape states and the pose), the peers plain, for they have nothing else.
-Each frame is measured several times, ours and the peer's in turn, and the least time counts: the same work,
-when nobody else is at the machine. Open3D, which factorises in every call, is measured where it is installed.
-The largest two meshes are a puppet's, solved coarsely: libigl solves them whole, on the smaller one only.
+Ten handles are far from each other, and five of them move. A frame has three iterations from the last frame's
+shape. Ours runs with squash and stretch (two shape states and the pose); the peers lack it and run plain.
+Each frame is measured several times, alternately ours and the peer's, and the shortest time counts, since it
+is least disturbed by other processes. Open3D, which factorises in every call, is measured if it is installed.
+The two largest meshes are those of a puppet, which we solve coarsely; libigl solves the whole mesh, and only
+the smaller one.
 """
 
 from __future__ import annotations
@@ -34,15 +36,15 @@ MESHES = {
     "10k": ("libigl/armadillo.obj", 10_488),
     "50k": ("libigl/armadillo.obj", 50_000),
 }
-"""Real meshes, and how many vertices they should have; much larger ones are decimated."""
+"""Real meshes, and the wanted number of vertices; much larger meshes are decimated."""
 LARGE = {"100k": 100_000, "1m": 1_000_000}
-"""Made ones, of a puppet."""
+"""Generated meshes of a puppet."""
 _HANDLES, _FRAMES, _REPEATS = 10, 24, 5
 PEER = "libigl ARAP (the same spokes)"
 
 
 def figures() -> Iterator[Figure]:
-    """A frame at four sizes, an iteration, a change of handles, and what volume is kept."""
+    """Yields a frame at four sizes, an iteration, a change of handles, and the change of volume."""
     for size in MESHES:
         mesh = mesh_of(size)
         held, path = far_apart(mesh), targets_of(mesh)
@@ -58,7 +60,7 @@ def figures() -> Iterator[Figure]:
 
 
 def mesh_of(size: str) -> Mesh:
-    """The real mesh of about that size, one metre large; a made one where it is not there."""
+    """Returns the real mesh of about that size, scaled to one metre; a generated one if it is missing."""
     name, count = MESHES[size]
     if not (DATA / name).exists():
         return bean(count)
@@ -71,7 +73,7 @@ def mesh_of(size: str) -> Mesh:
 
 
 def far_apart(mesh: Mesh) -> Int:
-    """(10,) vertices, each as far from those before as can be."""
+    """Returns (10,) vertices by farthest-point sampling."""
     chosen, apart = [0], np.full(len(mesh.vertices), np.inf)
     for _ in range(_HANDLES - 1):
         apart = np.minimum(apart, np.linalg.norm(mesh.vertices - mesh.vertices[chosen[-1]], axis=1))
@@ -80,7 +82,7 @@ def far_apart(mesh: Mesh) -> Int:
 
 
 def targets_of(mesh: Mesh) -> list[Float]:
-    """(10, 3) for each frame: five handles swing by a tenth of the mesh."""
+    """Returns (10, 3) targets for each frame: five handles swing by a tenth of the mesh's size."""
     home, out = mesh.vertices[far_apart(mesh)], []
     for frame in range(_FRAMES):
         swing = 0.1 * np.sin(0.2 * frame + np.arange(_HANDLES))[:, None] * [1.0, 0.5, 0.2]
@@ -89,14 +91,14 @@ def targets_of(mesh: Mesh) -> list[Float]:
 
 
 def solver_of(mesh: Mesh, held: Int, settings: ArapSettings | None = None) -> ArapSolver:
-    """Ours with a hard handle at each vertex, named by its number in ``held``."""
+    """Returns our solver with a hard handle at each vertex, named by its number in ``held``."""
     solver = ArapSolver(mesh, settings)
     solver.set_handles([Handle(str(k), (int(v),)) for k, v in enumerate(held)])
     return solver
 
 
 def _frames(mesh: Mesh, held: Int, path: list[Float]) -> tuple[float, float]:
-    """Median milliseconds a frame, ours and libigl's."""
+    """Returns the median milliseconds per frame, ours and libigl's."""
     solver, data = solver_of(mesh, held), igl.ARAPData()
     data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, 3
     igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, held.astype(np.int32), data)
@@ -129,7 +131,7 @@ def _each(step: Callable[[Float], object], path: list[Float]) -> list[float]:
 
 
 def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
-    """One iteration (from plain frames of 13 and of 3), and a handle that comes and goes."""
+    """Yields one iteration (from plain frames of 13 and of 3), and adding and removing a handle."""
     least = []
     for iterations in (3, 13):
         solver = solver_of(mesh, held, ArapSettings(iterations=iterations, squash_and_stretch=False))
@@ -155,7 +157,7 @@ def _parts(mesh: Mesh, held: Int, path: list[Float]) -> Iterator[Figure]:
 
 
 def _open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) -> Iterator[Figure]:
-    """Open3D's frame, where it is there."""
+    """Yields Open3D's time per frame, if it is installed."""
     try:
         import open3d as o3d
     except (ImportError, OSError):
@@ -175,7 +177,8 @@ def _open3d(size: str, mesh: Mesh, held: Int, path: list[Float], ours: float) ->
 
 
 def _puppets() -> Iterator[Figure]:
-    """A frame, the preparation, a settled pose and one control point more, of large surfaces."""
+    """Yields a frame, the preparation, a converged pose and one additional control point, for large
+    surfaces."""
     for size, count in LARGE.items():
         mesh = bean(count)
         held, path = far_apart(mesh), targets_of(mesh)
@@ -197,7 +200,7 @@ def _puppets() -> Iterator[Figure]:
 
 
 def _igl_frames(mesh: Mesh, held: Int, path: list[Float]) -> float:
-    """libigl's milliseconds a frame, the least."""
+    """Returns libigl's shortest time per frame, milliseconds."""
     data = igl.ARAPData()
     data.energy, data.max_iter = igl.ARAP_ENERGY_TYPE_SPOKES, 3
     igl.arap_precomputation(mesh.vertices, mesh.faces.astype(np.int64), 3, held.astype(np.int32), data)
@@ -210,7 +213,8 @@ def _igl_frames(mesh: Mesh, held: Int, path: list[Float]) -> float:
 
 
 def _volumes() -> Iterator[Figure]:
-    """How much volume a ball and a bean lose or gain, pressed to 64 % and drawn to 136 % of their height."""
+    """Yields the change of volume of a ball and a bean, compressed to 64 % and stretched to 136 % of their
+    height."""
     for shape, tall in (("ball", 1.0), ("bean", 1.7)):
         mesh = bean(2000, tall)
         height = mesh.vertices[:, 1]

@@ -1,9 +1,9 @@
 """Baking a solved surface to transforms: seconds for 300 frames of 10,000 vertices, and one round of the fit
 against the same round in plain NumPy and SciPy.
 
-The surface is a bean that bends, twists and is squashed, by formulas, so that no solver is timed with it. The
-peer finds the weights of each vertex with scipy.optimize.nnls over the same candidates (the sum of one as a
-heavy row, then the four largest again), and the transforms with scipy.sparse's splu.
+The surface is a bean that bends, twists and is squashed by formulas, so that no solver is included in the
+time. The peer finds the weights of each vertex with scipy.optimize.nnls over the same candidates (the sum of
+one as a heavy row, then the four largest again), and the transforms with scipy.sparse's splu.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from enliven.rotation import from_rotation_vector, rotate
 
 VERTICES, FRAMES, NODES, FITTED = 10_000, 300, 48, 100
 _FREE = 1e-7
-"""Next to nothing holds transforms to rotations, as in the peer."""
+"""A near-zero stiffness, so that transforms are hardly pulled towards rotations, as in the peer."""
 
 
 def figures() -> Iterator[Figure]:
-    """The whole bake, how far it is off, and a round of it."""
+    """Yields the time of the whole bake, its error, and the time of one round."""
     mesh = bean(VERTICES)
     frames = acting(mesh, FRAMES)
     settings = BakeSettings(frames=FITTED)
@@ -46,7 +46,8 @@ def figures() -> Iterator[Figure]:
 
 
 def _round(mesh: Mesh, wanted: Float) -> Figure:
-    """One round: weights of all vertices, then transforms of all frames; both from the same start."""
+    """Measures one round: weights of all vertices, then transforms of all frames; both from the same
+    start."""
     net = EdgeGraph(mesh)
     seeds = Seeds(net, [0], NODES)
     pivots, candidates = mesh.vertices[seeds.vertices], seeds.nearest(8)
@@ -79,7 +80,7 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
 def plain_weights(
     rest: Float, pivots: Float, maps: Float, candidates: Int32, wanted: Float
 ) -> tuple[Int32, Float]:
-    """(V, 4) transforms and weights, by non-negative least squares, one vertex after the other."""
+    """Returns (V, 4) transforms and weights, by non-negative least squares, one vertex after the other."""
     indices, weights = np.zeros((len(rest), 4), np.int32), np.zeros((len(rest), 4))
     for v, among in enumerate(candidates):
         local = np.concatenate([rest[v] - pivots[among], np.ones((len(among), 1))], 1)
@@ -95,7 +96,8 @@ def plain_weights(
 
 
 def plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wanted: Float) -> Float:
-    """(F, K, 4, 3) any affine transforms, by a sparse factor of the normal equations."""
+    """Returns (F, K, 4, 3) unconstrained affine transforms, by a sparse factorisation of the normal
+    equations."""
     count, frames = len(pivots), wanted.shape[1]
     rows = np.repeat(np.arange(len(rest)), 16)
     columns = (4 * indices[:, :, None] + np.arange(4)).ravel()
@@ -108,7 +110,7 @@ def plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wante
 
 
 def bean(count: int) -> Mesh:
-    """A closed tube of about so many vertices, a metre high."""
+    """Returns a closed tube of about ``count`` vertices, one metre high."""
     around = round(np.sqrt(count / 3))
     rings = count // around
     angles = np.linspace(0, 2 * np.pi, around, endpoint=False)
@@ -128,7 +130,7 @@ def bean(count: int) -> Mesh:
 
 
 def acting(mesh: Mesh, count: int) -> Float:
-    """(F, V, 3) metres: it bends to all sides, twists, and is squashed and stretched."""
+    """Returns (F, V, 3) metres: the bean bends to all sides, twists, and is squashed and stretched."""
     y, t = mesh.vertices[:, 1], np.linspace(0, 4 * np.pi, count)[:, None]
     bend = [np.sin(t) * y, 0.7 * np.sin(0.7 * t + 1) * y**2, 1.2 * np.cos(1.3 * t) * y]
     turns = from_rotation_vector(np.stack(bend, 2))
@@ -139,7 +141,7 @@ def acting(mesh: Mesh, count: int) -> Float:
 
 
 def _off(rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, wanted: Float) -> float:
-    """Metres, root mean square."""
+    """Returns the root mean square error, metres."""
     out, total = np.empty_like(rest), 0.0
     for frame in range(len(maps)):
         skinned(rest, pivots, indices, weights, maps[frame], out)
@@ -148,7 +150,7 @@ def _off(rest: Float, pivots: Float, indices: Int, weights: Float, maps: Float, 
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:
-    """Seconds of the quickest of ``repeats`` runs."""
+    """Returns the seconds of the fastest of ``repeats`` runs."""
     job()
     times = []
     for _ in range(repeats):

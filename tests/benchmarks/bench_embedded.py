@@ -1,9 +1,10 @@
-"""How fast the deformation follows a performer, and how near it comes to the energy's minimum.
+"""Measures how fast the embedded deformation follows a performer, and how close it gets to the minimum
+energy.
 
 A frame is measured from the solver's own last frame, at 30 frames a second of a captured walk and jump. The
 peer solves the same frame from the same start with SciPy's sparse Gauss-Newton, stopped at the same gap of
-0.2 %; the reference minimum is that of the peer run to its end, from that start or from our answer, whichever
-is lower. Ten random creatures in fast motion have figures of their own.
+0.2 %; the reference minimum is the one that the peer reaches when run until convergence, from that start or
+from our answer, whichever is lower. Ten random creatures in fast motion have separate figures.
 """
 
 from __future__ import annotations
@@ -27,21 +28,22 @@ from enliven.deformation.embedded.solver import EmbeddedSolver
 SIZES = (128, 256, 512, 1024)
 CREATURE_SIZES = (128, 1024)
 BUDGET_MS = {128: 0.4, 1024: 3.0}
-"""Milliseconds that a frame may take, for a tenth of what a screen shows a picture for."""
+"""Milliseconds that a frame may take. A tenth of the time between two screen refreshes."""
 COMPARED = {128: 16, 256: 8, 512: 4, 1024: 2}
-"""Frames of each motion that the peer solves too: it needs seconds for one."""
+"""Number of frames of each motion that the peer solves, too. It needs seconds for each."""
 GAP = 0.002
 _REPEATS = 7
 _WARM = 3
-"""Frames after the hold that are left out: the energy is nearly 0 there, and parts of it mean nothing."""
+"""Frames after the attachment that are left out. Their energy is nearly 0, so relative gaps are
+meaningless."""
 _NOTHING = 1e-3
-"""An energy below which the chair as good as rests, and parts of it mean nothing."""
+"""Energy below which the chair is practically at rest, so relative gaps are meaningless."""
 PEER = "SciPy Gauss-Newton (splu) to the same gap"
 
 
 @dataclass
 class Run:
-    """One size: a frame's time, its iterations, the peer's time, and the gaps."""
+    """The results of one size: a frame's time, its iterations, the peer's time, and the gaps."""
 
     ours_ms: Float
     iterations: Float
@@ -51,7 +53,7 @@ class Run:
 
 
 def figures() -> Iterator[Figure]:
-    """Everything of the deformation's solver, and the graph of a million vertices."""
+    """Yields all figures of the deformation solver, and the graph of a million vertices."""
     if not DATA.exists():
         print(f"embedded: no captured motions at {DATA}; set ENLIVEN_DATA")
     else:
@@ -81,8 +83,8 @@ def _solver_figures() -> Iterator[Figure]:
 
 
 def _creature_figures() -> Iterator[Figure]:
-    """Ten random creatures that dance, without a budget and with one; gaps at the smallest size alone, since
-    the reference is slow."""
+    """Measures ten random dancing creatures, with and without a time budget. Gaps are measured at the
+    smallest size only, since the reference is slow."""
     for nodes in CREATURE_SIZES:
         run = measured(nodes, nodes == CREATURE_SIZES[0])
         yield Figure(f"embedded.median_ms_any_{nodes}", float(np.median(run.frame_ms)), "ms")
@@ -116,7 +118,7 @@ def _measure(nodes: int) -> Run:
                 energies.append(solver.energy["total"])
             states.append(solver.state())
             times.append(each)
-        # The same work every time: the least is what it costs when nobody else is at the machine.
+        # The work is the same in every pass, so the shortest time is the one undisturbed by other processes.
         best = np.min(times, 0)
         run.ours_ms = np.concatenate([run.ours_ms, best[_WARM:]])
         run.iterations = np.concatenate([run.iterations, np.array(counts[_WARM:], float)])
@@ -125,7 +127,7 @@ def _measure(nodes: int) -> Run:
 
 
 def _compare(run: Run, case: Problem, states: list, best: Float, energies: list[float], nodes: int) -> None:
-    """The peer on some of the frames."""
+    """Runs the peer on some of the frames."""
     peer = PlainGaussNewton(case.graph, case.attachment)
     frames = np.linspace(_WARM, len(case.targets) - 1, COMPARED[nodes]).astype(int)
     for frame in frames:
@@ -145,7 +147,7 @@ def _compare(run: Run, case: Problem, states: list, best: Float, energies: list[
 
 
 def _memory_growth(case: Problem) -> float:
-    """Megabytes by which the process grows over 20,000 frames, after it has warmed up."""
+    """Returns the megabytes by which the process grows over 20,000 frames, after warming up."""
     solver = EmbeddedSolver(case.graph, case.attachment)
     peaks = []
     for rounds in (20, 200):

@@ -1,11 +1,12 @@
-"""Trajectories from examples: seconds for a whole motion, against SciPy's sparse solver on the same system.
+"""Measures trajectories from examples: seconds for a whole motion, compared with SciPy's sparse solver on the
+same system.
 
-The motion is CMU's "directing traffic" (3,703 frames) where the real recordings are (ENLIVEN_DATA), else
-waves of that length; 12 control points. The peer is the paper's system (eq. 24) with its weights as unknowns,
-built in plain Python and solved by scipy.sparse's spsolve: without bounds, as in the paper, so that ours is
-timed without them as well, and what both give is compared. The paper's own figures are 73 s for 8 examples
-and 161 s for 12. Travel is measured over 11 meshes and 6 performances: the worst and the median offset from
-the performer's scaled path after a minute, and how fast the feet of walkers slide at most.
+The motion is CMU's "directing traffic" (3,703 frames) if the real recordings exist (ENLIVEN_DATA), else waves
+of that length; 12 control points. The peer builds the paper's system (eq. 24), with its weights as unknowns,
+in plain Python, and solves it with scipy.sparse's spsolve. As in the paper it has no bounds, so ours is timed
+without bounds, too, and both results are compared. The paper's own figures are 73 s for 8 examples and 161 s
+for 12. Travel is measured over 11 meshes and 6 performances: the largest and the median offset from the
+performer's scaled path after a minute, and the maximum foot sliding of walkers.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ JOINTS = (
 
 
 def figures() -> Iterator[Figure]:
-    """Whole motions with 8 and 12 examples, how time grows with frames, a frame live, and the travel."""
+    """Yields whole motions with 8 and 12 examples, the growth of time with frames, a live frame, and the
+    travel."""
     poses = traffic()
     for count in (8, 12):
         examples = examples_of(poses, count)
@@ -60,7 +62,7 @@ def figures() -> Iterator[Figure]:
         ours = _least(lambda m=free: m.solve(poses, STEP), 15)
         yield Figure(f"examples.unbounded_s_{count}", ours, "s", "scipy spsolve", theirs / ours)
     mapping = ExampleMap(examples_of(poses, 8))
-    # There and back again, so that nothing jumps: eight seconds to two minutes.
+    # The motion is played forwards and backwards so that it has no jump: eight seconds to two minutes.
     long = np.concatenate([poses, poses[::-1]] * 2)
     lengths = np.array([1, 2, 4, 8, 16]) * len(poses) // 4
     rounds = [[_timed(lambda n=n: mapping.solve(long[:n], STEP)) for n in lengths] for _ in range(12)]
@@ -79,7 +81,7 @@ def figures() -> Iterator[Figure]:
 
 
 def traffic() -> Float:
-    """(F, 12, 3) metres: the poses."""
+    """Returns (F, 12, 3) poses, metres."""
     if TRAFFIC.is_file():
         return performed(clip_of_capture(read_expmap(TRAFFIC), "traffic"), JOINTS).poses
     rng = np.random.default_rng(1)
@@ -89,7 +91,7 @@ def traffic() -> Float:
 
 
 def examples_of(poses: Float, count: int) -> Examples:
-    """The suggested key poses, shown by a creature of other proportions."""
+    """Returns the suggested key poses, shown by a creature of other proportions."""
     frames = suggest_poses(poses, SuggestSettings(most=count)).frames
     rng = np.random.default_rng(count)
     sources = poses[list(frames)]
@@ -98,7 +100,8 @@ def examples_of(poses: Float, count: int) -> Examples:
 
 
 def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
-    """(F, P, 3) metres: the weights of all frames as one sparse least-squares system for each point."""
+    """Returns (F, P, 3) metres, solving the weights of all frames as one sparse least-squares system per
+    point."""
     nodes = mapping.nodes(poses)
     weight = mapping.settings.acceleration / (STEP * mapping.settings.rate) ** 2
     points, frames, most = nodes.right.shape
@@ -123,7 +126,7 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:
-    """Seconds of the quickest of ``repeats`` runs."""
+    """Returns the seconds of the fastest of ``repeats`` runs."""
     job()
     return min(_timed(job) for _ in range(repeats))
 

@@ -1,4 +1,5 @@
-"""Two sensors on one space: calibration against the exact answer, fusion of what two Kinects really saw.
+"""Measures two sensors in one space: calibration against the exact answer, and fusion of recordings of two
+real Kinects.
 
 The synthetic pair is two rendered Kinect v1 on one walking person, tracked by the tracker; the real pair is
 ../shared/data/skeletons/kinect_multitrack (left out where it is absent).
@@ -42,7 +43,7 @@ NAME = "tracking.multitrack"
 
 
 def figures() -> Iterator[Figure]:
-    """Synthetic, real, and the cost."""
+    """Yields figures of synthetic data, real data, and the cost."""
     yield from _synthetic()
     if MULTITRACK.is_dir():
         for study in (1, 24):
@@ -51,7 +52,7 @@ def figures() -> Iterator[Figure]:
 
 
 class _Reel:
-    """The frames of a view, made as they are read."""
+    """The frames of a view, rendered on demand."""
 
     recorded = True
 
@@ -67,7 +68,7 @@ class _Reel:
 
 
 def _synthetic() -> Iterator[Figure]:
-    """Calibration against the exact places, and fused joints against the exact ones."""
+    """Compares the calibration and the fused joints with the ground truth."""
     performer = walker(SECONDS)
     collectors = []
     for seed, name in enumerate(PLACES):
@@ -120,7 +121,7 @@ def _synthetic() -> Iterator[Figure]:
 
 
 def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFrame]:
-    """One sensor's frames in the world and on the common clock."""
+    """Returns one sensor's frames in world coordinates and on the common clock."""
     place = space.sensors[name]
     return [
         BodyFrame(in_world(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name) for f in frames
@@ -128,7 +129,7 @@ def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFram
 
 
 def _real(study: int) -> Iterator[Figure]:
-    """Two Kinects: how well they fit, who is who, how calm."""
+    """Measures two real Kinects: alignment, identities, jitter."""
     (path,) = MULTITRACK.glob(f"Study_{study}_*.csv")
     reader = MultiTrackReader()
     reader.clock = "Skeleton_Time"
@@ -149,7 +150,7 @@ def _real(study: int) -> Iterator[Figure]:
 
 
 def _cost() -> Iterator[Figure]:
-    """Microseconds a fused frame, of two sensors that see six people each."""
+    """Measures microseconds per fused frame, of two sensors that see six people each."""
     person = walker().figure(0.0).joints
     random = np.random.default_rng(0)
     spots = [np.array([x, 0.0, z]) for x in (-1.0, 0.0, 1.0) for z in (0.0, -0.9)]

@@ -1,4 +1,5 @@
-"""The deformation graph: limbs that it joins, against the plain graph of Sumner et al., and what it costs."""
+"""Measures the deformation graph: how often it connects separate limbs, compared with the plain graph of
+Sumner et al., and its cost."""
 
 from __future__ import annotations
 
@@ -19,19 +20,19 @@ from joined_limbs import CASES, Limbs, detours, load, plain_graph, plain_skin  #
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", TESTS.parents[1] / "shared" / "data"))
 SHELLS = {"house_interior_pack_Chair_1.glb"}
-"""Of several shells, over which no geodesic leads: the second judge alone."""
+"""Meshes of several shells without geodesics between them, so that only the second criterion applies."""
 NODES = (64, 128, 256)
 
 
 def figures() -> Iterator[Figure]:
-    """Costs always; limbs where the real meshes are."""
+    """Yields the cost always, and the limb figures if the real meshes exist."""
     yield from graph_figures.figures()
     if (DATA / "meshes").is_dir():
         yield from _limbs()
 
 
 def _limbs() -> Iterator[Figure]:
-    """Sums over seven meshes and three sizes of graph; a peer that is as good has ratio 1."""
+    """Yields sums over seven meshes and three graph sizes. A peer of the same quality has ratio 1."""
     ours, plain = [0, 0, 0], [0, 0, 0]
     for case in CASES:
         mesh = load(DATA, case)

@@ -1,12 +1,12 @@
-"""An edge among strangers: its pace, its memory, and how soon a well-behaved viewer's orders are answered.
+"""Measures an edge under attack: its frame rate, its memory, and the response time for a well-behaved viewer.
 
-``enliven edge`` runs as it is shipped, on the shipped recording, looped and possessed. A viewer listens and
-gives an order every tenth of a second: undisturbed, under attack, and undisturbed again. The attack is a
-process that sends a million things in 40 s: valid requests without end, requests with PINGs that end in a
-reset, subscriptions of 50 and 4,000 bytes, requests for characters that are never read, and connections that
-say nothing.
-Its pace is bounded (25,000 a second) and its messages are packed beforehand, so that it does not simply take
-the processor that the edge needs; what the edge does not read counts, for it was sent.
+``enliven edge`` runs in its shipped configuration, on the shipped recording, looped and possessed. A viewer
+listens and sends a command ten times per second: undisturbed, under attack, and undisturbed again. The attack
+is a process that sends a million items in 40 s: endless valid requests, requests with PINGs that end in a
+reset, subscriptions of 50 and 4,000 bytes, requests for characters that are never read, and silent
+connections. Its rate is limited (25,000 per second) and its messages are packed beforehand, so that it does
+not simply occupy the processor that the edge needs. Items that the edge does not read count, too, since they
+were sent.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from enliven.wire.envelope import pack_control, unpack_stream
 from enliven.wire.ports import free_ports
 
 QUIET, ATTACK = 15.0, 40.0
-"""Seconds of each part."""
+"""Length of the quiet and the attacked part, seconds."""
 MESSAGES = 1_000_000
 TICK = 0.02
-"""Seconds between two pushes of the attack."""
+"""Interval between two bursts of the attack, seconds."""
 GIVEN_UP = 3.0
-"""Seconds after which an order counts as answered never: a viewer's own patience."""
+"""Time after which a command counts as never answered, seconds. A viewer's own timeout."""
 IDLE = 400
-"""Connections that the attack holds open and says nothing on."""
+"""Number of idle connections that the attack holds open."""
 
 
 def figures() -> Iterator[Figure]:
-    """Frames a second, memory and answers under attack."""
+    """Yields frame rate, memory and response times under attack."""
     ports = free_ports()
     command = [sys.executable, "-m", "enliven", "edge", "--loop", "--possess-at", "1"]
     command += ["--port", str(ports[0]), "--control-port", str(ports[1]), "--name", f"hostile-{os.getpid()}"]
@@ -75,7 +75,7 @@ def figures() -> Iterator[Figure]:
 
 
 class Viewer:
-    """A well-behaved viewer: counts poses, and orders something ten times a second."""
+    """A well-behaved viewer. It counts poses and sends a command ten times per second."""
 
     def __init__(self, ports: tuple[int, ...]) -> None:
         self.context = zmq.Context()
@@ -85,7 +85,7 @@ class Viewer:
             each.connect(f"tcp://127.0.0.1:{port}")
 
     def watch(self, seconds: float, wait: bool = False) -> tuple[int, float, list[float]]:
-        """(poses, seconds, milliseconds an order); ``wait`` until the first pose before that."""
+        """Returns (poses, seconds, milliseconds per command). With ``wait`` it first waits for a pose."""
         while wait and not self.stream.poll(1000):
             pass
         start = time.monotonic()
@@ -112,13 +112,13 @@ class Viewer:
 
 
 def _slowest(parts: list[tuple[int, float, list[float]]]) -> float:
-    """The slowest order in a hundred, milliseconds."""
+    """Returns the 99th percentile of the response times, milliseconds."""
     times = sorted(t for part in parts for t in part[2])
     return times[int(0.99 * (len(times) - 1))]
 
 
 def _megabytes(process: subprocess.Popen[bytes]) -> float:
-    """Resident memory; 0 of one that has ended."""
+    """Returns the resident memory in megabytes; 0 for a process that has ended."""
     with contextlib.suppress(OSError, IndexError):
         status = Path(f"/proc/{process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
@@ -132,7 +132,7 @@ def _frame(data: bytes, flags: int = 0) -> bytes:
 
 
 class Stranger:
-    """A raw connection that pushes what it is given, and comes again where it is thrown out."""
+    """A raw connection that sends its data repeatedly, and reconnects if it is closed."""
 
     greeting = b"\xff" + bytes(8) + b"\x7f\3\1" + b"NULL".ljust(20, b"\0") + bytes(32)
 
@@ -144,7 +144,7 @@ class Stranger:
         self.rest, self.pushed = b"", 0
 
     def push(self) -> int:
-        """Sends once more, as far as it is taken; how many things went."""
+        """Sends once more, as far as the socket accepts it. Returns the number of items sent."""
         try:
             if self.socket is None:
                 self.socket = socket.create_connection(("127.0.0.1", self.port), timeout=1.0)
@@ -166,7 +166,7 @@ class Stranger:
             return 0
 
     def leave(self) -> None:
-        """Ends the connection the rude way."""
+        """Closes the connection with a reset."""
         if self.socket is not None:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             self.socket.close()
@@ -174,7 +174,7 @@ class Stranger:
 
 
 def _strangers(pose: int, control: int) -> list[Stranger]:
-    """The attack."""
+    """Returns the connections of the attack."""
 
     def ask(body: requests.Ask) -> bytes:
         return _frame(pack_control(requests.Request(7, body)))
@@ -196,7 +196,7 @@ def _strangers(pose: int, control: int) -> list[Stranger]:
 
 
 def attack(pose: int, control: int) -> None:
-    """Sends a million things within the time, or what is taken of them."""
+    """Sends a million items within the time limit, or as many as the edge accepts."""
     strangers, idle, sent, knocks = _strangers(pose, control), [], 0, 0
     start, turns = time.monotonic(), itertools.count()
     while sent < MESSAGES and time.monotonic() < start + 2 * ATTACK:
@@ -215,7 +215,7 @@ def attack(pose: int, control: int) -> None:
         if len(idle) > IDLE:
             idle.pop(0).close()
         if not pushed:
-            # Nothing more is taken of these connections: others, then.
+            # The edge accepts no more on these connections, so they are replaced.
             for each in strangers[2:]:
                 each.leave()
             time.sleep(TICK)

@@ -1,4 +1,5 @@
-"""Measures which limbs are found in ten human-like meshes, and how they keep a spinning performer's heading.
+"""Measures which limbs are found in ten human-like meshes, and how well the meshes follow a spinning
+performer's heading.
 
 The peer is what `how = "mapped"` did before: extremities are head, hands and feet by height alone.
 """
@@ -31,11 +32,13 @@ _TRUNK = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_R
 _LIMB_OF = np.repeat(np.arange(5), 4)
 """(20,) the limb of each joint: trunk and head, arms, legs."""
 _NEAR = 1.5
-"""Times the distance to the nearest bone of its own limb from which skin counts as another limb's."""
+"""Skin counts as another limb's if it is farther than this multiple of the distance to its own limb's nearest
+bone."""
 
 
 def figures() -> Iterator[Figure]:
-    """Limbs found, bodies found without a doubt, processor time, where a performer stands, what is held."""
+    """Yields limbs found, bodies found with certainty, processor time, the performer's position, and the
+    attachment."""
     found, before, certain, times = 0, 0, 0, []
     off, far = [], []
     for make in BODIES.values():
@@ -60,7 +63,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _turning_figures() -> Iterator[Figure]:
-    """Yields how far each of the ten bodies is off its performer's heading, from the first frame on."""
+    """Yields the heading error of each of the ten bodies, from the first frame on."""
     films = [
         measure_turning(make().mesh, how, seed)
         for seed, make in enumerate(BODIES.values())
@@ -75,13 +78,15 @@ def _turning_figures() -> Iterator[Figure]:
 
 
 def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
-    """The mesh where a standing performer fits into it, and (20, 3) metres where its own joints are there."""
+    """Returns the mesh placed so that a standing performer fits into it, and its own (20, 3) joints there,
+    metres."""
     fitted, _ = prepared(known.mesh, ActorSettings())
     return fitted, as_moved(known.joints, known.mesh.vertices, fitted.vertices[: len(known.mesh.vertices)])
 
 
 def _held_far(mesh: Mesh, joints: Float) -> float:
-    """The share of the hold of a performer in the mesh's own pose that is on skin of another limb."""
+    """Returns the fraction of attached points that are on another limb, for a performer in the mesh's own
+    pose."""
     graph, settings = DeformationGraph.build(mesh, nodes=128), ActorSettings()
     grow = Growth(settings.enough, settings.farthest_reach)
     held = attach(graph, joints, np.ones(20), settings=settings.attachment, grow=grow)

@@ -1,7 +1,9 @@
-"""Ranking every match of two arms with a target: once a frame, the target abstracted beforehand.
+"""Measures ranking all matches of two arms with a target, once per frame. The target is abstracted
+beforehand.
 
-The peer enumerates with networkx, and keeps the target's abstraction too; that the results are the same is
-checked. Targets are random trees as rigs are: limbs of one to six joints, at whose joints others begin.
+The peer enumerates with networkx, and caches the target's abstraction, too. The results are checked to be
+equal. Targets are random trees that resemble rigs: limbs of one to six joints, with other limbs branching off
+their joints.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ BLUR = RankingSettings().blur
 
 
 def figures() -> Iterator[Figure]:
-    """Milliseconds a ranking, and once for the preparation."""
+    """Yields milliseconds per ranking, and the one-time preparation."""
     source = np.array([[0.0, 1.4, 0.0], [0.3, 1.5, 0.1], [-0.3, 1.3, 0.1]])
     view = ScreenView(np.array([0.3, -0.2, -1.0]))
     for joints in SIZES:
@@ -45,7 +47,8 @@ def figures() -> Iterator[Figure]:
 
 
 def rig(joints: int, rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[int, int]]]:
-    """(N, 3) positions and links: from a random joint another limb of one to six joints, until it is N."""
+    """Returns (N, 3) positions and links. Limbs of one to six joints are added at random joints until there
+    are N."""
     points, links = [np.zeros(3)], []
     while len(points) < joints:
         start = int(rng.integers(len(points)))
@@ -59,7 +62,7 @@ def rig(joints: int, rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[i
 
 
 def _same(matcher: Matcher, source: np.ndarray, view: ScreenView, expected: list[tuple[float, int]]) -> None:
-    """Refuses to measure what is not the same."""
+    """Raises if the results differ, so that only equal results are timed."""
     whole = [m for m in matcher.rank(source, view) if None not in m.pairs]
     np.testing.assert_allclose([m.score for m in whole], [score for score, _ in expected], atol=1e-9)
     ours = sorted((round(m.score, 6), m.candidate.root) for m in whole)

@@ -1,8 +1,9 @@
-"""Playing a retargeted take: microseconds for each bone at each moment, all layers sampled, joints placed.
+"""Measures playing a retargeted take: microseconds per bone and moment, with all layers sampled and all
+joints placed.
 
-The peer does the same job as add-ons do it in Python: a loop over frames, over bones, over their constraints,
-with small NumPy arrays. What it gives is checked against ours. Takes run at 30 frames a second and are played
-at 60, so that every other moment is between two frames.
+The peer does the same job in the way of Python add-ons: a loop over frames, over bones, over their
+constraints, with small NumPy arrays. Its results are compared with ours. Takes run at 30 frames a second and
+are played at 60, so that every other moment is between two frames.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ ARMS = ((2, 4, 5, 6, 7), (2, 8, 9, 10, 11), (0, 12, 13, 14, 15), (0, 16, 17, 18,
 
 
 def figures() -> Iterator[Figure]:
-    """A whole take at once, as an export plays it; and moment by moment, as a viewer does."""
+    """Yields the time of a whole take at once, as in an export, and of single moments, as in a viewer."""
     rng = np.random.default_rng(5)
     project = spider(person(rng), rng)
     player, bones = Player(project, "spider"), len(project.shape("spider").skeleton)
@@ -46,7 +47,7 @@ def figures() -> Iterator[Figure]:
 
 
 def person(rng: np.random.Generator) -> Clip:
-    """Somebody of 20 joints who moves every bone, for ten seconds."""
+    """Returns a clip of a person with 20 joints that moves every bone, for ten seconds."""
     positions = np.zeros((20, 3))
     for joint, parent in enumerate(PARENTS[1:], 1):
         positions[joint] = positions[parent] + rng.normal(size=3) * 0.15
@@ -61,7 +62,7 @@ def person(rng: np.random.Generator) -> Clip:
 
 
 def spider(take: Clip, rng: np.random.Generator) -> Project:
-    """A spider whose eight legs of six bones follow the arms and legs of a person, two by two."""
+    """A spider with eight legs of six bones that follow the arms and legs of a person, two by two."""
     parents, places = [-1], [np.array([0.0, 0.5, 0.0])]
     for leg in range(8):
         way = np.array([np.cos(leg * np.pi / 4), -0.2, np.sin(leg * np.pi / 4)])
@@ -79,7 +80,7 @@ def spider(take: Clip, rng: np.random.Generator) -> Project:
 
 
 def _least(job: Callable[[], object], repeats: int) -> float:
-    """Microseconds of the quickest of ``repeats`` runs."""
+    """Returns the microseconds of the fastest of ``repeats`` runs."""
     job()
     took = []
     for _ in range(repeats):

@@ -1,13 +1,13 @@
-"""Cuts, unions, skin weights and sketches, warm, on one thread, each beside the best peer at hand.
+"""Measures cuts, unions, skin weights and sketches, after warm-up, on one thread, each compared with the best
+available peer.
 
 - cut: a limb of a 10,000-vertex body cut across, with skin weights. Peer: manifold3d's own split by a plane,
-  which carries no skin, gives no old numbers, and cuts all that the plane meets.
-- union: two overlapping spheres of 10,000 vertices each. Peer: libigl's boolean over CGAL (exact), which
-  carries no skin and gives no old numbers either.
-- bone heat: 10,000 vertices, 30 bones. Peers: the same heat in plain SciPy, which tests no sight and keeps
-  all bones; and libigl's biharmonic weights, neither bounded nor of four bones, with a handle in each bone's
-  middle (its bounded ones end the process on a surface without tetrahedra).
-- sketch: a tentacle's stroke to a rigged part; nothing to compare with.
+  which does not transfer skin weights or vertex numbers, and cuts everything that the plane intersects.
+- union: two overlapping spheres of 10,000 vertices each. Peer: libigl's boolean over CGAL (exact), which does
+not transfer skin weights or vertex numbers either. - bone heat: 10,000 vertices, 30 bones. Peers: the same
+heat method in plain SciPy, without visibility tests and with all bones kept; and libigl's biharmonic weights,
+neither bounded nor limited to four bones, with a handle in the middle of each bone (its bounded weights crash
+on a surface without tetrahedra). - sketch: from a tentacle's stroke to a rigged part; there is no peer.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ BONES = 30
 
 
 def figures() -> Iterator[Figure]:
-    """One figure for each of the four."""
+    """Yields one figure for each of the four operations."""
     with threadpool_limits(1):
         yield cut_figure()
         yield union_figure()
@@ -49,7 +49,7 @@ def figures() -> Iterator[Figure]:
 
 
 def limb(vertices: int = 10_000) -> Mesh:
-    """A tube with round ends along z from 0 to 2, in even triangles."""
+    """Returns a tube with round ends along z from 0 to 2, with even triangles."""
     around = int(np.sqrt(vertices * 2 * np.pi * 0.15 / 2.0))
     rings = vertices // around
     z = np.linspace(0.02, 1.98, rings)
@@ -74,7 +74,7 @@ def limb(vertices: int = 10_000) -> Mesh:
 
 
 def chain(bones: int = BONES) -> Skeleton:
-    """Bones in a row in the middle of the limb."""
+    """Returns a row of bones along the middle of the limb."""
     places = np.zeros((bones + 1, 3))
     places[:, 2] = np.linspace(0.05, 1.95, bones + 1)
     return Skeleton(tuple(f"j{i}" for i in range(bones + 1)), np.arange(bones + 1) - 1, places)
@@ -89,7 +89,8 @@ def cut_figure() -> Figure:
 
 
 def split_by_library(mesh: Mesh) -> None:
-    """Into the library, cut, and out again: both sides with caps, whatever the plane meets."""
+    """Converts to the library's mesh, cuts, and converts back: both sides with caps, everywhere the plane
+    intersects."""
     made = manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices, mesh.faces.astype(np.uint64)))
     for side in made.split_by_plane((0.0, 0.0, 1.0), 0.97):
         side.to_mesh64()
@@ -132,7 +133,7 @@ def heat_figures() -> Iterator[Figure]:
 
 
 def plain_heat(mesh: Mesh, segments: Float) -> Float:
-    """(V, B) bone heat as one writes it down first, every bone seen by every vertex."""
+    """Returns (V, B) bone heat in its simplest form, in which every vertex sees every bone."""
     starts, vectors = segments[:, 0], segments[:, 1] - segments[:, 0]
     away = mesh.vertices[:, None] - starts[None]
     u = np.clip((away * vectors[None]).sum(2) / (vectors**2).sum(1), 0, 1)
@@ -146,7 +147,7 @@ def plain_heat(mesh: Mesh, segments: Float) -> Float:
 
 
 def least(job: Callable[[], object], seconds: float = 1.0, runs: int = 3) -> float:
-    """Seconds of the quickest run of as many as fit into ``seconds``, ``runs`` at least."""
+    """Returns the seconds of the fastest run of as many as fit into ``seconds``, at least ``runs``."""
     if runs > 1:
         job()
     took: list[float] = []

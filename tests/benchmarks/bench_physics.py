@@ -1,7 +1,8 @@
-"""What loose things cost: a frame with 100 spheres and 50 boxes, at rest and while a character rampages.
+"""Measures the cost of loose objects: a frame with 100 spheres and 50 boxes, at rest and while a character
+runs into them.
 
-Beside it what other ways of moving the spheres cost and give, which is why contacts are corrected: the
-engine's own mocap bodies, and heavy bodies whose place and speed are written in every step.
+It also measures the cost and quality of other ways of moving the spheres, which explains why contacts are
+corrected: the engine's own mocap bodies, and heavy bodies with position and speed set in every step.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ FRAME = 1 / 30
 SPHERES, BOXES, SIDE = 100, 50, 0.17
 SETTINGS = EngineSettings(budget=0.0)
 SPEED = 6.0
-"""Metres a second at which one box is hit to compare the ways."""
+"""Speed at which one box is hit in the comparison, metres per second."""
 
 
 def figures() -> Iterator[Figure]:
-    """Times of frames and kernels, and how a box takes a blow."""
+    """Yields times of frames and kernels, and the response of a box to an impact."""
     world, cloud = _towers(), _cloud()
     rest = _frames(world, lambda k: cloud + np.array([-3.0, 0, 0]), 90)
     world = _towers()
@@ -68,13 +69,13 @@ def _towers() -> World:
 
 
 def _cloud() -> np.ndarray:
-    """(100, 3) a body of spheres, as tall as a person."""
+    """Returns (100, 3) positions of a body of spheres, as tall as a person."""
     grid = np.meshgrid(np.linspace(-0.2, 0.2, 4), np.linspace(0.1, 1.7, 5), np.linspace(-0.2, 0.2, 5))
     return np.stack(grid, -1).reshape(-1, 3)
 
 
 def _frames(world: World, where: Callable[[int], np.ndarray], count: int) -> list[float]:
-    """Milliseconds of every frame but the first ones."""
+    """Returns the milliseconds of every frame except the first ones."""
     took = []
     for k in range(count):
         begin = time.perf_counter()
@@ -90,7 +91,7 @@ def _chair() -> Any:
 
 
 def _least(call: Callable[[], Any]) -> float:
-    """Seconds of the quickest of many calls."""
+    """Returns the seconds of the fastest of many calls."""
     best = np.inf
     for _ in range(2000):
         begin = time.perf_counter()
@@ -100,17 +101,19 @@ def _least(call: Callable[[], Any]) -> float:
 
 
 def _blow_at(k: int) -> list[float]:
-    """Where the sphere is after ``k`` time steps: past the box's place at full speed, then at rest."""
+    """Returns the sphere's position after ``k`` time steps: past the box's position at full speed, then at
+    rest."""
     return [min(-0.4 + SPEED * k * SETTINGS.substep, 0.2), 0.1, 0.0]
 
 
 def _depth(k: int, box: float) -> float:
-    """Metres by which the sphere is in the box whose middle is at x = ``box``, while it still comes on."""
+    """Returns the penetration depth of the sphere in the box centred at x = ``box`` while it still moves,
+    metres."""
     return _blow_at(k)[0] + 0.06 - (box - SIDE / 2)
 
 
 def _our_blow() -> float:
-    """Metres by which a sphere gets into one box that it hits."""
+    """Returns the penetration depth of a sphere in one box that it hits, metres."""
     world, deepest = World(_boxes(1), SETTINGS), 0.0
     world.put(slice(None), np.array([[0.0, SIDE / 2, 0.0]]))
     for k in range(round(0.5 / SETTINGS.substep)):
@@ -121,7 +124,7 @@ def _our_blow() -> float:
 
 
 def _blow(heavy: bool) -> float:
-    """The same by the engine alone: a mocap body, or one of 200 kg that is set anew in every step."""
+    """Returns the same with the engine alone: a mocap body, or a 200 kg body that is placed in every step."""
     step, half = SETTINGS.substep, SIDE / 2
     contact = f'solref="{SETTINGS.stiffness} 1" friction="{SETTINGS.friction} 0.005 0.0005"'
     slides = (

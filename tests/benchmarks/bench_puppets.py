@@ -1,9 +1,10 @@
-"""A puppet on the stage: the shipped cactus (12 control points); somebody waves, walks and turns.
+"""Measures a puppet on the stage: the shipped cactus (12 control points). The performer waves, walks and
+turns.
 
-`puppets.frame_ms` is all that the edge does with it for a frame of the sensor: bones, examples (two samples
-a frame), the way in the world, easing. Its peer does the examples' part alone: the same windows of frames as
-one sparse least-squares system for each point, solved by scipy.sparse's spsolve, without bounds; both answers
-are compared. `puppets.surface_ms` is a viewer's picture of it but for the drawing: surface and normals.
+`puppets.frame_ms` is the edge's whole work for one sensor frame: bones, examples (two samples per frame),
+locomotion, blending. Its peer does only the examples' part: the same windows of frames as one sparse
+least-squares system per point, solved by scipy.sparse's spsolve without bounds. Both answers are compared.
+`puppets.surface_ms` is a viewer's frame without the drawing: surface and normals.
 """
 
 from __future__ import annotations
@@ -35,13 +36,14 @@ from enliven_viewer.render.surface import split_creases
 
 FRAMES, RATE = 600, 30.0
 REPEATS = 4
-"""The same performance, of which each frame's quickest counts: others use the machine too."""
+"""Number of repetitions of the performance. The fastest time of each frame counts, since other processes
+disturb it."""
 _OUT = 2
-"""Frames that are out already in a window that is solved live."""
+"""Number of frames in a live window that were already published."""
 
 
 def figures() -> Iterator[Figure]:
-    """A frame on the edge, its delay and bytes, and a picture's surface in a viewer."""
+    """Yields a frame on the edge, its delay and bytes, and the surface of a viewer's frame."""
     project = cactus_project()
     puppet = project.puppet("cactus")
     runs = []
@@ -67,7 +69,8 @@ def figures() -> Iterator[Figure]:
 
 
 def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
-    """Poses, the performer's poses (F, P, 3) as the examples have them, and seconds of each frame."""
+    """Returns the poses, the performer's poses (F, P, 3) in the form used by the examples, and the seconds of
+    each frame."""
     poses, seen, took = [], [], []
     for f in range(FRAMES):
         body = _performer(f / RATE)
@@ -82,7 +85,7 @@ def _performed(actor: PuppetActor) -> tuple[list[Pose], Float, Float]:
 
 
 def _performer(seconds: float) -> Body:
-    """Somebody who waves with both arms, marches and turns."""
+    """Returns a performer that waves with both arms, marches and turns."""
     turns = standing(0.3 * seconds)
     for bone, sign, speed in ((model.UPPER_ARM_L, 1.0, 2.0), (model.UPPER_ARM_R, -1.0, 2.7)):
         turns[bone] = rotation(z=sign * (1.3 - 1.3 * np.cos(speed * seconds))) @ turns[bone]
@@ -95,8 +98,8 @@ def _performer(seconds: float) -> Body:
 
 
 def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
-    """Seconds of the peer for a window of so many frames."""
-    # The peer's step is another: the same cost for the same bend.
+    """Returns the peer's seconds for a window of ``frames`` frames."""
+    # The peer has another time step; the weight is scaled so that the same bending has the same cost.
     alike = mapping.settings.acceleration * (STEP / step) ** 2
     free = ExampleMap(mapping.examples, replace(mapping.settings, margin=1e6, acceleration=alike))
     windows = [seen[k : k + frames] for k in range(20, 380, 18)]
@@ -113,7 +116,7 @@ def _plain(mapping: ExampleMap, seen: Float, step: float, frames: int) -> float:
 
 
 def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
-    """Seconds of the surface and its normals, in the middle."""
+    """Returns the median seconds of the surface and its normals."""
     character, runs = actor.character, []
     drawn = split_creases(character.vertices, character.faces)
     for _ in range(REPEATS):

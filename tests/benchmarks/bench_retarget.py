@@ -1,11 +1,12 @@
-"""Retargeting: people onto people, every model with every clip of the data, and models made at random.
+"""Measures retargeting: people onto people, every model with every clip of the data, and random models.
 
 People onto people: the pose of the written GLB is compared with the performer's, limb by limb, by
-:mod:`limb_directions`, which shares nothing with the mapping. A table goes to out/retarget_people.txt.
+:mod:`limb_directions`, which shares no code with the mapping. A table is written to out/retarget_people.txt.
 The slide of standing feet in the written GLB is measured by :mod:`standing_feet`, in a walk and two runs.
 
-Every other pair is what the command makes with ``--travel --pin``, of the first seconds of the clip. A table
-of all pairs goes to out/retarget.txt. Sealed pairs were left alone while the mapping was worked on.
+Every other pair is made by the command with ``--travel --pin`` from the first seconds of the clip. A table of
+all pairs is written to out/retarget.txt. Sealed pairs are a held-out set: they were not examined while the
+mapping was developed.
 """
 
 from __future__ import annotations
@@ -35,23 +36,25 @@ from enliven.takes import read_take
 HERE = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ENLIVEN_DATA", HERE.parent / "shared" / "data"))
 SECONDS = 4.0
-"""Seconds of every clip: two strides."""
+"""Length used of every clip, seconds: two strides."""
 RANDOM = 30
-"""Models made at random; each moves by two clips."""
+"""Number of random models. Each moves by two clips."""
 BOUND = 1.4
-"""Edge stretch at the 99th percentile that 95 % of the pairs are to be within."""
+"""Target: 95 % of the pairs have a 99th percentile of edge stretch below this."""
 PLACE = 0.06
-"""Share of the size by which a joint may be off the mirror image of its partner: models are made by hand."""
+"""Maximum distance of a joint from the mirror image of its partner, as a fraction of the size. Models are
+made by hand."""
 LEVEL = 0.03
-"""Share of the height that the lowest point may be off the floor."""
+"""Maximum distance of the lowest point from the floor, as a fraction of the height."""
 
 
 SAID = {True: "symmetric", False: "ASYMMETRIC", None: "none to mirror"}
-"""What the table says of a mapping."""
+"""Words for a mapping's symmetry in the table."""
 
 
 CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
-"""The names that a human model's joints have, by the first word of its file; others have Quaternius'."""
+"""Joint naming conventions of human models, by the first word of the file name; all others use
+Quaternius'."""
 
 
 SLIDING = {
@@ -63,7 +66,7 @@ SLIDING = {
 
 
 def figures() -> Iterator[Figure]:
-    """Slide and pose of people; stretch, floor, slide and symmetry of all other pairs."""
+    """Yields slide and pose error of people; stretch, floor, sliding and symmetry of all other pairs."""
     yield from _slide_figures()
     yield from _people_figures()
     yield from _model_figures()
@@ -108,7 +111,7 @@ def _pinned_glb(model: Path, take: Clip) -> bytes:
 
 
 def _people_figures() -> Iterator[Figure]:
-    """How far limbs point away from the performer's, and how much planted feet slide, in all human pairs."""
+    """Yields the limb direction error and the sliding of planted feet in all human pairs."""
     lines, medians, p90s, slides = list[str](), list[float](), list[float](), list[float]()
     takes = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
     for model in _humans():
@@ -138,7 +141,7 @@ def _people_figures() -> Iterator[Figure]:
 
 
 def _model_figures() -> Iterator[Figure]:
-    """Stretch, floor, slide and symmetry of all pairs of a model and a clip."""
+    """Yields stretch, floor, sliding and symmetry of all pairs of a model and a clip."""
     rows = [(model, clip, *_measured(shape, take)) for model, shape, clip, take in _pairs()]
     if not rows:
         return
@@ -188,9 +191,9 @@ def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
 
 
 def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
-    """Whether what the left chains drive is the mirror image of what the right ones drive.
+    """Returns True if the left chains drive the mirror image of what the right chains drive.
 
-    None for a skeleton that is not symmetric itself.
+    Returns None for a skeleton that is not symmetric itself.
     """
     across = np.array([np.cos(facing), 0.0, -np.sin(facing)])
     at = skeleton.positions - skeleton.positions[0]
@@ -210,7 +213,7 @@ def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:
 
 
 def _sealed(model: str, clip: str) -> bool:
-    """A third of the pairs, by the hash of their names."""
+    """Returns True for a third of the pairs, chosen by a hash of their names."""
     return int(hashlib.md5(f"{model} {clip}".encode()).hexdigest(), 16) % 3 == 0
 
 

@@ -1,7 +1,7 @@
-"""The whole road through the edge: depth frame read to pose published.
+"""Measures the whole path through the edge: from reading a depth frame to publishing the pose.
 
-One performer at 640 x 480 (the Kinect v1 profile's noise), the chair with 128 nodes, possessed; poses, bodies
-and cues go through real sockets to a subscriber in another process.
+One performer at 640 x 480 (the Kinect v1 profile's noise) possesses the chair with 128 nodes. Poses, bodies
+and cues are sent through real sockets to a subscriber in another process.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ while True:
 
 
 class Reel:
-    """Frames from memory, so that making them costs the edge nothing."""
+    """Frames from memory, so that rendering them costs the edge no time."""
 
     name = "reel"
 
@@ -54,7 +54,7 @@ class Reel:
 
 
 def figures() -> Iterator[Figure]:
-    """Latency, throughput and size of the road."""
+    """Yields latency, throughput and message size of the path."""
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
     actor = cast("chair", nodes=NODES)
@@ -78,7 +78,8 @@ def figures() -> Iterator[Figure]:
 
 
 def _performed(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float, list[int]]:
-    """(milliseconds a frame, seconds in all, bytes a pose message) after the performer has taken hold."""
+    """Returns (milliseconds per frame, total seconds, bytes per pose message) after the performer is
+    attached."""
     sizes: list[int] = []
     publish = edge.outlet.publisher.publish
 

@@ -1,9 +1,9 @@
-"""Scanning on two threads: times of fusion and tracking, and how near camera and surface come to the truth.
+"""Measures scanning on two threads: times of fusion and tracking, and the errors of camera and surface.
 
-The chair is rendered with a Kinect's noise from a path of a hand; its truth is known. The kitchen (7-Scenes)
-has the poses of another fusion, KinectFusion's, so some of the difference is theirs: it is told of both how
-far the images are off the surface that they make. It is left out where the recordings are not here. Open3D's
-VoxelBlockGrid fuses the same images of the chair, where it is installed.
+The chair is rendered with a Kinect's noise from a hand-held path; its ground truth is known. The kitchen
+(7-Scenes) has poses from KinectFusion, which have errors, too. So for both, the distance between the images
+and the surface fused from them is reported. The kitchen is left out if the recordings are missing. Open3D's
+VoxelBlockGrid fuses the same images of the chair, if it is installed.
 """
 
 from __future__ import annotations
@@ -51,24 +51,25 @@ from enliven_synthesis.sensor import (
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.45, height=(0.6, 1.9), turns=1.1, seconds=15.0)
 PERSON = 2.0
-"""Metres within which the images for the fusion alone show anything: the thing, as large as a person."""
+"""Maximum depth in the images of the fusion-only benchmark, metres: only the object, about as large as a
+person."""
 NEAR = 0.005
-"""Metres within which a point of the truth counts as scanned."""
+"""A ground-truth point counts as scanned if the surface is within this distance, metres."""
 
 LAID = (14.0, 17.0)
-"""Seconds in which the chair is laid on its back."""
+"""Time in which the chair is laid on its back (begin, end), seconds."""
 LAID_PATH = FollowingPath(
     target=(0.0, 0.85, 0.15), radius=1.5, height=(0.6, 1.9), turns=2.2, seconds=32.0,
     later=(0.0, 0.4, 0.15), turning=LAID, nod=0.35,
 )  # fmt: skip
 LAID_EVERY = 2
-"""Images of which one is scanned: fifteen a second."""
+"""Every second image is scanned: fifteen per second."""
 LOOKS = 3
-"""Images, of every third, that show a point of the truth that the camera's way shows."""
+"""Minimum number of images, of every third, in which a ground-truth point must be visible to count."""
 
 
 def figures() -> Iterator[Figure]:
-    """The fusion alone, the whole loop on the chair, and the camera's way in the kitchen."""
+    """Yields the fusion alone, the whole loop on the chair, and the camera path in the kitchen."""
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH)
     frames, truth = list(scan), [scan.pose(n) for n in range(scan.frames)]
     yield from _fusion(frames[::15], truth[::15])
@@ -91,7 +92,8 @@ def figures() -> Iterator[Figure]:
 
 
 def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
-    """Milliseconds to fuse an image at 5 mm, preparation included; ours and Open3D's in turn."""
+    """Yields the milliseconds to fuse an image at 5 mm, preparation included; ours and Open3D's
+    alternately."""
     depths = [np.where(frame.depth < 1000 * PERSON, frame.depth, 0).astype(np.uint16) for frame in frames]
     camera, settings = frames[0].intrinsics, VolumeSettings(voxel=0.005)
     volume = DistanceVolume(settings)
@@ -105,7 +107,7 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
             start = time.perf_counter()
             peer(depth, pose)
             theirs.append(time.perf_counter() - start)
-    # The first images bring most of the blocks, and compile.
+    # The first images allocate most of the blocks and compile the kernels.
     took = float(np.median(ours[3:]))
     ratio = float(np.median(theirs[3:])) / took if theirs else None
     yield Figure(
@@ -114,7 +116,7 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
 
 
 def _open3d(camera):
-    """A function that fuses an image with Open3D's defaults at 5 mm; None where it is not installed."""
+    """Returns a function that fuses an image with Open3D's defaults at 5 mm; None if it is not installed."""
     try:
         import open3d as o3d
     except (ImportError, OSError):
@@ -136,7 +138,7 @@ def _open3d(camera):
 
 
 def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figure]:
-    """The whole loop: times, the camera's error, and the surface's."""
+    """Measures the whole loop: times, the camera's error, and the surface's error."""
     scanner = Scanner()
     tracked = list[float]()
     align = scanner.tracker.align
@@ -176,7 +178,8 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     error = _errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
-    # A million samples lie closer than NEAR; a tenth of them would miss an eighth of a whole surface.
+    # A million samples are closer together than NEAR; with a tenth of them, an eighth of a complete surface
+    # would seem missing.
     there = cKDTree(_sampled(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
     seen = _seen(scan, points[0][::12], points[1][::12])
     yield Figure("scanning.completeness", float(there[seen].mean()), "of what the camera's way shows")
@@ -184,7 +187,8 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
 
 
 def _laid_down(chair: Mesh) -> Iterator[Figure]:
-    """The chair is laid on its back half-way: how much of all of it is there, and how far it is off."""
+    """Measures a scan in which the chair is laid on its back half-way: the completeness of the mesh, and its
+    error."""
     poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
     way = HandledWay(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     scan, scanner = HandledScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
@@ -205,7 +209,7 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     mesh = scanner.joined()
     yield Figure("scanning.join_s", time.perf_counter() - start, "s")
     points = _sampled(chair, 600_000)
-    # The first image's pose is the truth's, but not the way's: the surfaces are laid onto one another.
+    # The first image has the true pose, but the later path drifts, so the surfaces are aligned first.
     grid = nearest_grid(sampled(chair, 60_000), 0.006, 0.1)
     ((pose,), _) = laid(grid, sampled(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
     mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces)
@@ -217,16 +221,19 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
 
 
 def _errors(mesh: Mesh, points: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Metres from points on a mesh to the truth, of which points and normals are given."""
+    """Returns the distances, metres, from points on a mesh to the true surface, given as points and
+    normals."""
     surface = _sampled(mesh, 100_000)
     distance, at = cKDTree(points[0]).query(surface[0])
     flat = np.abs(((surface[0] - points[0][at]) * points[1][at]).sum(1))
-    # Samples of the truth lie 2 mm apart: near it, its planes tell more than its points.
+    # Samples of the truth are 2 mm apart. Close to it, point-to-plane distances are more accurate than
+    # point-to-point ones.
     return np.where(distance < 0.006, np.minimum(flat, distance), distance)
 
 
 def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Which points of the thing (N, 3) are in at least LOOKS of every third image, not behind other parts."""
+    """Returns which points (N, 3) of the object are visible, without occlusion, in at least LOOKS of every
+    third image."""
     camera, looks = scan.intrinsics, np.zeros(len(points), int)
     for index in range(0, scan.frames, 3):
         pose = scan.pose(index)
@@ -236,7 +243,7 @@ def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.nda
         ray = local[shown] / np.linalg.norm(local[shown], axis=1, keepdims=True)
         slope = np.abs((ray * (normals[shown] @ pose[:3, :3])).sum(1))
         before = local[shown, 2] - draw_mesh(scan.thing, camera, pose).depth[row[shown], column[shown]]
-        # A pixel is 3 mm wide there, and deeper the more slanted the surface is.
+        # A pixel covers 3 mm there, and a larger range of depth the more slanted the surface is.
         looks[shown[before < 0.004 + 0.003 / np.maximum(slope, 0.1)]] += 1
     return looks >= LOOKS
 
@@ -244,7 +251,7 @@ def _seen(scan: HandheldScan, points: np.ndarray, normals: np.ndarray) -> np.nda
 def _way(
     scanner: Scanner, frames: list[DepthFrame], first: np.ndarray
 ) -> tuple[list[np.ndarray], list[float]]:
-    """The poses found for frames that do not tell theirs, but for the first, and the seconds each took."""
+    """Returns the poses estimated for frames without poses, except the first, and the seconds for each."""
     found, took = [], []
     for n, frame in enumerate(frames):
         told = DepthFrame(
@@ -260,13 +267,13 @@ def _way(
 def _matched(
     scanner: Scanner, frames: list[DepthFrame], truth: list[np.ndarray]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """The poses of the frames that were fused, as they were found in the end, and the true ones."""
+    """Returns the final poses of the fused frames, and the true ones."""
     true = {frame.time_ns: pose for frame, pose in zip(frames, truth, strict=True)}
     return [pose for _, pose in scanner.poses], [true[time_ns] for time_ns, _ in scanner.poses]
 
 
 def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSettings) -> float:
-    """Metres by which images are off the surface that they make when they are fused at some poses."""
+    """Returns the distance, metres, between the images and the surface fused from them at the given poses."""
     scanner = Scanner(settings)
     for frame, pose in zip(frames, poses, strict=True):
         scanner.place(frame, pose)
@@ -278,7 +285,7 @@ def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSetti
 
 
 def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The turn and the move that lay points (N, 3) onto others (Kabsch)."""
+    """Returns the rotation and translation that align points (N, 3) with others (Kabsch)."""
     a, b = these - these.mean(0), those - those.mean(0)
     u, _, v = np.linalg.svd(b.T @ a)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
@@ -286,21 +293,21 @@ def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _apart(found: list[np.ndarray], truth: list[np.ndarray]) -> float:
-    """Metres, root mean square of the cameras' places after the ways are laid onto one another."""
+    """Returns the root mean square error of the camera positions, metres, after aligning the paths."""
     these, those = (np.array([pose[:3, 3] for pose in poses]) for poses in (found, truth))
     turn, move = _laid(these, those)
     return float(np.sqrt(np.square(these @ turn.T + move - those).sum(1).mean()))
 
 
 def _near(mesh: Mesh, thing: Mesh) -> Mesh:
-    """The faces of a scan about the thing, and not of the floor."""
+    """Returns the faces of a scan that belong to the object, not to the floor."""
     low, high = thing.bounds
     inside = ((mesh.vertices > low - [0.05, -0.02, 0.05]) & (mesh.vertices < high + 0.05)).all(1)
     return mesh.with_faces(inside[mesh.faces].all(1))
 
 
 def _sampled(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points that lie evenly on a surface, and the normals there."""
+    """Returns evenly distributed points on a surface, and the normals there."""
     random, areas = np.random.default_rng(0), np.linalg.norm(mesh.face_vectors(), axis=1)
     face = random.choice(len(areas), count, p=areas / areas.sum())
     root, other = np.sqrt(random.random((count, 1))), random.random((count, 1))

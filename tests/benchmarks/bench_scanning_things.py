@@ -1,4 +1,4 @@
-"""Things that were not tuned on, carried round with a Kinect's noise: how far surface and camera are off.
+"""Measures scans of objects that nothing was tuned on, with a Kinect's noise: errors of surface and camera.
 
 A stool, a bear of round parts and a plant with leaves 2 mm thick are rendered at 640 x 480 from a hand's
 path, ten images a second; shape and path are known.
@@ -23,13 +23,13 @@ from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 EVERY = 3
-"""Images from one that is scanned to the next: the run is so many times shorter."""
+"""Every third image is scanned, which shortens the run."""
 NEAR = 0.005
-"""Metres within which a point of the truth counts as scanned."""
+"""A ground-truth point counts as scanned if the surface is within this distance, metres."""
 
 
 def figures() -> Iterator[Figure]:
-    """The camera's error, the surface's, and how much of the truth is there, of each thing."""
+    """Yields the camera's error, the surface's error, and the completeness, of each object."""
     for name, make in THINGS.items():
         take, scanner = HandheldScan(make(), load_profile("kinect1"), PATH), Scanner()
         off, lost = list[float](), 0
@@ -45,7 +45,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
-    """How far the scan about the thing is from it, above the floor, and how much of it is there."""
+    """Yields the distance between the scan and the object, above the floor, and the completeness."""
     low, high = truth.bounds
     inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)
     made = whole.with_faces(inside[whole.faces].all(1))

@@ -1,8 +1,8 @@
-"""A chair on a turntable, and in two hands, followed apart from the room: how far it and its mesh are off.
+"""Measures object tracking of a chair on a turntable, and in two hands: pose error and mesh error.
 
-The images are a Kinect's, rendered; chair, turn, hands and room are known. A second and a half of the chair
-as it stands and the whole turn are scanned at fifteen images a second. Hands that are left in the mesh are
-what lies farther from the chair than a centimetre.
+The images are a Kinect's, rendered; chair, turn, hands and room are known. A second and a half of the
+standing chair and the whole turn are scanned at fifteen images per second. Mesh parts more than a centimetre
+away from the chair count as remains of hands.
 """
 
 from __future__ import annotations
@@ -29,22 +29,24 @@ WAYS: dict[str, tuple[MovingThing, HandheldPath, int]] = {
     "turntable": (WAY, STILL, 405),
     "in_hands": (InHandsWay(), HELD, 465),
 }
-"""The ways of chair and camera, and images at thirty a second, of the turn and of what is before it."""
+"""Paths of chair and camera, and the number of images at 30 per second, of the turn and of the time before
+it."""
 EVERY = 2
-"""Images from one that is scanned to the next: the run is so many times shorter."""
+"""Every second image is scanned, which shortens the run."""
 NEAR = 0.01
-"""Metres within which a point of the truth counts as scanned."""
+"""A ground-truth point counts as scanned if the surface is within this distance, metres."""
 
 
 def figures() -> Iterator[Figure]:
-    """The chair's place, the camera's in the room, the share of the images, and the mesh."""
+    """Yields the errors of the chair's pose and the camera's pose, the fraction of images used, and the mesh
+    figures."""
     for name, (way, camera, images) in WAYS.items():
         take = HandledScan(THING, way, load_profile("kinect1"), camera, room=ROOM, width=640)
         yield from _followed(name, take, images)
 
 
 def _followed(name: str, take: HandledScan, images: int) -> Iterator[Figure]:
-    """Those of one way."""
+    """Yields the figures of one path."""
     scanner, off, room, took, followed = MovedScanner(following(ScanSettings())), [], [], [], 0
     for index in range(0, images, EVERY):
         frame = take.frame(index)
@@ -66,7 +68,7 @@ def _followed(name: str, take: HandledScan, images: int) -> Iterator[Figure]:
 
 
 def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
-    """How far the mesh is from the chair, laid onto it, and how much of the chair it shows."""
+    """Yields the distance of the aligned mesh from the chair, and the completeness."""
     middle = np.mean(THING.bounds, axis=0) * [1, 0, 1]
     truth = replace(THING, vertices=THING.vertices - middle)
     grid = nearest_grid(sampled(truth, 60_000), 0.006, 0.1)

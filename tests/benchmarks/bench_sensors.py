@@ -1,7 +1,7 @@
 """Drivers of depth cameras on their real libraries, with a recording in place of the device.
 
-Measured is what the edge pays beside the camera itself: from when an image is handed to the library to when
-the edge has it, what is copied on the way, and how soon a camera is used again that was away.
+It measures the edge's overhead in addition to the camera itself: the time from handing an image to the
+library until the edge has it, the copies on the way, and the time until a reconnected camera is used again.
 """
 
 from __future__ import annotations
@@ -36,41 +36,43 @@ from enliven_edge.sensors.reopening import ReopeningSensor
 WIDTH, HEIGHT, FPS = 640, 400, 30
 FRAMES = 300
 WARM = 30
-"""Frames that are not measured: caches and threads find their places."""
+"""Number of frames before the measurement, in which caches and threads warm up."""
 AWAY = 2.0
-"""Seconds that a camera is away."""
+"""Time for which a camera is disconnected, seconds."""
 TIMES = 5
-"""Losses and returns a driver."""
+"""Number of disconnections per driver."""
 
 
 def _stamped(frame: DepthFrame, moment: int | None = None) -> DepthFrame:
-    """The frame with a moment, monotonic nanoseconds, or this one, in its first four pixels."""
+    """Returns the frame with a timestamp, monotonic nanoseconds (now by default), in its first four
+    pixels."""
     depth = np.array(frame.depth)
     depth[0, :4] = np.array([moment or time.monotonic_ns()], np.int64).view(np.uint16)
     return replace(frame, depth=depth)
 
 
 def _stamp(depth: UInt16) -> int:
-    """The moment that an image bears."""
+    """Returns the timestamp stored in an image."""
     return int(np.ascontiguousarray(depth[0, :4]).view(np.int64)[0])
 
 
 class StampedRealSense(RealSenseSensor):
-    """Images bear the moment when they are handed to the library."""
+    """A driver with images that contain the time of their transfer to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedOak(OakSensor):
-    """Images bear the moment when they are handed to the library."""
+    """A driver with images that contain the time of their transfer to the library."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         super()._send(_stamped(frame), number)
 
 
 class StampedTof(TofSensor):
-    """Images bear the moment when they are handed over in the library's place, as it measures them."""
+    """A driver with images that contain the time of their transfer in place of the library, when it measures
+    them."""
 
     def _hand_over(self, measured: Any) -> None:
         measured.depth_data[0, :4] = np.array([time.monotonic_ns()], np.int64).view(np.uint16)
@@ -78,7 +80,7 @@ class StampedTof(TofSensor):
 
 
 class StampedOrbbec(OrbbecSensor):
-    """Images bear the moment when the library hands them over: it takes them from a file itself."""
+    """A driver with images that contain the time of delivery by the library, which reads the file itself."""
 
     def _received(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
@@ -91,11 +93,12 @@ DRIVERS: dict[str, tuple[str, Callable[..., Sensor], int]] = {
     "orbbec": ("pyorbbecsdk", StampedOrbbec, 1),
     "tof": ("numpy", StampedTof, 0),
 }
-"""The library that each needs, the driver, and how often the library itself copies an image."""
+"""The library that each one needs, the driver, and the number of copies that the library itself makes of an
+image."""
 
 
 def figures() -> Iterator[Figure]:
-    """Overhead, copies and reconnecting of each driver whose library is installed."""
+    """Yields overhead, copies and reconnection time of each driver with an installed library."""
     with tempfile.TemporaryDirectory() as folder:
         take = Path(folder) / "take.mcap"
         _record(take)
@@ -112,7 +115,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _record(path: Path) -> None:
-    """Images of noise on a wall, which no codec or cache makes easy."""
+    """Records images of noise on a wall, which no codec or cache can compress well."""
     camera = Intrinsics(WIDTH, HEIGHT, 441.25, 441.25, 319.5, 199.5)
     random = np.random.default_rng(0)
     with Recorder(path) as recorder:
@@ -122,18 +125,18 @@ def _record(path: Path) -> None:
 
 
 def _overhead(opener: IsolatedOpener) -> tuple[list[float], float]:
-    """(milliseconds an image from the library's door to the edge's hands, images copied an image)."""
+    """Returns (milliseconds per image from the library to the edge, copies per image)."""
     taken, written = [], 0
     with opener() as sensor:
         while (frame := sensor.read(5.0)) is not None:
             taken.append(1e-6 * (time.monotonic_ns() - _stamp(frame.depth)))
-            # What lies in shared memory was written once there; anything else was copied once more.
+            # Data in shared memory was written there once; any other data was copied once more.
             written += 1 if _is_shared(frame.depth) else 2
     return taken[WARM:], written / len(taken)
 
 
 def _is_shared(depth: UInt16) -> bool:
-    """Whether an image lies in the helper's memory."""
+    """Returns True if an image is in the helper process' shared memory."""
     base = depth
     while isinstance(base.base, np.ndarray):
         base = base.base
@@ -141,7 +144,7 @@ def _is_shared(depth: UInt16) -> bool:
 
 
 def _reconnect(opener: IsolatedOpener, take: Path) -> float:
-    """Milliseconds at the median from when a lost camera is back to its first image."""
+    """Returns the median milliseconds from the return of a lost camera to its first image."""
     import multiprocessing
 
     away, took = take.with_suffix(".away"), []
@@ -162,7 +165,7 @@ def _reconnect(opener: IsolatedOpener, take: Path) -> float:
 
 
 def _attempt(sensor: Sensor) -> DepthFrame | None:
-    """A frame, where one comes."""
+    """Returns a frame if one arrives."""
     try:
         frame = sensor.read(0.05)
     except (SensorFault, TimeoutError):
@@ -171,5 +174,5 @@ def _attempt(sensor: Sensor) -> DepthFrame | None:
 
 
 def _next(sensor: Sensor) -> DepthFrame:
-    """The next frame, over faults."""
+    """Returns the next frame, ignoring faults."""
     return next(frame for frame in map(_attempt, itertools.repeat(sensor)) if frame is not None)

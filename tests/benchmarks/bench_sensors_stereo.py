@@ -1,8 +1,9 @@
-"""Two cameras as a depth sensor on rendered pairs whose depth is known, beside plain OpenCV on the same.
+"""Measures stereo depth on rendered image pairs with known depth, compared with plain OpenCV on the same
+pairs.
 
-The peer is what OpenCV's own example of stereo matching does, in its fastest mode: the same maps, the same
-number of disparities, its advice for the penalties, no check of specks or uniqueness, depth by its formula.
-Speed is processor time on one core; both are measured in turn, and the least of several rounds counts.
+The peer is OpenCV's own stereo matching example in its fastest mode: the same maps, the same number of
+disparities, the recommended penalties, no speckle or uniqueness filter, depth by its formula. Speed is
+processor time on one core. Both are measured alternately, and the shortest time of several rounds counts.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from enliven_edge.sensors.stereo import Rectification, StereoMatcher
 
 WIDTH, HEIGHT = 640, 400
 DISTANCES = (1, 2, 3)
-"""Metres of the person from the cameras."""
+"""Distances of the person from the cameras, metres."""
 SEEDS = 3
-"""Rooms a distance, with other textures and another noise."""
+"""Number of rooms per distance, with different textures and noise."""
 ROUNDS, FRAMES = 7, 10
 WRONG = 0.05
-"""Part of its distance by which a pixel must be off to be called wrong rather than noisy."""
+"""A pixel is wrong, rather than noisy, if its error exceeds this fraction of its distance."""
 PEER = "plain cv2 StereoSGBM, 3WAY"
 
 
@@ -43,7 +44,7 @@ class Plain:
         )
 
     def depth(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """(H, W) millimetres, 0 where nothing is known."""
+        """Returns (H, W) millimetres; 0 if unknown."""
         disparity = self._matcher.compute(*self._rectification.rectified(left, right)).astype(np.float32) / 16
         scale = 1e3 * self._rectification.intrinsics.fx * self._rectification.baseline
         with np.errstate(divide="ignore"):
@@ -51,7 +52,7 @@ class Plain:
 
 
 def figures() -> Iterator[Figure]:
-    """Images a second, errors on a person at three distances, and what of the person is known."""
+    """Yields images per second, errors on a person at three distances, and the completeness on the person."""
     cv2.setNumThreads(1)
     lenses = rig(WIDTH, HEIGHT)
     rectification = Rectification(calibration_of(*lenses))
@@ -71,7 +72,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> tuple[np.ndarray, ...]:
-    """(left, right, true depth in metres, where the person is)."""
+    """Returns (left, right, true depth in metres, mask of the person)."""
     walls = room(wall=distance + 1.5)
     photographer = Photographer(walls + person(0.1 * seed, distance), seed)
     images = [
@@ -85,7 +86,8 @@ def _scene(lenses, rectification: Rectification, distance: float, seed: int) -> 
 def _judged(
     depth: Callable[..., np.ndarray], scenes: list[tuple[np.ndarray, ...]]
 ) -> tuple[float, float, float]:
-    """(median millimetres off, part of the person that is known, part of that which is wrong)."""
+    """Returns (median error in millimetres, fraction of the person with depth, fraction of that which is
+    wrong)."""
     off, known, all_off = [], [], []
     for left, right, truth, body in scenes:
         found = 1e-3 * depth(left, right)
@@ -98,7 +100,7 @@ def _judged(
 
 
 def _fps(works: list[Callable[[], object]]) -> list[float]:
-    """Calls a second of processor time, each in turn."""
+    """Returns calls per second of processor time, each measured alternately."""
     least = [np.inf] * len(works)
     for _ in range(ROUNDS):
         for number, work in enumerate(works):

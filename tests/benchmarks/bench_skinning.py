@@ -1,9 +1,9 @@
 """Skinning on one thread of the processor, against libigl's linear blend skinning.
 
-libigl's way (tutorial 403): ``lbs_matrix(V, W)`` once, a dense (V, 4 J) matrix, and every frame its product
-with the stacked transforms; normals by ``per_vertex_normals`` of the result. The product is numpy's here
-(double precision, as libigl's own), kept to one thread. At a million vertices that matrix would take 4 GB, so
-there the peer multiplies the matrix of the first 100,000 ten times.
+libigl's method (tutorial 403): ``lbs_matrix(V, W)`` once, a dense (V, 4 J) matrix, and every frame its
+product with the stacked transforms; normals by ``per_vertex_normals`` of the result. The product is numpy's
+here (double precision, as libigl's own), kept to one thread. At a million vertices that matrix would take 4
+GB, so there the peer multiplies the matrix of the first 100,000 ten times.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ NODES, SIZES, MOST = 128, (10_000, 100_000, 1_000_000), 100_000
 
 
 def figures() -> Iterator[Figure]:
-    """Vertices and normals a second at three sizes; the largest gives the figures without a size."""
+    """Yields vertices and normals per second at three sizes. The largest one gives the figures without a
+    size."""
     for size in SIZES:
         mesh = folded_sphere(size)
         character = character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh")
@@ -53,14 +54,14 @@ def figures() -> Iterator[Figure]:
 
 
 def _waving(character: Character) -> Pose:
-    """Every node turned and moved by where it is."""
+    """Returns a pose in which every node is rotated and moved depending on its position."""
     turns = np.sin(3 * character.pivots.astype(np.float64))
     linear = rotation.to_matrix(rotation.from_rotation_vector(turns)).astype(np.float32)
     return Pose(character.id, 0, linear, (character.pivots + 0.1 * turns).astype(np.float32))
 
 
 def _peer(character: Character, pose: Pose) -> tuple[float, float]:
-    """libigl's vertices and normals a second; its vertices are checked against ours."""
+    """Returns libigl's vertices and normals per second. Its vertices are compared with ours."""
     count = min(len(character.vertices), MOST)
     weights = np.zeros((count, len(character.pivots)))
     np.put_along_axis(
@@ -76,7 +77,7 @@ def _peer(character: Character, pose: Pose) -> tuple[float, float]:
 
 
 def _least(job: Callable[[], object], seconds: float = 1.0) -> float:
-    """Seconds of the quickest run of as many as fit into ``seconds``, three at least."""
+    """Returns the seconds of the fastest run of as many as fit into ``seconds``, at least three."""
     job()
     took: list[float] = []
     while len(took) < 3 or sum(took) < seconds:

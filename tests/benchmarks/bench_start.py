@@ -1,8 +1,8 @@
-"""How soon one may begin: the help, the first pose, the first frame; and a fresh checkout's two commands.
+"""Measures start times: the help, the first pose, the first frame; and the two commands of a fresh checkout.
 
-``make bench ONLY=start`` installs everything into an empty folder too (start.install_s), which ``make bench``
-without a name leaves out. The whole suite of a fresh checkout (start.test_s, many minutes) is run where
-``ENLIVEN_BENCH_TESTS=1`` asks for it besides.
+``make bench ONLY=start`` also installs everything into an empty folder (start.install_s); ``make bench``
+without a name skips that. The test suite of a fresh checkout (start.test_s, many minutes) runs only if
+``ENLIVEN_BENCH_TESTS=1`` is set in addition.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from enliven_viewer.playback.timeline import Timeline
 
 ROOT = Path(__file__).parents[2]
 ASKED_FOR_TESTS = "ENLIVEN_BENCH_TESTS"
-"""The environment variable that asks for start.test_s."""
+"""Environment variable that enables start.test_s."""
 LAPS = 5
-"""Repetitions of what takes seconds; the median is told."""
+"""Repetitions of jobs that take seconds. The median is reported."""
 LATER = 30
-"""Frames after the first with which it is compared."""
+"""Number of later frames with which the first one is compared."""
 PATIENCE = 120.0
-"""Seconds in which the first pose must have come."""
+"""Timeout for the first pose, seconds."""
 ENLIVEN = [sys.executable, "-m", "enliven"]
 
 FIRST_FRAME = f"""
@@ -51,13 +51,13 @@ for frame in itertools.islice(list(frames), {LATER} + 1):
     tracker.track(frame)
     print(1000 * (time.perf_counter() - began))
 """
-"""Prints the milliseconds of a tracker's first frames, in a process that is otherwise fresh."""
+"""Program that prints the milliseconds of a tracker's first frames, in a fresh process."""
 
 
 def figures() -> Iterator[Figure]:
-    """start.help_s, .first_pose_s and .first_frame_ms; where named, .install_s and .test_s."""
+    """Yields start.help_s, .first_pose_s and .first_frame_ms; if named, also .install_s and .test_s."""
     yield Figure("start.help_s", statistics.median(_help() for _ in range(LAPS)), "s")
-    _first_pose()  # kernels are compiled, and files are in memory, from here on
+    _first_pose()  # afterwards kernels are compiled and files are in the disk cache
     yield Figure("start.first_pose_s", statistics.median(_first_pose() for _ in range(LAPS)), "s")
     laps = [_frames() for _ in range(LAPS)]
     first = statistics.median(lap[0] for lap in laps)
@@ -68,20 +68,21 @@ def figures() -> Iterator[Figure]:
 
 
 def _help() -> float:
-    """Seconds of ``enliven --help``."""
+    """Returns the seconds of ``enliven --help``."""
     began = time.perf_counter()
     subprocess.run([*ENLIVEN, "--help"], check=True, capture_output=True)
     return time.perf_counter() - began
 
 
 def _frames() -> list[float]:
-    """Milliseconds of each of the first frames."""
+    """Returns the milliseconds of each of the first frames."""
     made = subprocess.run([sys.executable, "-c", FIRST_FRAME], check=True, capture_output=True, text=True)
     return [float(line) for line in made.stdout.split()]
 
 
 def _first_pose() -> float:
-    """Seconds from the start of an edge that takes hold at once to the first pose that a viewer receives."""
+    """Returns the seconds from the start of an edge that possesses at once to the first pose that a viewer
+    receives."""
     port, control = free_ports()[:2]
     document = Document(Timeline(bounded=False))
     feed = EdgeFeed(EdgeClient([str(Endpoint("127.0.0.1", port, control))]))
@@ -102,13 +103,14 @@ def _first_pose() -> float:
 
 
 def _is_possessed(document: Document) -> bool:
-    """Whether a pose of a mesh that a body holds has come."""
+    """Returns True if a pose of a possessed mesh has arrived."""
     moment = document.timeline.at(document.timeline.end_ns) if len(document.timeline) else None
     return moment is not None and moment.possessed
 
 
 def _fresh() -> Iterator[Figure]:
-    """What the two commands take in a new clone of the last commit; pip may have kept the packages."""
+    """Yields the time of the two commands in a new clone of the last commit. pip may have cached the
+    packages."""
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(["git", "clone", "-q", str(ROOT), folder], check=True)
         yield Figure("start.install_s", _made(folder, "setup-dev"), "s")
@@ -118,7 +120,7 @@ def _fresh() -> Iterator[Figure]:
 
 
 def _made(folder: str, target: str) -> float:
-    """Seconds of ``make target`` in a folder, which must end well."""
+    """Returns the seconds of ``make target`` in a folder. The command must succeed."""
     clean = {key: value for key, value in os.environ.items() if not key.startswith(("MAKE", "MFLAGS"))}
     began = time.perf_counter()
     subprocess.run(["make", "-s", target], cwd=folder, env=clean, check=True, stdout=subprocess.DEVNULL)

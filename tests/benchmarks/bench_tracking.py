@@ -1,12 +1,12 @@
-"""The tracker: how right, how steady, how quickly found again, how fast.
+"""Measures the tracker: accuracy, jitter, recovery time, speed.
 
-Accuracy is of the held-out sequences of :mod:`tracking_set`, on which nothing was tuned; "tracking.tuning."
-gives the same of those that were, "tracking.close." of films of limbs close before the trunk,
-"tracking.sealed." of films that were opened once, after all tuning (:mod:`tracking_kept`); there the floor is
-measured, too. "tracking.turns." is of turns and floor work to tune on, "tracking.turns_sealed." of those that
-were opened once; "tracking.floor." and "tracking.floor_sealed." are newer films, in which nobody sinks into
-the floor. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are joints
-without depth, and belong to the fusion of sensors.
+Accuracy refers to the held-out sequences of :mod:`tracking_set`, on which nothing was tuned.
+"tracking.tuning." refers to the tuning sequences, and "tracking.close." to films of limbs close to the trunk.
+"tracking.sealed." refers to films that were used once, after all tuning (:mod:`tracking_kept`); there the
+floor is measured, too. "tracking.turns." refers to turns and floor work for tuning, "tracking.turns_sealed."
+to those used once. "tracking.floor." and "tracking.floor_sealed." are newer films, in which people do not
+sink into the floor. Real sequences are explained in :mod:`tracking_real`; those of kinect_multitrack are
+joints without depth, and belong to the fusion of sensors.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
 
 _TAKEN_UP = 20
-"""Frames before speed is measured: finding people costs more than following them."""
+"""Frames before speed is measured. Detecting people costs more than tracking them."""
 _SETTLED = 30
-"""Frames, a second, before the time of a frame with one performer is measured: who is found is settled."""
+"""Frames, one second, before a frame with one performer is timed. By then detection is complete."""
 _LAPS = 18
-"""How often the dancer dances, forward and back, while the memory is watched."""
+"""Repetitions of the dance, forwards and backwards, while memory is measured."""
 _STEP = 33_333_333
 _FLOOR_FRAMES = 60
-"""Frames after which the floor is compared with the true one: two seconds."""
+"""Frames, two seconds, after which the floor is compared with the true one."""
 
 
 def figures() -> Iterator[Figure]:
-    """Everything that the issue asks for, and the same of each real sequence."""
+    """Yields all figures, also for each real sequence."""
     warm_up_tracking()
     yield from _speed()
     yield from _accuracy(HELD_OUT, "tracking")
@@ -106,7 +106,8 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
 
 
 def _floor(split: str, prefix: str) -> Iterator[Figure]:
-    """The floor's tilt, the sensor's height above it, and when it was found: the worst of all films."""
+    """Yields the floor's tilt error, the sensor height's error, and the time of detection: the worst of all
+    films."""
     tilts, heights, found = [], [], []
     for sequence in sequences(split):
         tracker, since = Tracker(), np.inf
@@ -129,7 +130,7 @@ def _floor(split: str, prefix: str) -> Iterator[Figure]:
 
 
 def _speed() -> Iterator[Figure]:
-    """Frames a second of one core at 640 x 400, with one performer and with four."""
+    """Yields frames per second on one core at 640 x 400, with one performer and with four."""
     for name, only in (("fps_1", "h traffic"), ("fps_4", "h four")):
         found = sequences(HELD_OUT, only) or sequences(HELD_OUT, "h one leg")
         frames = [frame for frame, _ in rendered(found[0])]
@@ -144,7 +145,8 @@ def _speed() -> Iterator[Figure]:
 
 
 def _memory() -> Iterator[Figure]:
-    """How the process grows while one performer dances on and on, in an hour at 30 frames a second."""
+    """Yields the growth of the process during one performer's endless dance, per hour at 30 frames per
+    second."""
     page = Path("/proc/self/statm")
     if not page.exists():
         return

@@ -1,8 +1,8 @@
-"""The window: from an edit to the stage of a running edge, and a scrub along the timeline.
+"""Measures the window: from an edit to the stage of a running edge, and scrubbing along the timeline.
 
-An edit is of a mesh of 20,000 vertices that is held. A real edge replays the shipped recording and its
-performer holds the chair, which is put again and again, a little taller each time, by a client in this
-process.
+The edit changes an attached mesh of 20,000 vertices. A real edge replays the shipped recording, and its
+performer possesses the chair. A client in this process uploads the chair again and again, a little taller
+each time.
 """
 
 from __future__ import annotations
@@ -47,17 +47,18 @@ SCRUBS = 80
 VERTICES = 20_000
 LAPS = 9
 HALF_MINUTE = 30.0
-"""Seconds of motion of each of ten characters."""
+"""Length of the motion of each of ten characters, seconds."""
 PATIENCE = 120.0
-"""Seconds in which the edge has started, and a character stands on the stage."""
+"""Timeout for the start of the edge with a character on the stage, seconds."""
 QUIET = 2.0
-"""Seconds of frames before the first edit, with which those during an edit are compared."""
+"""Time before the first edit, seconds. Its frames are compared with those during an edit."""
 TURN = 0.002
-"""Seconds between two looks at the sockets."""
+"""Interval between two polls of the sockets, seconds."""
 
 
 def figures() -> Iterator[Figure]:
-    """window.scrub_ms, window.project_mb and _disk_mb, window.edit_to_stage_ms and window.put_latency_ms."""
+    """Yields window.scrub_ms, window.project_mb and _disk_mb, window.edit_to_stage_ms and
+    window.put_latency_ms."""
     yield _scrub()
     yield from _size()
     pose, control = free_ports()[:2]
@@ -74,9 +75,11 @@ def figures() -> Iterator[Figure]:
 
 
 def _scrub() -> Figure:
-    """Milliseconds of this thread from a place of the pointer on the ruler to all characters there.
+    """Measures this thread's milliseconds from a pointer position on the ruler to all characters at that
+    time.
 
-    A skeleton with eight layers, a possessed mesh and a puppet with one each; drawing is apart.
+    The characters are a skeleton with eight layers, a possessed mesh and a puppet with one each. Drawing is
+    not included.
     """
     project, names = Project(), []
     for source, name in (skeleton_world(), graph_world(), (_acting(), "cactus")):
@@ -104,10 +107,11 @@ def _scrub() -> Figure:
 
 
 def _size() -> Iterator[Figure]:
-    """Megabytes of a project of ten characters with half a minute of motion each, read from its file.
+    """Measures the megabytes of a project of ten characters with half a minute of motion each, read from its
+    file.
 
-    Four skeletons of the cactus' performer, three possessed chairs and three puppets, each with a take of its
-    own; in memory as Python counts what reading it leaves.
+    It has four skeletons of the cactus' performer, three possessed chairs and three puppets, each with its
+    own take. Memory is what Python reports after reading.
     """
     project, made = Project(), list[str]()
     dance = _long(next(iter(cactus_project().takes.values())))
@@ -132,7 +136,8 @@ def _size() -> Iterator[Figure]:
 
 
 def _later(project: Project, number: int) -> Project:
-    """The project with takes that begin some frames later: each character performs by itself."""
+    """Returns the project with takes that begin some frames later, so that each character has a different
+    motion."""
     by = 7 * number
     takes = [
         replace(one, turns=np.roll(one.turns, by, 0), root=np.roll(one.root, by, 0))
@@ -146,7 +151,7 @@ def _later(project: Project, number: int) -> Project:
 
 
 def _long(clip: Clip) -> Clip:
-    """A take of half a minute: there and back again."""
+    """Returns a take of half a minute, played forwards and backwards."""
     turns, root = (np.concatenate([part, part[-2:0:-1]]) for part in (clip.turns, clip.root))
     times = round(HALF_MINUTE / clip.step)
     rounds = -(-times // len(turns))
@@ -156,7 +161,7 @@ def _long(clip: Clip) -> Clip:
 
 
 def _acting() -> Project:
-    """The cactus that ships, with its take."""
+    """Returns the shipped cactus, with its take."""
     project = cactus_project()
     return play_take(project, "cactus", next(iter(project.takes)))
 
@@ -178,7 +183,8 @@ def _measured(link: EdgeClient) -> Iterator[Figure]:
 
 
 def _lap(link: EdgeClient, mesh) -> tuple[float, float]:
-    """Milliseconds from an edit to its first pose, and the longest from sensor to pose meanwhile."""
+    """Returns the milliseconds from an edit to its first pose, and the longest latency from sensor to pose
+    meanwhile."""
     answers, seen, before = [], [], link.characters["chair"]
     began = time.perf_counter()
     link.stage.put(project_of_mesh(mesh, "chair"), "chair", then=answers.append)

@@ -1,4 +1,4 @@
-"""A frame of the picture: ten textured characters of 20,000 vertices in new poses, at 1280 x 720."""
+"""Measures a frame of the window: ten textured characters of 20,000 vertices in new poses, at 1280 x 720."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven_viewer.render.gl import offscreen_context
 
 CHARACTERS = 10
 ROWS, COLUMNS = 125, 160
-"""Vertices of a character: 20,000."""
+"""Rows and columns of a character's vertices: 20,000 in all."""
 BONES = 24
 SIZE = (1280, 720)
 FRAMES = 60
@@ -26,7 +26,7 @@ TEXTURE = 1024
 
 
 def figures() -> Iterator[Figure]:
-    """window.frame_ms_10x20k, its 99th percentile, and the processor's milliseconds of it."""
+    """Yields window.frame_ms_10x20k, its 99th percentile, and the processor's milliseconds of it."""
     ctx = offscreen_context()
     renderer = Renderer(ctx, SIZE)
     texture = _texture()
@@ -48,7 +48,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _texture() -> Texture:
-    """Stripes and grain, so that every texel differs."""
+    """Returns stripes and grain, so that every texel differs."""
     dice = np.random.default_rng(1)
     across = np.linspace(0, 40, TEXTURE)
     stripes = 128 + 90 * np.sin(across)[:, None] * np.cos(across)[None]
@@ -59,7 +59,7 @@ def _texture() -> Texture:
 
 
 def _character(name: str, number: int, texture: Texture) -> Character:
-    """A bumpy tube of a person's height with a chain of bones."""
+    """Returns a bumpy tube of a person's height with a chain of bones."""
     height, around = np.meshgrid(np.linspace(0, 1, ROWS), np.linspace(0, 2 * np.pi, COLUMNS), indexing="ij")
     radius = 0.2 * np.sin(np.pi * (0.04 + 0.92 * height)) * (1 + 0.12 * np.sin(5 * around + 9 * height))
     place = np.array([(number % 5 - 2) * 1.2, 0.05, (number // 5) * 1.4 - 0.7])
@@ -92,7 +92,7 @@ def _character(name: str, number: int, texture: Texture) -> Character:
 
 
 def _pose(one: Character, second: float) -> Pose:
-    """A pose in which the chain sways."""
+    """Returns a pose in which the chain sways."""
     bend = 0.25 * np.sin(2 * second) * np.linspace(0, 1, BONES)
     c, s, zero = np.cos(bend), np.sin(bend), np.zeros(BONES)
     linear = np.stack([c, -s, zero, s, c, zero, zero, zero, zero + 1], -1).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""The window's start: from the process to its first picture; where there is no display, on an X server."""
+"""Measures the window's start: from the process to its first frame. Without a display it uses an X server."""
 
 from __future__ import annotations
 
@@ -29,14 +29,15 @@ StudioWindow(Workspace.new(Editor(StudioSettings()))).run(seconds=60, after=show
 
 
 def figures() -> Iterator[Figure]:
-    """window.open_s: the median of some starts after a first one, which fills the disk's cache."""
+    """Yields window.open_s: the median of some starts after a first one, which fills the disk cache."""
     with _display() as display:
         took = [_start({**os.environ, "DISPLAY": display}) for _ in range(LAPS + 1)]
     yield Figure("window.open_s", statistics.median(took[1:]), "s")
 
 
 def _start(environment: dict[str, str]) -> float:
-    """Seconds from the start of the process to the end of its first picture; both clocks are the system's."""
+    """Returns the seconds from the start of the process to the end of its first frame. Both times are system
+    time."""
     began = time.monotonic()
     command = [sys.executable, "-c", CHILD]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=120)
@@ -45,7 +46,7 @@ def _start(environment: dict[str, str]) -> float:
 
 @contextmanager
 def _display() -> Iterator[str]:
-    """The display that there is, or one of an X server that lives as long."""
+    """Yields the existing display, or that of an X server that runs until the context ends."""
     if os.environ.get("DISPLAY"):
         yield os.environ["DISPLAY"]
         return

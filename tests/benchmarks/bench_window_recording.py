@@ -1,7 +1,8 @@
-"""What recording costs the window: the processor's time of a picture with and without it, drawing apart.
+"""Measures the cost of recording in the window: processor time per frame with and without it, without
+drawing.
 
-A real edge replays the shipped recording, its performer holds the chair, and the project plays in both cases,
-so that the recording alone differs. A picture of 60 a second is the measure.
+A real edge replays the shipped recording, its performer possesses the chair, and the project plays in both
+cases, so that only the recording differs. The overhead is relative to a frame at 60 Hz.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from enliven_viewer.studio.motions import library
 from enliven_viewer.studio.perform import PerformSession
 
 RATE = 60.0
-"""Pictures a second."""
+"""Frames per second."""
 SPAN, TURNS = 2.0, 5
-"""Seconds of each measurement, and how often they take turns."""
+"""Seconds of each measurement, and the number of alternations."""
 PATIENCE = 120.0
-"""Seconds in which the edge has started, and its performer holds the chair."""
+"""Timeout for the start of the edge until its performer possesses the chair, seconds."""
 
 
 def figures() -> Iterator[Figure]:
-    """window.record_overhead, the share of a picture's time that recording takes."""
+    """Yields window.record_overhead, the fraction of a frame's time that recording takes."""
     with tempfile.TemporaryDirectory() as folder:
         session = PerformSession(Editor(project=Project().with_takes(*library())), Path(folder))
         session.room, session.recording.count_in = "Perform", False
@@ -48,7 +49,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _pictures(session: PerformSession) -> list[float]:
-    """Seconds of this thread for each picture of a while in which the project plays."""
+    """Returns this thread's seconds for each frame during a while in which the project plays."""
     took, end = list[float](), time.monotonic() + SPAN
     while time.monotonic() < end:
         began, before = time.monotonic(), time.thread_time()

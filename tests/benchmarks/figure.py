@@ -1,4 +1,4 @@
-"""One measured figure."""
+"""One benchmark result."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """What was measured.
+    """A measured value.
 
     Attributes:
-        name: as issues and notes call it.
+        name: name used in issues and notes.
         value: in ``unit``.
-        peer: what it was compared with in the same run, or None.
+        peer: value of the peer in the same run, or None.
         ratio: how many times better than the peer; above 1 is better; None without a peer.
     """
 

@@ -1,4 +1,4 @@
-"""The table of docs/figures.md, made of the figures that one machine measured on one day."""
+"""The table of docs/figures.md, generated from the figures that one machine measured on one day."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from figure import Figure
 
 PAGE = Path(__file__).parents[2] / "docs" / "figures.md"
 DAY = Path(__file__).parents[2] / "out" / "bench_day.json"
-"""What this machine has measured today, by benchmark: one call may measure a part of it."""
+"""File with today's results of this machine, by benchmark, since several calls may measure a part each."""
 
 
 def gathered(
     benchmark: str, figures: list[Figure], machine: str, day: date, kept: Path = DAY
 ) -> dict[str, list[Figure]]:
-    """Keeps a benchmark's figures; returns those of all that this machine measured on this day."""
+    """Stores a benchmark's figures. Returns those of all benchmarks that this machine measured on this
+    day."""
     stamp = {"machine": machine, "day": day.isoformat()}
     before = json.loads(kept.read_text()) if kept.exists() else {}
     of_day = before["figures"] if {key: before.get(key) for key in stamp} == stamp else {}
@@ -31,7 +32,7 @@ def gathered(
 
 
 def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], page: Path = PAGE) -> list[str]:
-    """Writes the table once every benchmark was measured; returns the names of those that were not."""
+    """Writes the table as soon as every benchmark was measured. Returns the names of missing benchmarks."""
     missing = [name for name in known if name not in of_day]
     if not missing:
         figures = [figure for measured in of_day.values() for figure in measured]
@@ -41,7 +42,7 @@ def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], pa
 
 
 def written(page: str, figures: list[Figure], machine: str, day: date) -> str:
-    """The page with the table of these figures in the place of the one before."""
+    """Returns the page with the table of these figures instead of the previous one."""
     rows = [
         f"| `{one.name}` | {one.value:.4g} {one.unit} | {_compared(one)} |"
         for one in sorted(figures, key=lambda one: one.name)
@@ -61,7 +62,7 @@ def _compared(one: Figure) -> str:
 
 
 def this_machine() -> str:
-    """The processor, the number of cores that this process may use, and the system."""
+    """Returns the processor, the number of cores that this process may use, and the operating system."""
     listed = Path("/proc/cpuinfo")
     named = re.search(r"model name\s*: (.+)", listed.read_text()) if listed.exists() else None
     processor = named[1] if named else platform.processor() or platform.machine()

@@ -1,10 +1,10 @@
-"""Runs the benchmarks: all of them, or the one that is named. Prints a line a figure, adds it to bench.json.
+"""Runs all benchmarks, or the named one. Prints one line per figure and adds it to bench.json.
 
-Once all have been measured on one machine on one day, by one call or by several, the table of docs/figures.md
-is written.
+Once all have been measured on one machine on one day, by one call or several, the table of docs/figures.md is
+written.
 
-A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``; bench_NAME_MORE.py belongs to
-it and runs with it.
+A benchmark is a file bench_NAME.py here with ``figures() -> Iterator[Figure]``. A file bench_NAME_MORE.py
+belongs to it and runs with it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RESULT = HERE.parents[1] / "bench.json"
 
 
 def main(names: list[str]) -> int:
-    """The exit code: 0 where every benchmark ran."""
+    """Returns the exit code: 0 if every benchmark ran."""
     known = {path.stem.removeprefix("bench_"): path for path in sorted(HERE.glob("bench_*.py"))}
     asked = {name: [key for key in known if key == name or key.startswith(name + "_")] for name in names}
     unknown = [name for name, found in asked.items() if not found]
@@ -58,7 +58,7 @@ def _module(path: Path):
 
 
 def _keep(figure: Figure) -> None:
-    """Replaces the figure of that name in bench.json."""
+    """Replaces the figure with that name in bench.json."""
     kept = json.loads(RESULT.read_text()) if RESULT.exists() else []
     kept = [old for old in kept if old["name"] != figure.name] + [vars(figure)]
     RESULT.write_text(json.dumps(kept, indent=1) + "\n")

@@ -32,19 +32,19 @@ VOICES = (
     ("flite", "-voice", "rms"),
     ("flite", "-voice", "kal16"),
 )
-"""Programs that speak, with their voice and speed."""
+"""Speech synthesis programs, with their voice and speed."""
 OTHER = (
     "step in", "release the chair", "what time is it", "the camera is too low", "could you move to the left",
     "puppet jump up", "puppet walk away", "puppet sing a song", "puppet open the door", "puppet wake up now",
     "puppet please be quiet", "puppet count to ten", "puppet are you there",
 )  # fmt: skip
-"""Speech that matches no phrase, also after the name."""
+"""Speech that matches no phrase, also after the wake word."""
 NOISE = (20.0, 200.0)
-"""Loudness of the room (standard deviation; speech peaks at 9,000): quiet, and 33 dB below the peaks."""
+"""Noise level of the room (standard deviation; speech peaks at 9,000): quiet, and 33 dB below the peaks."""
 
 
 def speak(text: str, voice: tuple[str, ...], folder: Path) -> np.ndarray:
-    """Returns a sentence at 16 kHz, peaks at 9,000."""
+    """Returns a spoken sentence at 16 kHz, with peaks at 9,000."""
     path = folder / "sentence.wav"
     out = ["-w", str(path), text] if voice[0] == "espeak-ng" else ["-t", text, "-o", str(path)]
     subprocess.run([*voice, *out], check=True, stdout=subprocess.DEVNULL)
@@ -56,7 +56,8 @@ def speak(text: str, voice: tuple[str, ...], folder: Path) -> np.ndarray:
 
 
 def listen(recogniser: Recogniser, sound: np.ndarray, noise: float) -> tuple[list[str], list[str]]:
-    """Returns the phrases and the other speech in a sound with a second of room around it."""
+    """Returns the recognised phrases and other speech in a sound, padded with a second of room noise on both
+    sides."""
     room = np.random.default_rng(0).normal(0.0, noise, len(sound) + 2 * RATE)
     room[RATE:-RATE] += sound
     data, step = room.clip(-32768, 32767).astype(np.int16).tobytes(), recogniser.frame_bytes

@@ -1,4 +1,4 @@
-"""The firmware of the panel, built once; without its compiler and its simulator these tests are skipped."""
+"""Builds the panel's firmware once. Without its compiler and its simulator these tests are skipped."""
 
 import sys
 from pathlib import Path

@@ -24,11 +24,11 @@ LAMPS = {"attract": 1, "possess": 2, "locked": 3, "ill": 4}
 HERTZ = 16_000_000
 """The board's clock."""
 EXTERNAL, FRAMING_ERROR = 1 << 1, 0x8000
-"""The bit of MCUSR for a reset from outside, and what marks a byte whose stop bit is missing."""
+"""The bit of MCUSR for an external reset, and the flag for a byte with a missing stop bit (framing error)."""
 
 
 def missing() -> str:
-    """What must be installed for these tests, in one sentence; empty where all is there."""
+    """Returns one sentence about software missing for these tests; empty if everything is installed."""
     for tool in ("avr-gcc", "make", "cc"):
         if shutil.which(tool) is None:
             return f"{tool} is not installed: make test-devices installs it"
@@ -40,7 +40,7 @@ def missing() -> str:
 
 
 def build(folder: Path) -> Path:
-    """Builds the firmware by its Makefile, and the board around the simulator; returns the firmware."""
+    """Builds the firmware with its Makefile, and the board around the simulator. Returns the firmware."""
     source, library = Path(__file__).with_name("board.c"), folder / "board.so"
     subprocess.run(["make", "-s", "-C", str(PANEL), f"OUT={folder}"], check=True, stdout=subprocess.DEVNULL)
     warnings = ["-Wall", "-Wextra", "-Werror"]
@@ -50,7 +50,7 @@ def build(folder: Path) -> Path:
 
 
 def _loaded(path: Path) -> ctypes.CDLL:
-    """board.c, with the types of its functions."""
+    """Loads board.c, with the types of its functions."""
     board, number, wide = ctypes.c_void_p, ctypes.c_int, ctypes.c_uint64
     library = ctypes.CDLL(str(path))
     for name, result, *arguments in (
@@ -72,7 +72,7 @@ def _loaded(path: Path) -> ctypes.CDLL:
 
 
 class Board:
-    """An ATmega328P with the firmware; its time goes on only within :meth:`run`."""
+    """An ATmega328P with the firmware. Its time advances only within :meth:`run`."""
 
     def __init__(self, firmware: Path) -> None:
         self._library = _loaded(firmware.with_name("board.so"))
@@ -83,38 +83,38 @@ class Board:
             self.press(button, False)
 
     def run(self, milliseconds: float) -> bytes:
-        """Goes on; returns what was sent meanwhile."""
+        """Advances the time. Returns the bytes sent meanwhile."""
         assert self._library.board_run(self._board, round(1000 * milliseconds)), "the CPU stopped"
         count = self._library.board_said(self._board, self._buffer)
         return self._buffer.raw[:count]
 
     def press(self, button: int, down: bool) -> None:
-        """A contact closes to ground, or opens to the pull-up."""
+        """Closes a contact to ground, or opens it to the pull-up."""
         port, pin = BUTTONS[button - 1]
         self._library.board_drive(self._board, port.encode(), pin, not down)
 
     def feed(self, data: bytes) -> None:
-        """Some bytes arrive, at most 60 at a time."""
+        """Feeds received bytes, at most 60 at a time."""
         for byte in data:
             self._library.board_feed(self._board, byte)
 
     def feed_broken(self, byte: int) -> None:
-        """A byte arrives whose stop bit is missing."""
+        """Feeds a received byte with a missing stop bit."""
         self._library.board_feed(self._board, byte | FRAMING_ERROR)
 
     def reset(self) -> None:
         self._library.board_reset(self._board, EXTERNAL)
 
     def reset_after(self, count: int) -> None:
-        """The CPU is reset as soon as it has sent so many further bytes."""
+        """Resets the CPU as soon as it has sent ``count`` more bytes."""
         self._library.board_reset_after(self._board, count)
 
     def hang(self, interrupts_too: bool = False) -> None:
-        """The main loop never comes back, nor does the clock's interrupt where that is asked for."""
+        """Makes the main loop hang and, if asked for, the clock's interrupt, too."""
         self._library.board_hang(self._board, interrupts_too)
 
     def lamp(self, name: str) -> tuple[float, int]:
-        """Seconds for which a lamp was lit so far, and how often it changed."""
+        """Returns the seconds for which a lamp was lit so far, and how often it changed."""
         pin = LAMPS[name]
         high = self._library.board_high(self._board, pin)
         return high / HERTZ, self._library.board_edges(self._board, pin)
@@ -124,18 +124,18 @@ class Board:
 
 
 class LivePanel(Pedal):
-    """A board whose time is that of the clock, behind a port that can be pulled out: then it has no power.
+    """A board that runs in real time, on a port that can be unplugged. Unplugged, it has no power.
 
     Args:
-        path: of the port, which stays the same.
-        garbled: the share of bytes that noise changes, on the way to and from the panel.
+        path: path of the port, which does not change.
+        garbled: fraction of bytes that noise changes, in both directions.
 
     Attributes:
-        hits: how many bytes noise has changed.
+        hits: number of bytes that noise has changed.
     """
 
     STEP = 2.0
-    """Milliseconds that the board goes on between two looks at the port; eight bytes take so long."""
+    """Milliseconds that the board advances between two polls of the port: the time of eight bytes."""
 
     def __init__(self, firmware: Path, path: Path, garbled: float = 0.0) -> None:
         self._firmware, self.garbled = firmware, garbled
@@ -158,7 +158,7 @@ class LivePanel(Pedal):
         super().unplug()
 
     def click(self, button: int) -> None:
-        """A press as contacts make it: they bounce for 3 ms, when closing and when opening."""
+        """Presses a button with contact bounce: 3 ms when closing and when opening."""
         for down in (True, False):
             with self.lock:
                 for bounce in range(7):
@@ -167,20 +167,21 @@ class LivePanel(Pedal):
             self.rest(20.0)
 
     def rest(self, milliseconds: float) -> None:
-        """Waits so long by the board's clock."""
+        """Waits for a time on the board's clock."""
         end = self._elapsed + milliseconds
         while self._elapsed < end:
             time.sleep(0.001)
 
     def levels(self, milliseconds: float = 100.0) -> dict[str, float]:
-        """The share of the time for which each lamp is lit, from now on."""
+        """Returns the fraction of time for which each lamp is lit, from now on."""
         began, before = self._lit()
         self.rest(milliseconds)
         ended, after = self._lit()
         return {name: (after[name] - before[name]) * 1000.0 / (ended - began) for name in LAMPS}
 
     def _lit(self) -> tuple[float, dict[str, float]]:
-        """Milliseconds since the start, and seconds for which each lamp was lit until then."""
+        """Returns the milliseconds since the start, and the seconds for which each lamp was lit until
+        then."""
         with self.lock:
             return self._elapsed, {name: self.board.lamp(name)[0] for name in LAMPS}
 
@@ -199,7 +200,8 @@ class LivePanel(Pedal):
             self._go_on(self.STEP)
 
     def _go_on(self, milliseconds: float) -> None:
-        """What the board sends meanwhile goes to the port; it is lost where that is full, as on a line."""
+        """Advances the board and sends its output to the port. If the port is full, output is lost, as on a
+        real line."""
         data = self.board.run(milliseconds)
         self._elapsed += milliseconds
         with contextlib.suppress(BlockingIOError):

@@ -1,4 +1,4 @@
-"""The panel's firmware alone, in a simulator: each test steps through the board's own time."""
+"""Tests of the panel's firmware alone, in a simulator. Each test advances the board's own time."""
 
 import itertools
 import sys
@@ -16,7 +16,7 @@ from panel_for_tests import BUTTONS, LAMPS, Board
 
 LIT = Lamps(attract="breathing", possess="steady", locked="off", ill="flashing")
 NO_EDGE = 0.05
-"""The share of the time for which all lamps are lit where no edge speaks: 100 ms of 2048."""
+"""Fraction of time for which all lamps are lit without an edge: 100 ms of 2048."""
 
 
 @pytest.fixture
@@ -27,12 +27,13 @@ def board(firmware):
 
 
 def counts(said: bytes) -> str:
-    """How often each button was pressed, as the last message says."""
+    """Returns how often each button was pressed, from the last message."""
     return [body for body in Decoder().feed(said) if body[0] == "P"][-1][5:]
 
 
 def lit(board: Board, milliseconds: int = 400, edge: Lamps | None = None) -> dict[str, float]:
-    """The share of the time for which each lamp is lit, with an edge that speaks five times a second."""
+    """Returns the fraction of time for which each lamp is lit, with an edge that sends five times per
+    second."""
     before = {name: board.lamp(name)[0] for name in LAMPS}
     for _ in range(milliseconds // 200):
         if edge is not None:
@@ -41,12 +42,12 @@ def lit(board: Board, milliseconds: int = 400, edge: Lamps | None = None) -> dic
     return {name: (board.lamp(name)[0] - before[name]) * 1000.0 / milliseconds for name in LAMPS}
 
 
-def test_it_greets_and_then_beats_four_times_a_second(board):
+def test_panel_greets_then_sends_four_times_per_second(board):
     bodies = Decoder().feed(board.run(2010))
     assert bodies == ["H01P", *(f"P{beat:04X}000000000" for beat in range(9))]
 
 
-def test_it_greets_again_when_asked(board):
+def test_panel_greets_again_on_request(board):
     board.run(100)
     board.feed(encode("?"))
     assert Decoder().feed(board.run(20)) == ["H01P"]
@@ -65,13 +66,13 @@ def test_each_button_counts_its_own_presses(board, button):
     assert keys.feed(said) == [str(button)] * 2
 
 
-def test_a_press_is_sent_within_30_ms_whatever_the_beat(board):
+def test_press_is_sent_within_30_ms(board):
     board.run(100)
     board.press(3, True)
     assert counts(board.run(30)) == "001000000"
 
 
-def test_a_bouncing_contact_is_one_press_and_a_held_one_too(board):
+def test_bouncing_or_held_contact_is_one_press(board):
     said = board.run(50)
     for edge in (True, False):
         for bounce in range(13):
@@ -81,7 +82,7 @@ def test_a_bouncing_contact_is_one_press_and_a_held_one_too(board):
     assert counts(said) == "100000000"
 
 
-def test_a_spike_on_the_wire_is_no_press(board):
+def test_spike_on_the_wire_is_not_a_press(board):
     board.run(50)
     for _ in range(20):
         board.press(2, True)
@@ -91,7 +92,7 @@ def test_a_spike_on_the_wire_is_no_press(board):
     assert counts(board.run(300)) == "000000000"
 
 
-def test_what_is_held_at_the_start_is_no_press(board):
+def test_button_held_at_start_is_not_a_press(board):
     board.press(4, True)
     assert counts(board.run(300)) == "000000000"
     board.press(4, False)
@@ -100,14 +101,14 @@ def test_what_is_held_at_the_start_is_no_press(board):
     assert counts(board.run(300)) == "000100000"
 
 
-def test_several_at_once_are_all_heard(board):
+def test_simultaneous_presses_are_all_heard(board):
     board.run(50)
     for button in range(1, 10):
         board.press(button, True)
     assert counts(board.run(40)) == "111111111"
 
 
-def test_lamps_show_what_the_edge_says(board):
+def test_lamps_show_the_edges_state(board):
     lit(board, 200, edge=LIT)
     before = board.lamp("ill")[1]
     shares = lit(board, 4000, edge=LIT)
@@ -124,7 +125,7 @@ def test_lamps_show_what_the_edge_says(board):
     assert lit(board, 400, edge=Lamps()) == dict.fromkeys(LAMPS, 0.0)
 
 
-def test_an_edge_that_is_silent_is_shown_by_all_lamps_and_forgotten_when_it_speaks(board):
+def test_all_lamps_show_a_silent_edge_until_it_speaks_again(board):
     one_flash = pytest.approx(dict.fromkeys(LAMPS, NO_EDGE), abs=0.01)
     assert lit(board, 2000) == one_flash, "before an edge has ever spoken"
     steady = Lamps(possess="steady")
@@ -148,7 +149,7 @@ def test_an_edge_that_is_silent_is_shown_by_all_lamps_and_forgotten_when_it_spea
         encode("LSSSS")[1:],
     ],
 )
-def test_a_wrong_message_changes_no_lamp(board, bad):
+def test_invalid_message_changes_no_lamp(board, bad):
     board.run(50)
     board.feed(encode("L----"))
     board.run(20)
@@ -162,7 +163,7 @@ def test_a_wrong_message_changes_no_lamp(board, bad):
     assert lit(board, 200) == pytest.approx(dict.fromkeys(LAMPS, 1.0), abs=0.01), "a right one does"
 
 
-def test_a_byte_with_a_wrong_stop_bit_spoils_its_message_and_no_other(board):
+def test_framing_error_spoils_only_its_message(board):
     board.run(50)
     board.feed(encode("L----"))
     board.run(20)
@@ -181,7 +182,7 @@ def test_a_byte_with_a_wrong_stop_bit_spoils_its_message_and_no_other(board):
 @example(b"$LSSSS*", False)
 @example(b"$" * 100, True)
 @example(b"\n" * 100, False)
-def test_after_any_noise_the_next_message_is_heard(board, noise, steady):
+def test_message_after_noise_is_heard(board, noise, steady):
     said = Decoder().feed(noise)
     assume(not said)
     for start in range(0, len(noise), 40):
@@ -192,7 +193,7 @@ def test_after_any_noise_the_next_message_is_heard(board, noise, steady):
     assert lit(board, 200)["locked"] == pytest.approx(float(steady), abs=0.01)
 
 
-def test_more_than_fits_is_dropped_whole_and_the_panel_lives_on(board):
+def test_oversized_message_is_dropped_and_panel_continues(board):
     said = board.run(50)
     for _ in range(20):
         board.feed(encode("?") * 7)
@@ -206,7 +207,7 @@ def test_more_than_fits_is_dropped_whole_and_the_panel_lives_on(board):
 
 
 @pytest.mark.parametrize("bytes_sent", [1, 2, 8, 16, 19])
-def test_a_reset_in_mid_message_leaves_a_stump_and_then_whole_messages(board, bytes_sent):
+def test_reset_in_mid_message_is_followed_by_whole_messages(board, bytes_sent):
     said = board.run(100)
     board.reset_after(bytes_sent)
     said += board.run(1000)
@@ -218,7 +219,7 @@ def test_a_reset_in_mid_message_leaves_a_stump_and_then_whole_messages(board, by
 
 
 @pytest.mark.parametrize("interrupts_too", [False, True])
-def test_the_watchdog_starts_a_program_that_hangs(board, interrupts_too):
+def test_watchdog_restarts_a_hanging_program(board, interrupts_too):
     board.run(700)
     board.hang(interrupts_too)
     assert board.run(200) == b"" or not interrupts_too

@@ -1,4 +1,4 @@
-"""The panel's firmware in a simulator, on a pseudo-terminal, against the edge's own serial driver."""
+"""Tests of the panel's firmware in a simulator, on a pseudo-terminal, with the edge's own serial driver."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STEADY = Lamps(possess="steady", locked="steady")
 
 
 class Stand:
-    """An edge's controls, with the panel as the only one, and what was heard of it so far."""
+    """An edge's controls with one panel, and the words heard from it so far."""
 
     def __init__(self, controls: Controls, panel: LivePanel) -> None:
         self.controls, self.panel = controls, panel
@@ -43,7 +43,7 @@ class Stand:
         return not self.controls.missing
 
     def says(self, words: list[str]) -> None:
-        """Waits until so many words were heard, and no other."""
+        """Waits until exactly these words were heard."""
 
         def heard() -> bool:
             self.heard += self._reader.poll()
@@ -53,7 +53,7 @@ class Stand:
         assert self.heard == words
 
     def shows(self, **levels: float) -> None:
-        """Waits until these lamps are lit for such a share of the time, and all others are dark."""
+        """Waits until these lamps are lit for these fractions of time, and all others are dark."""
         wanted = {name: levels.get(name, 0.0) for name in LAMPS}
         until(lambda: self.panel.levels() == pytest.approx(wanted, abs=0.02), f"lamps {wanted}")
 
@@ -62,7 +62,7 @@ class Stand:
         self._thread.join()
 
     def _show(self) -> None:
-        """As an edge's loop does, ten times a second at least."""
+        """Updates the lamps like an edge's loop, at least ten times per second."""
         while self._open:
             if self.lamps is not None:
                 self.controls.show(self.lamps)
@@ -89,7 +89,7 @@ def stand(panel, caplog):
         made.close()
 
 
-def test_presses_come_in_and_lamps_go_out(stand):
+def test_presses_arrive_and_lamps_are_set(stand):
     for button in range(1, 10):
         stand.panel.click(button)
     stand.says(list(WORDS))
@@ -99,7 +99,7 @@ def test_presses_come_in_and_lamps_go_out(stand):
     stand.shows(ill=1.0)
 
 
-def test_noise_on_the_line_loses_no_press_and_makes_none(stand, caplog):
+def test_line_noise_neither_loses_nor_adds_presses(stand, caplog):
     stand.panel.garbled = 0.015
     stand.lamps = STEADY
     pressed = [button for _ in range(3) for button in (1, 5, 9, 2)]
@@ -112,7 +112,7 @@ def test_noise_on_the_line_loses_no_press_and_makes_none(stand, caplog):
 
 
 @pytest.mark.parametrize("bytes_sent", [3, 15])
-def test_a_reset_in_mid_message_is_no_press_and_no_loss(stand, caplog, bytes_sent):
+def test_reset_in_mid_message_is_neither_press_nor_loss(stand, caplog, bytes_sent):
     stand.panel.click(1)
     stand.says(["possess"])
     with stand.panel.lock:
@@ -123,7 +123,7 @@ def test_a_reset_in_mid_message_is_no_press_and_no_loss(stand, caplog, bytes_sen
     assert "is not there" not in caplog.text
 
 
-def test_it_is_unplugged_and_comes_back_again_and_again(stand, caplog):
+def test_replugged_panel_works_again_each_time(stand, caplog):
     words = []
     for times in range(1, 4):
         stand.panel.unplug()
@@ -138,7 +138,7 @@ def test_it_is_unplugged_and_comes_back_again_and_again(stand, caplog):
     stand.shows(possess=1.0, locked=1.0)
 
 
-def test_a_firmware_that_hangs_is_started_by_its_watchdog_and_that_is_said(stand, caplog):
+def test_watchdog_restart_of_hanging_firmware_is_reported(stand, caplog):
     stand.lamps = STEADY
     stand.panel.click(1)
     stand.says(["possess"])
@@ -151,7 +151,7 @@ def test_a_firmware_that_hangs_is_started_by_its_watchdog_and_that_is_said(stand
     assert "is not there" not in caplog.text
 
 
-def test_a_panel_that_stands_still_is_looked_for_until_it_speaks(stand, caplog, monkeypatch):
+def test_silent_panel_is_searched_until_it_speaks(stand, caplog, monkeypatch):
     monkeypatch.setattr(serial_panel, "_SILENCE", 1.0)
     stand.panel.frozen = True
     until(lambda: "the panel says nothing" in caplog.text)
@@ -162,7 +162,7 @@ def test_a_panel_that_stands_still_is_looked_for_until_it_speaks(stand, caplog, 
     stand.says(["previous"])
 
 
-def test_an_edge_that_hangs_is_shown_as_no_edge(stand, monkeypatch):
+def test_hanging_edge_is_shown_as_no_edge(stand, monkeypatch):
     monkeypatch.setattr(serial_panel, "_STALE", 0.3)
     stand.lamps = STEADY
     stand.shows(possess=1.0, locked=1.0)

@@ -119,7 +119,7 @@ def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_
             assert back is not None and back.textures[0].image.tobytes() == picture.tobytes()
 
 
-def test_who_holds_a_character_goes_on_in_its_next_revision():
+def test_attachment_continues_in_next_revision():
     """The chair is edited while its performer stands elsewhere with a knee up: nothing jumps, it stays up."""
     stage = possessed()
     arrivals, old = Arrivals(stage, SETTINGS), stage.actors["chair"].character

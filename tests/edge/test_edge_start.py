@@ -1,4 +1,4 @@
-"""What every start of an edge costs: it loads what this run needs, and nothing of what others would."""
+"""Tests that an edge's start loads only the modules that this run needs."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ UNASKED = {
     "enliven_edge.stage.puppet.puppet_actor": "is a puppet's",
     "enliven.document.project": "is the studio's",
 }
-"""Modules that a start with the chair does without, and what each is for."""
+"""Modules that a start with the chair must not load, and their purpose."""
 
 
 def test_an_edge_loads_only_what_its_character_needs():

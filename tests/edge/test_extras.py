@@ -1,4 +1,4 @@
-"""What an edge does without the libraries of extras: it runs, or an error names the extra to install."""
+"""Tests of an edge without optional libraries: it runs, or an error names the extra to install."""
 
 from __future__ import annotations
 

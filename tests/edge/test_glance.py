@@ -1,4 +1,4 @@
-"""What viewers are told of the camera: joints lie on the performer in the small picture of distances."""
+"""Tests of the camera preview: joints lie on the performer in the small depth image."""
 
 from __future__ import annotations
 

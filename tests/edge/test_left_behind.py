@@ -38,7 +38,7 @@ def locks(temporary: Path) -> list[str]:
     return sorted(path.name for path in (temporary / f"enliven-{os.getuid()}").glob("*"))
 
 
-def test_what_a_killed_process_left_goes_at_the_next_start(temporary: Path) -> None:
+def test_leftovers_of_killed_process_are_removed_at_next_start(temporary: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", HOLDS], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         left = Path(process.stdout.readline().strip())

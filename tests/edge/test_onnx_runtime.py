@@ -33,7 +33,7 @@ def left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_what_older_versions_left_is_removed(left: Path, tmp_path: Path) -> None:
+def test_leftovers_of_older_versions_are_removed(left: Path, tmp_path: Path) -> None:
     assert {path.name for path in remove_telemetry_files()} == {"deviceid", "onnxruntime.db", ".ses"}
     assert list((tmp_path / "cache").iterdir()) == [] == list((tmp_path / "tmp").iterdir())
     assert remove_telemetry_files() == []

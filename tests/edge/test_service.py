@@ -89,7 +89,7 @@ def published(outlet, tmp_path) -> list[tuple[int, list[Body]]]:
     ]
 
 
-def test_what_is_wrong_is_in_the_heartbeat_and_what_is_late_is_not_published(outlet, tmp_path):
+def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path):
     with SyntheticSensor(choreography="idle", width=320, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(90)]
     for i in range(30, 45):

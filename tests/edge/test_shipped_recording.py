@@ -25,7 +25,7 @@ MADE_AGAIN = int(os.environ.get("ENLIVEN_MADE_AGAIN", "40"))
 """First frames that the command makes again, the most expensive part here. `make test-long` makes all."""
 
 
-def test_it_holds_nine_seconds_with_the_truth() -> None:
+def test_recording_has_nine_seconds_with_ground_truth() -> None:
     recording = Recording(CHAIR)
     assert CHAIR.stat().st_size < 3_000_000
     frames, truth = list(recording.frames()), list(recording.truth())

@@ -60,7 +60,7 @@ def kernels_of(*, warm: bool) -> dict[str, list[str]]:
 
 
 @pytest.mark.timeout(700)
-def test_nothing_is_compiled_or_loaded_after_the_warm_up():
+def test_warm_up_compiles_all_kernels():
     found = kernels_of(warm=True)
     assert len(found) == 7
     assert {kind: names for kind, names in found.items() if names} == {}

@@ -1,4 +1,4 @@
-"""The helpers of these tests are found beside them, and seeds beside the tests of what they are seeds of."""
+"""Adds the helpers next to these tests to the import path, and the test folders that contain the seeds."""
 
 import sys
 from pathlib import Path

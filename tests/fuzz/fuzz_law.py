@@ -1,7 +1,7 @@
-"""The law that every reader must keep.
+"""The rule that every reader must keep.
 
-A reader returns a value that can be used, or raises an EnlivenError (on the wire Malformed, or the ValueError
-that receivers expect of an array); nothing else, in bounded time and in bounded memory.
+A reader returns a usable value or raises an EnlivenError (on the wire Malformed, or the ValueError that
+receivers expect for an array). Nothing else may happen, and time and memory are bounded.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from fuzz_seeds import Maker
 from enliven.errors import EnlivenError
 
 PATIENCE = 30
-"""Seconds that one file may take on a machine with other work; each takes milliseconds."""
+"""Timeout for one file on a busy machine, seconds. Each takes milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Target:
     """A reader.
 
     Attributes:
-        name: of the reader, and of the dice that mutate its files.
-        count: mutations in `make test`.
-        make: a mutated file.
-        read: what is done with it, in a folder of its own.
-        allowed: what it may raise.
+        name: name of the reader, and seed of its random generator.
+        count: number of mutations in `make test`.
+        make: function that returns a mutated file.
+        read: function that reads the file, in a separate folder.
+        allowed: exceptions that it may raise.
     """
 
     name: str
@@ -45,14 +45,14 @@ class Target:
 
 
 class Broken(AssertionError):
-    """A reader that broke the law; the file is beside the message."""
+    """Raised if a reader breaks the rule. The message contains the path of the file."""
 
 
 def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
-    """Give a reader the file of a seed, in ``folder``; one that breaks it is kept in ``keep``.
+    """Gives a reader the file of a seed, in ``folder``. A file that breaks the reader is kept in ``keep``.
 
     Raises:
-        Broken: with the path of the file, where anything but the law's outcome comes back.
+        Broken: if the outcome is not allowed; contains the path of the file.
     """
     data = target.make(dice_of(target, seed))
     try:
@@ -72,7 +72,7 @@ def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
 
 @contextmanager
 def room() -> Iterator[str]:
-    """A folder for one file after the other, in memory where there is such a place; readers log nothing."""
+    """Yields a folder for one file after the other, in memory if possible. Readers log nothing."""
     levels = {name: logging.getLogger(name).level for name in ("enliven", "enliven_viewer")}
     with TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
         try:
@@ -85,17 +85,18 @@ def room() -> Iterator[str]:
 
 
 def dice_of(target: Target, seed: str) -> Random:
-    """What makes a file of a reader: the same for the same seed, on every machine."""
+    """Returns the random generator for one file of a reader. The same seed gives the same file on every
+    machine."""
     return Random(f"{target.name} {seed}")
 
 
 class TooSlow(BaseException):
-    """No Exception, so that no reader takes it for damage."""
+    """Not a subclass of Exception, so that readers do not mistake it for damage in the file."""
 
 
 @contextmanager
 def _bounded() -> Iterator[None]:
-    """Stops what takes longer than :data:`PATIENCE`."""
+    """Stops anything that takes longer than :data:`PATIENCE`."""
 
     def stop(*_: Any) -> None:
         raise TooSlow(f"longer than {PATIENCE} s")

@@ -1,4 +1,4 @@
-"""Small valid projects, rigs and meshes as the project writes them, and the same around mutations."""
+"""Small valid projects, rigs and meshes written by the project, and containers rebuilt around mutations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from enliven_edge.sensors.drivers.playback import write_playback
 
 @functools.cache
 def project() -> bytes:
-    """A project of shapes, layers, a mesh and a possessed box."""
+    """Returns a project of shapes, layers, a mesh and a possessed box."""
     made, random = random_project(1)
     shape = made.shapes["shape 0"]
     count = 6
@@ -45,7 +45,7 @@ def project() -> bytes:
 
 
 def orbbec_bag() -> bytes:
-    """A recording in Orbbec's layout, of the depth image that our recording has."""
+    """Returns a recording in Orbbec's format, of the depth image in our recording."""
     with tempfile.TemporaryDirectory() as folder:
         take, bag = Path(folder) / "seed.mcap", Path(folder) / "seed.bag"
         take.write_bytes(recording())
@@ -54,7 +54,7 @@ def orbbec_bag() -> bytes:
 
 
 def realsense_database() -> bytes:
-    """A recording in librealsense's layout since 2.57, of one small image."""
+    """Returns a recording in librealsense's format since 2.57, of one small image."""
     words = "width=6;height=4;fx=5;fy=5;ppx=2;ppy=1;model=Brown Conrady;coeffs=0.1,0,0,0,0"
     said = {
         "camera_info": struct.pack("<4sI", b"\0\1\0\0", len(words)) + words.encode(),
@@ -78,7 +78,7 @@ def realsense_database() -> bytes:
 
 
 def project_anew(dice: Random) -> bytes:
-    """A project with its header or an array mutated, and with the checksums of the archive right."""
+    """Returns a project with a mutated header or array, and with correct archive checksums."""
     with zipfile.ZipFile(io.BytesIO(project())) as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
     if dice.random() < 0.75:
@@ -95,13 +95,13 @@ def project_anew(dice: Random) -> bytes:
 
 @functools.cache
 def gltf() -> bytes:
-    """A rig with as many oddities as fit."""
+    """Returns a rig with as many unusual features as possible."""
     with tempfile.TemporaryDirectory() as folder:
         return random_rig(1, Path(folder) / "seed.gltf", joints=3).read_bytes()
 
 
 def glb_of(text: bytes, blob: bytes) -> bytes:
-    """A GLB of its JSON and its bytes, with lengths that are right."""
+    """Returns a GLB of its JSON and its bytes, with correct lengths."""
     text, blob = text + b" " * (-len(text) % 4), blob + b"\0" * (-len(blob) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(blob), b"BIN\0") + blob
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
@@ -109,7 +109,7 @@ def glb_of(text: bytes, blob: bytes) -> bytes:
 
 @functools.cache
 def mesh(suffix: str) -> bytes:
-    """A tetrahedron as the project writes it."""
+    """Returns a tetrahedron as the project writes it."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
     colours = np.arange(12).reshape(4, 3).astype(np.uint8)
@@ -120,7 +120,7 @@ def mesh(suffix: str) -> bytes:
 
 
 def glb_anew(dice: Random) -> bytes:
-    """A GLB with its JSON tree or its numbers mutated, and with lengths that are right."""
+    """Returns a GLB with mutated JSON tree or numbers, and with correct lengths."""
     data = mesh(".glb")
     size = struct.unpack_from("<I", data, 12)[0]
     text, blob = data[20 : 20 + size], data[28 + size :]

@@ -1,4 +1,4 @@
-"""Mutations of bytes and of trees: what damage, and what malice, makes of a valid file."""
+"""Mutations of bytes and of trees that imitate damaged and malicious files."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ LEAVES: list[Any] = [
     "../../../etc/passwd", "\0", "a" * 300, [], {}, [0], [[]], {"a": 1},
 ]  # fmt: skip
 MOST_BYTES = 1 << 17
-"""Bytes of a mutated file: what is longer tells no more, and takes longer."""
+"""Maximum size of a mutated file, bytes. Longer files take longer and reveal nothing more."""
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
-    """The bytes with one to four mutations; ``other`` is what pieces are taken from."""
+    """Returns the bytes with one to four mutations; ``other`` is the source of spliced pieces."""
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
         made = dice.choice(_BYTES)(data, other, dice)
         data = made if len(made) <= MOST_BYTES else data
@@ -53,7 +53,7 @@ def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def mutated_tree(tree: Any, dice: Random) -> Any:
-    """The tree of dicts, lists and leaves with one to three changes."""
+    """Returns the tree of dicts, lists and leaves with one to three changes."""
     tree = copy.deepcopy(tree)
     for _ in range(dice.choice((1, 1, 1, 2, 3))):
         tree = _changed(tree, dice)
@@ -107,7 +107,7 @@ def _float(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def _word(data: bytes, other: bytes, dice: Random) -> bytes:
-    """A number of a text becomes another."""
+    """Replaces a number in a text by another."""
     found = list(_NUMBER.finditer(data))
     if not found:
         return _extreme(data, other, dice)
@@ -116,7 +116,7 @@ def _word(data: bytes, other: bytes, dice: Random) -> bytes:
 
 
 def _lines(data: bytes, other: bytes, dice: Random) -> bytes:
-    """Two lines of a text change places, or one is said again and again."""
+    """Swaps two lines of a text, or repeats one many times."""
     lines = data.split(b"\n")
     a, b = dice.randrange(len(lines)), dice.randrange(len(lines))
     if dice.random() < 0.5:
@@ -131,7 +131,7 @@ _BYTES = (*_OFTEN, *_OFTEN, _cut, _removed, _doubled, _spliced, _patched, _float
 
 
 def _changed(tree: Any, dice: Random) -> Any:
-    """One change at a random place."""
+    """Makes one change at a random place."""
     places = list(_places(tree))
     if not places:
         return copy.deepcopy(dice.choice(LEAVES))
@@ -158,7 +158,7 @@ def _changed(tree: Any, dice: Random) -> Any:
 
 
 def _places(tree: Any) -> Any:
-    """(holder, key) of everything in a tree."""
+    """Returns (holder, key) of every element of a tree."""
     waiting = [tree]
     while waiting:
         at = waiting.pop()

@@ -1,4 +1,4 @@
-"""Every reader of strangers' bytes, and the mutated files that it is given."""
+"""All readers of untrusted bytes, and the mutated files for each."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from enliven_viewer.render.surface import split_creases
 
 
 def _stream(data: bytes, folder: Path) -> None:
-    """As a viewer does: unpack, then convert."""
+    """Reads like a viewer: unpack, then convert."""
     _, message = envelope.unpack_stream(data)
     codec = _codec()
     match message:
@@ -167,7 +167,7 @@ def _wire(payload: bytes, topic: str) -> seeds.Maker:
 
 
 def targets() -> list[Target]:
-    """Every reader; the counts add up to what `make test` states."""
+    """Returns all readers. Their counts add up to the number stated for `make test`."""
     payloads = seeds.stream_payloads()
     payloads["status"] = msgspec.msgpack.encode(streams.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0))
     streamed = {topic: data for topic, data in payloads.items() if topic in topics.STREAMS}
@@ -227,6 +227,6 @@ def targets() -> list[Target]:
 
 
 def _with_type(payload: bytes) -> Any:
-    """The payload of a character as the body of a reply."""
+    """Returns a character's payload as the body of a reply."""
     found = msgspec.msgpack.decode(payload)
     return {"type": "CharacterMessage", **found} if isinstance(found, dict) else found

@@ -1,7 +1,7 @@
-"""Small valid files of every kind that is read, made by the project itself, and made anew around mutations.
+"""Small valid files of every format, written by the project itself, and containers rebuilt around mutations.
 
-A mutation of the bytes of a file with a checksum is refused at the door and tests nothing else; so containers
-are also made anew around mutated contents, with checksums and lengths that are right.
+A byte mutation of a file with a checksum is refused by the first check and tests nothing else. So containers
+are also rebuilt around mutated contents, with correct checksums and lengths.
 """
 
 from __future__ import annotations
@@ -42,33 +42,33 @@ from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 
 Maker = Callable[[Random], bytes]
-"""A mutated file, which depends on the dice alone."""
+"""A function that returns a mutated file, which depends only on the random generator."""
 
 
 def of_bytes(*seeds: bytes) -> Maker:
-    """One of the seeds with its bytes mutated."""
+    """Returns one of the seeds with mutated bytes."""
     return lambda dice: mutated(dice.choice(seeds), dice.choice(seeds), dice)
 
 
 def of_json(seed: bytes) -> Maker:
-    """A JSON text with its tree mutated."""
+    """Returns a JSON text with a mutated tree."""
     return lambda dice: json_anew(seed, dice)
 
 
 def of_msgpack(head: bytes, seed: bytes) -> Maker:
-    """A head and a MessagePack value, mutated."""
+    """Returns a head and a MessagePack value, mutated."""
     return lambda dice: head + msgpack_anew(seed, dice)
 
 
 def json_anew(seed: bytes, dice: Random) -> bytes:
-    """A JSON text with its tree mutated; now and then nested deeper than any program writes."""
+    """Returns a JSON text with a mutated tree; sometimes nested deeper than any program writes."""
     if dice.random() < 0.01:
         return patched(seed, dice.choice((b"[", b'{"a":')) * 20_000, dice)
     return json.dumps(mutated_tree(json.loads(seed), dice)).encode()
 
 
 def msgpack_anew(seed: bytes, dice: Random) -> bytes:
-    """A MessagePack value with its tree mutated; now and then nested deeper than any program writes."""
+    """Returns a MessagePack value with a mutated tree; sometimes nested deeper than any program writes."""
     if dice.random() < 0.01:
         return patched(seed, dice.choice((b"\x91", b"\x81\xa1a")) * 20_000, dice)
     try:
@@ -78,14 +78,14 @@ def msgpack_anew(seed: bytes, dice: Random) -> bytes:
 
 
 def patched(data: bytes, piece: bytes, dice: Random) -> bytes:
-    """The bytes with a piece put into them."""
+    """Returns the bytes with a piece inserted."""
     at = dice.randrange(len(data) + 1)
     return data[:at] + piece + data[at:]
 
 
 @functools.cache
 def character(kind: str = "graph") -> Character:
-    """A box of eight nodes."""
+    """Returns a box of eight nodes."""
     corners = np.array([[x, y, z] for x in (0, 1.0) for y in (0, 1.0) for z in (0, 1.0)], np.float32)
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = np.array([t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])], np.int32)
@@ -100,7 +100,7 @@ def character(kind: str = "graph") -> Character:
 
 
 def _materials(faces: int) -> MeshMaterials:
-    """A material with a texture of one pixel."""
+    """Returns a material with a texture of one pixel."""
     data = io.BytesIO()
     Image.new("RGB", (1, 1), (200, 90, 40)).save(data, "PNG")
     moved = {"KHR_texture_transform": {"offset": [0.5, 0.0], "scale": [2.0, 1.0], "rotation": 0.3}}
@@ -112,14 +112,14 @@ def _materials(faces: int) -> MeshMaterials:
 
 
 def poses() -> list[Pose]:
-    """Four poses of the box."""
+    """Returns four poses of the box."""
     box = character()
     turns = np.tile(np.eye(3, dtype=np.float32), (8, 1, 1))
     return [Pose("box", 33_000_000 * k, turns, box.pivots + np.float32(0.1 * k)) for k in range(4)]
 
 
 def bodies() -> BodyFrame:
-    """Two people."""
+    """Returns two people."""
     random = np.random.default_rng(0)
     first = Body(0, random.normal(size=(J, 3)), random.random(J))
     second = Body(
@@ -129,7 +129,7 @@ def bodies() -> BodyFrame:
 
 
 def depth(colour: bool = True) -> DepthFrame:
-    """A depth frame of 8 x 6 pixels."""
+    """Returns a depth frame of 8 x 6 pixels."""
     random = np.random.default_rng(0)
     picture = random.integers(0, 255, (6, 8, 3)).astype(np.uint8) if colour else None
     camera = Intrinsics(8, 6, 5.0, 5.0, 3.5, 2.5)
@@ -139,7 +139,7 @@ def depth(colour: bool = True) -> DepthFrame:
 
 
 def stream_payloads() -> dict[str, bytes]:
-    """A MessagePack payload of each topic that a take holds."""
+    """Returns a MessagePack payload for each topic of a take."""
     box, codec = character(), PoseCodec(character())
     made = {
         "character": character_to_message(box, 1),
@@ -151,7 +151,7 @@ def stream_payloads() -> dict[str, bytes]:
 
 
 def mcap(said: list[tuple[str, str, bytes, int]], compressed: bool = True) -> bytes:
-    """A recording of (topic, encoding, bytes, time) with checksums that are right."""
+    """Returns a recording of (topic, encoding, bytes, time) with correct checksums."""
     out = io.BytesIO()
     kind = CompressionType.ZSTD if compressed else CompressionType.NONE
     writer = Writer(out, chunk_size=600, compression=kind)
@@ -168,7 +168,7 @@ def mcap(said: list[tuple[str, str, bytes, int]], compressed: bool = True) -> by
 
 @functools.cache
 def recording() -> bytes:
-    """What our recorder writes: depth, bodies and truth."""
+    """Returns depth, bodies and ground truth as our recorder writes them."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "seed.mcap"
         with Recorder(path) as recorder:
@@ -180,7 +180,7 @@ def recording() -> bytes:
 
 
 def recording_anew(dice: Random) -> bytes:
-    """A recording with its index mutated, and with the checksum of the summary right."""
+    """Returns a recording with a mutated index and a correct summary checksum."""
     data = recording()
     size, start = len(data) - 37, struct.unpack_from("<Q", data, len(data) - 28)[0]
     summary = mutated(data[start:size], data, dice)
@@ -190,7 +190,7 @@ def recording_anew(dice: Random) -> bytes:
 
 
 def chunk_anew(dice: Random) -> bytes:
-    """A recording without an index, of one plain chunk with mutated content."""
+    """Returns a recording without an index, of one uncompressed chunk with mutated content."""
     records = mutated(_content(), _content(), dice)
     crc = zlib.crc32(records) if dice.random() < 0.7 else 0
     size = len(records) if dice.random() < 0.7 else dice.choice((0, 2**20, 2**40, 2**64 - 1))
@@ -202,7 +202,7 @@ def chunk_anew(dice: Random) -> bytes:
 
 
 def _first_chunk() -> int:
-    """Where the first chunk record begins."""
+    """Returns the position of the first chunk record."""
     data, at = recording(), 8
     while data[at] != 6:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
@@ -211,13 +211,13 @@ def _first_chunk() -> int:
 
 @functools.cache
 def _content() -> bytes:
-    """The records in a chunk, unpacked."""
+    """Returns the decompressed records of a chunk."""
     chunk = Chunk.read(ReadDataStream(io.BytesIO(recording()[_first_chunk() + 9 :])))
     return zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
 
 
 def take_anew(dice: Random) -> bytes:
-    """A take of characters and poses, a message of it mutated."""
+    """Returns a take of characters and poses, one message of which is mutated."""
     payloads = stream_payloads()
     moved = [msgspec.msgpack.encode(pose_to_message(p, PoseCodec(character()), revision=1)) for p in poses()]
     said = [("character", "msgpack", payloads["character"], 0)]
@@ -234,7 +234,7 @@ def take_anew(dice: Random) -> bytes:
 
 
 def depth_anew(dice: Random) -> bytes:
-    """A depth payload that was mutated, with its checksum right."""
+    """Returns a mutated depth payload with a correct checksum."""
     data = dice.choice((encode_depth, archived))(depth().depth)
     head, packed = data[:10], data[14:]
     if dice.random() < 0.5:
@@ -245,7 +245,7 @@ def depth_anew(dice: Random) -> bytes:
 
 
 def requests() -> list[Any]:
-    """Requests of a viewer and replies of an edge."""
+    """Returns a viewer's requests and an edge's replies."""
     status = streams.StatusMessage("edge", 1, 2, 3, note="fine", fps=30.0)
     bodies = [
         asks.Hello("v", True),

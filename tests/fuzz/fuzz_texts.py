@@ -1,4 +1,4 @@
-"""Small valid files of text, one of every kind that is read."""
+"""Small valid text files, one of every format."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Mutated files at random for as long as one says: `make fuzz SECONDS=600 SEED=7 ONLY=gltf`."""
+"""Reads random mutated files for a given time: `make fuzz SECONDS=600 SEED=7 ONLY=gltf`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ import fuzz_law  # noqa: E402
 import fuzz_readers  # noqa: E402
 
 BATCH = 20
-"""Files of one reader before the next has its turn."""
+"""Number of files per reader before the next reader's turn."""
 
 
 def main() -> int:
-    """The exit code: 1 where a reader broke the law; every broken file is kept in out/fuzz."""
+    """Returns the exit code: 1 if a reader broke the rule. Every file that breaks a reader is kept in
+    out/fuzz."""
     said = dict(enumerate(sys.argv[1:]))
     seconds = float(said.get(0) or 60)
     seed = said.get(1) or str(time.time_ns() % 1_000_000)
@@ -47,7 +48,7 @@ def main() -> int:
 
 
 def _turns(targets: list[fuzz_law.Target]) -> Iterator[tuple[fuzz_law.Target, int]]:
-    """Readers and the numbers of their files, without end."""
+    """Yields readers and the numbers of their files, endlessly."""
     for batch in itertools.count():
         for target in targets:
             yield from ((target, number) for number in range(batch * BATCH, (batch + 1) * BATCH))

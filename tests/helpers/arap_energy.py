@@ -1,4 +1,4 @@
-"""The energy that the squash-and-stretch surface minimises, for tests that it never rises."""
+"""The energy minimised by the squash-and-stretch surface, for tests that it never increases."""
 
 import math
 
@@ -6,7 +6,8 @@ from enliven.kernels import njit
 
 
 def energy(solver):
-    """Eq. 4 of the shape state, each cell at its best turn and scale, with what soft handles add."""
+    """Returns eq. 4 of the shape state, with each cell at its best rotation and scale, plus the terms of soft
+    handles."""
     solver._fit()
     total = float(
         cells_energy(solver._surface.cells, solver._frames.reshape(-1), float(solver.settings.hold))
@@ -21,7 +22,7 @@ def energy(solver):
 
 @njit(cache=True, nogil=True)
 def cells_energy(cells, frames, hold):
-    """Eq. 4: the sum over all cells and their edges of w |e' - T e|², and hold c (s - 1)²."""
+    """Returns eq. 4: the sum over all cells and their edges of w |e' - T e|², and hold c (s - 1)²."""
     total = 0.0
     for i in range(len(cells.size)):
         s = math.sqrt(frames[16 * i] ** 2 + frames[16 * i + 1] ** 2 + frames[16 * i + 2] ** 2)

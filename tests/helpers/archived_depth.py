@@ -1,4 +1,4 @@
-"""Depth images in the arithmetic code of earlier versions, as their archives hold them."""
+"""Encoder for depth images in the arithmetic code of earlier versions, as found in their archives."""
 
 import struct
 import zlib
@@ -16,7 +16,8 @@ _TABLE, _STATES = depth_entropy._TABLE, depth_entropy._STATES
 
 
 def archived(depth):
-    """The payload of an (H, W) uint16 image in packing 1 of LAYOUT; noise makes it larger than the image."""
+    """Returns the payload of an (H, W) uint16 image in packing 1 of LAYOUT. Noise makes it larger than the
+    image."""
     depth = np.require(depth, requirements=["C", "W", "A"])
     levels, ranks = _levels(depth)
     values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
@@ -29,7 +30,7 @@ def archived(depth):
 
 @njit(cache=True, nogil=True)
 def _put(coder, out, odds, bit):
-    """Encode one answer. ``coder`` is (3,) int64: low bound, high bound, bytes written."""
+    """Encodes one bit. ``coder`` is (3,) int64: low bound, high bound, bytes written."""
     low, high = coder[0], coder[1]
     width = high - low
     middle = low + (width >> 16) * odds + (((width & 0xFFFF) * odds) >> 16)
@@ -46,14 +47,14 @@ def _put(coder, out, odds, bit):
 
 @njit(cache=True, nogil=True)
 def _ask(coder, data, states, at, bit):
-    """Encode one answer with the odds of a state."""
+    """Encodes one bit with the probability of a state."""
     _put(coder, data, int(states[at]) >> 8, bit)
     _learn(states, at, bit)
 
 
 @njit(cache=True, nogil=True)
 def _residual(coder, data, states, base, r):
-    """Encode a residual: zero? negative? then the size, one by one and then in bits."""
+    """Encodes a residual: zero? negative? then the size, in unary and then in bits."""
     _ask(coder, data, states, base, int(r == 0))
     if r == 0:
         return
@@ -76,7 +77,7 @@ def _residual(coder, data, states, base, r):
 
 @njit(cache=True, nogil=True)
 def _write_table(values, data, coder, states):
-    """Encode the ascending (P + 1,) ``values``; a step is expected to be as the former."""
+    """Encodes the ascending (P + 1,) ``values``. Each step is predicted to equal the one before."""
     former, size = 1, 0
     for level in range(1, values.size):
         step = int(np.int64(values[level])) - int(np.int64(values[level - 1]))
@@ -86,7 +87,7 @@ def _write_table(values, data, coder, states):
 
 @njit(cache=True, nogil=True)
 def _write_image(depth, ranks, count, data, coder, states):
-    """Encode (H, W) ``depth`` with the level of each value."""
+    """Encodes (H, W) ``depth`` with the level of each value."""
     height, width = depth.shape
     rows, errors = np.zeros((3, width + 4), np.int64), np.zeros((2, width + 4), np.int64)
     last, half, least = (count + 1) // 2, count // 2, -((count - 1) // 2)
@@ -114,7 +115,8 @@ def _write_image(depth, ranks, count, data, coder, states):
 
 @njit(cache=True, nogil=True)
 def pack_levels(depth, ranks, values, tabled, out):
-    """The bytes used of ``out``; arguments as of ``unpack_levels``, with the level of each value (65536,)."""
+    """Returns the used bytes of ``out``. Arguments are as of ``unpack_levels``, with the level of each value
+    (65536,)."""
     states = np.full(_STATES, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
     if tabled:

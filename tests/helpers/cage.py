@@ -1,7 +1,7 @@
-"""A fourth rig for tests: a tetrahedron around a mesh, whose corners carry it by barycentric weights.
+"""A fourth kind of rigged character for tests: a tetrahedral cage that deforms a mesh by barycentric weights.
 
-Importing this adds it: a type of character, the part of each edit that it does its own way, and its line in
-the table of rigs. Nothing else of enliven knows of it.
+Importing this module registers it: a type of character, its implementation of each edit, and its line in the
+table of rigs. Nothing else in enliven depends on it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 
 @dataclass(frozen=True, eq=False)
 class Swing(Playing):
-    """A stream of four places, by which the corners of a cage are moved."""
+    """A stream of four positions that moves the corners of a cage."""
 
     take: str
     muted: bool = False
@@ -39,12 +39,12 @@ class Swing(Playing):
 
 @dataclass(frozen=True, eq=False)
 class Cage(RigBase):
-    """A mesh in a tetrahedron: a vertex is at w @ (corners + what is played) @ linear.T + place.
+    """A mesh in a tetrahedron: a vertex is at w @ (corners + played offsets) @ linear.T + place.
 
     Attributes:
         corners: (4, 3) metres at rest.
-        bent: (4, 3) metres that they were dragged by.
-        linear, place: (3, 3) and (3,) metres, where the whole is in the world.
+        bent: (4, 3) metres by which they were dragged.
+        linear, place: (3, 3) and (3,) metres, the transform from the cage to the world.
     """
 
     id: str
@@ -62,20 +62,20 @@ class Cage(RigBase):
 
 
 def cage_of(mesh: Mesh, name: str, layers: tuple[Swing, ...] = ()) -> Cage:
-    """A mesh in a tetrahedron around its box."""
+    """Returns a mesh in a tetrahedron around its bounding box."""
     low, high = mesh.bounds
     corners = (low + high) / 2 + CORNERS * 1.1 * float(np.linalg.norm(high - low))
     return Cage(name, mesh, corners, np.zeros((4, 3)), np.eye(3), np.zeros(3), layers)
 
 
 def weights(points: Float, corners: Float) -> Float:
-    """(N, 4) the barycentric weights of places (N, 3)."""
+    """Returns (N, 4) barycentric weights of positions (N, 3)."""
     whole = np.vstack([corners.T, np.ones(4)])
     return np.linalg.solve(whole, np.vstack([points.T, np.ones(len(points))])).T
 
 
 class CageRig(RigEdits):
-    """The part of each edit that cages do their own way."""
+    """The cage's implementation of each edit."""
 
     def corners_at(self, project: Project, cage: Cage, time: float) -> Float:
         """(4, 3) metres in the world."""
@@ -149,7 +149,7 @@ class CageRig(RigEdits):
         return project.with_characters(*made), (name, far)
 
     def merged(self, project: Project, merge: Merge) -> Project:
-        """The graft's mesh is put into the host's cage as the two stand, and goes with that."""
+        """Adds the graft's mesh to the host's cage at its current position. It then moves with the cage."""
         host, graft = project.character(merge.host, Cage), project.character(merge.graft, Cage)
         there = weights(self.seen(project, graft, merge.time), self.corners_at(project, host, merge.time))
         vertices = np.concatenate([host.mesh.vertices, there @ host.corners])
@@ -159,7 +159,7 @@ class CageRig(RigEdits):
 
 
 def _way(stream: PoseStream, second: float) -> Float:
-    """(4, 3) metres, what a stream says at a second of it."""
+    """Returns (4, 3) metres, the offsets of a stream at a time."""
     frame = second / stream.step
     first = min(int(frame), len(stream.positions) - 2)
     one, other = stream.positions[first : first + 2]
@@ -167,7 +167,7 @@ def _way(stream: PoseStream, second: float) -> Float:
 
 
 def _mapped(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:
-    """The cage where x is linear (x - about) + to."""
+    """Returns the cage transformed by x -> linear (x - about) + to."""
     return cage.with_changes(linear=linear @ cage.linear, place=linear @ (cage.place - about) + to)
 
 

@@ -1,4 +1,4 @@
-"""A small chair on a turntable, a room with corners in view, and a camera that stands about still."""
+"""A small chair on a turntable, a room with corners in view, and a nearly static camera."""
 
 from dataclasses import replace
 
@@ -14,9 +14,9 @@ THING = replace(_CHAIR, vertices=0.5 * (_CHAIR.vertices - _MIDDLE))
 WAY = TurntableWay(begins=1.5, period=12.0)
 STILL = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.5, height=(1.1, 1.1), turns=0.0, sway=0.02, shake=0.0)
 HELD = replace(STILL, target=(0.0, 0.62, 0.0))
-"""The same, of a chair that is taken up a quarter of a metre."""
+"""The same camera path for a chair that is lifted by a quarter of a metre."""
 LEVEL = replace(STILL, target=(0.0, 1.05, 0.0))
-"""The same, level: within two metres it does not see the floor."""
+"""The same path with a level camera: it does not see the floor within two metres."""
 ROOM = (
     Box((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)),
     Box((-3.0, 0.0, -1.1), (3.0, 2.5, -1.0)),

@@ -1,8 +1,8 @@
-"""Makes test processes that run at the same time compile each kernel once, and keep what they compiled.
+"""Makes concurrent test processes compile each kernel only once, and share the result.
 
-Numba keeps compiled kernels on disk, but two processes that need the same kernel at the same time both
-compile it, and may overwrite each other's entry in the kernel's index. Here a process that is about to
-compile locks the kernel for all processes; the next one finds the result on disk.
+Numba caches compiled kernels on disk. But two processes that need the same kernel at the same time both
+compile it, and may overwrite each other's entry in the kernel's index. Here a process locks a kernel for all
+processes before compiling it; the next process finds the result on disk.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from numba.core.compiler_lock import global_compiler_lock
 
 try:
     import fcntl
-except ImportError:  # Windows: every process compiles for itself, as without this file.
+except ImportError:  # Windows: every process compiles for itself
     fcntl = None  # type: ignore[assignment]
 
 _LOCKS = 1 << 31
-"""Bytes of the lock file that stand for kernels; the file itself stays empty."""
+"""Number of bytes of the lock file that can represent kernels. The file itself stays empty."""
 
 
 @contextlib.contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Puts off collections of garbage, a tenth of the time that compiling takes, for at most 80 MB more."""
+    """Delays garbage collection, which takes a tenth of compile time, at the cost of at most 80 MB."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -41,10 +41,10 @@ def no_garbage_collection() -> Iterator[None]:
 
 
 def compile_once(lock_file: Path) -> None:
-    """Locks a kernel while this process compiles it or loads it; ``lock_file`` is the same for all processes.
+    """Locks a kernel while this process compiles or loads it. ``lock_file`` is the same for all processes.
 
-    Locks are taken in the order of calls between kernels, with Numba's own lock held first, so that two
-    processes never wait for each other.
+    Numba's own lock is acquired first, and then the locks in the order of calls between kernels, which
+    prevents deadlocks.
     """
     if fcntl is None:
         return

@@ -1,7 +1,7 @@
-"""Random creatures, what holds them, and fast motions of it: problems that no solver was tuned on.
+"""Random creatures, their point constraints, and fast motions: problems on which no solver was tuned.
 
 A creature is a trunk of blended capsules with legs, a tail and antennae, some of them thin. Its own bones
-move by random swings about their joints, and carry points of its skin as a performer's bones would.
+rotate randomly about their joints, and carry points of its skin as a performer's bones would.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RATE = 30.0
 
 @dataclass
 class Points:
-    """Points of the rest space and the nodes that move them, (L, 3), (L, 4) and (L, 4)."""
+    """Points of the rest space and the nodes that move them: (L, 3), (L, 4) and (L, 4)."""
 
     points: Float
     node_indices: Int32
@@ -59,7 +59,7 @@ class Creature:
     """A problem for the solver.
 
     Attributes:
-        targets: (F, L, 3) metres at 30 frames a second; in the first the points are where they rest.
+        targets: (F, L, 3) metres at 30 frames a second; in the first frame the points are at rest.
     """
 
     mesh: Mesh
@@ -73,7 +73,8 @@ def _unit(v: Float) -> Float:
 
 
 def random_bones(rng: np.random.Generator) -> Bones:
-    """A trunk of one to three capsules, two to five pairs of legs, and at times a tail and antennae."""
+    """Returns a trunk of one to three capsules, two to five pairs of legs, and sometimes a tail and
+    antennae."""
     bones = Bones([], [], [], [])
     thick = rng.uniform(0.06, 0.16)
     forward = np.array([0.0, rng.uniform(0.0, 1.0), 1.0])
@@ -106,7 +107,7 @@ def random_bones(rng: np.random.Generator) -> Bones:
 def _chain(
     bones: Bones, parent: int, at: Float, way: Float, rng: np.random.Generator, count: int, thin: float
 ) -> None:
-    """A tail or an antenna."""
+    """Adds a tail or an antenna."""
     for _ in range(count):
         parent = bones.grow(parent, at, rng.uniform(0.1, 0.2) * _unit(way), (thin, 0.85 * thin))
         at, way = bones.end[parent], _unit(way) + 0.3 * rng.normal(size=3)
@@ -115,7 +116,8 @@ def _chain(
 def swings(
     bones: Bones, points: Float, of: Int32, rng: np.random.Generator, frames: int, pace: float
 ) -> Float:
-    """(F, L, 3) where points on bones ``of`` (L,) go: every joint swings, the first bone travels and turns.
+    """Returns (F, L, 3) paths of points on bones ``of`` (L,). Every joint swings; the first bone also travels
+    and turns.
 
     Args:
         pace: 1 is a dance with hands at 2 to 4 m/s; the swings begin from rest within a third of a second.
@@ -143,7 +145,8 @@ def swings(
 
 
 def bone_graph(bones: Bones, count: int, rng: np.random.Generator) -> tuple[DeformationGraph, Int32]:
-    """A graph of ``count`` nodes scattered on the bones' capsules, and the bone of each; without a mesh."""
+    """Returns a graph of ``count`` nodes scattered on the bones' capsules, and the bone of each. It has no
+    mesh."""
     start, end, radius = np.array(bones.start), np.array(bones.end), np.array(bones.radius)
     size = np.linalg.norm(end - start, axis=1) * np.sqrt(radius.mean(1))
     of = np.concatenate([np.arange(len(start)), rng.choice(len(start), count, p=size / size.sum())])[:count]
@@ -160,12 +163,13 @@ def bone_graph(bones: Bones, count: int, rng: np.random.Generator) -> tuple[Defo
 
 
 def _directions(ways: Float) -> Float:
-    """(B, 3) the ways over the squares of their lengths."""
+    """Returns (B, 3) the bone vectors divided by their squared lengths."""
     return ways / (ways**2).sum(1, keepdims=True)
 
 
 def random_problem(seed: int, nodes: int, frames: int, pace: float) -> Creature:
-    """A creature without a mesh, held at random points between four near nodes, in a random motion."""
+    """Returns a creature without a mesh, with random points attached to four nearby nodes each, in a random
+    motion."""
     rng = np.random.default_rng(seed)
     bones = random_bones(rng)
     graph, of = bone_graph(bones, nodes, rng)
@@ -183,10 +187,11 @@ def random_problem(seed: int, nodes: int, frames: int, pace: float) -> Creature:
 
 
 def random_creature(seed: int, nodes: int = 128, frames: int = 60, pace: float = 1.0) -> Creature:
-    """The creature of a seed, held at points of about two thirds of its bones, and a random motion.
+    """Returns the creature of a seed, attached at points of about two thirds of its bones, in a random
+    motion.
 
-    A few bones hold wrongly, as a performer's do in a mesh that is not their likeness: their points are of
-    another bone near by. Targets have a tracker's noise of 3 mm.
+    A few bones are attached to points of another nearby bone, as happens for a performer in a mesh of other
+    proportions. Targets have a tracker's noise of 3 mm.
     """
     rng = np.random.default_rng(seed)
     bones = random_bones(rng)

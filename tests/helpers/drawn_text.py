@@ -1,4 +1,4 @@
-"""Finds cut and overlapping letters in what ImGui draws: by the rectangles of the letters themselves."""
+"""Finds cut and overlapping letters in ImGui's draw lists, by the letters' rectangles."""
 
 from __future__ import annotations
 
@@ -10,20 +10,21 @@ from imgui_bundle import imgui
 
 _VERTEX = np.dtype([("at", "f4", 2), ("uv", "f4", 2), ("colour", "u4")])
 _TRIMMED = 0.90
-"""Letters narrower than this fraction of the widest drawing of the same letter were cut by their widget."""
+"""A letter narrower than this fraction of the widest drawing of the same letter was cut by its widget."""
 _OVERLAP = 0.35
-"""Letters of one line overlap by less than this fraction of the smaller one: kerning, icons."""
+"""Allowed overlap of letters in one line, as a fraction of the smaller one, because of kerning and icons."""
 _CORNER_PX = 7.0
-"""Pixels of the round corner of a box at most: ImGui keeps its picture with the letters'."""
+"""Maximum radius of a box's round corner, pixels. ImGui stores its image in the font texture."""
 _SCROLL_PX = 3.5
-"""Pixels of the round end of a scroll bar at most: it lies on the round corner of its window."""
+"""Maximum radius of a scroll bar's round end, pixels. It lies on the round corner of its window."""
 _CUT_PX = 1.5
-"""Pixels that a letter may reach beyond its clip rectangle: smooth edges."""
+"""Allowed excess of a letter over its clip rectangle, pixels, because of antialiased edges."""
 
 
 @dataclass(frozen=True)
 class Letters:
-    """The letters of one draw list: (N, 4) rectangles, their (N, 4) texture places, and (N, 4) clips."""
+    """The letters of one draw list: (N, 4) rectangles, (N, 4) texture coordinates, and (N, 4) clip
+    rectangles."""
 
     window: str
     places: np.ndarray
@@ -32,12 +33,12 @@ class Letters:
 
 
 def drawn_letters() -> list[Letters]:
-    """Returns the letters that the last frame drew, a draw list each; call it before the next frame."""
+    """Returns the letters drawn in the last frame, per draw list. Call it before the next frame."""
     return [letters for one in imgui.get_draw_data().cmd_lists if (letters := _letters(one)) is not None]
 
 
 def _letters(drawn) -> Letters | None:
-    """Returns the letters of a draw list: pairs of triangles with a place of some width in the texture."""
+    """Returns the letters of a draw list: pairs of triangles with non-zero width in the texture."""
     vertices, indices = drawn.vtx_buffer, drawn.idx_buffer
     if not len(vertices) or not len(indices):
         return None
@@ -54,7 +55,7 @@ def _letters(drawn) -> Letters | None:
     letters_are_in = imgui.get_io().fonts.tex_data.get_tex_id()
     for command in drawn.cmd_buffer:
         if command.get_tex_id() != letters_are_in:
-            continue  # a picture
+            continue  # an image
         clip = np.array([command.clip_rect.x, command.clip_rect.y, command.clip_rect.z, command.clip_rect.w])
         used = (
             order[command.idx_offset : command.idx_offset + command.elem_count].astype(int)
@@ -78,7 +79,7 @@ def _letters(drawn) -> Letters | None:
 
 
 def seen(letters: Letters) -> Letters:
-    """Returns the letters of which something lies in their clip rectangle."""
+    """Returns the letters that are at least partly inside their clip rectangle."""
     low = np.maximum(letters.places[:, :2], letters.clips[:, :2])
     high = np.minimum(letters.places[:, 2:], letters.clips[:, 2:])
     inside = (high - low > 0.5).all(1)
@@ -86,14 +87,14 @@ def seen(letters: Letters) -> Letters:
 
 
 def _key(texel: np.ndarray) -> tuple[float, ...]:
-    """Returns the place of a letter in the texture without its right end, which a widget may cut off."""
+    """Returns a letter's texture coordinates without its right end, which a widget may cut off."""
     return tuple(round(float(texel[k]), 5) for k in (0, 1, 3))
 
 
 def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
     """Returns window and rectangle of letters that are cut at their left or right.
 
-    A widget cuts the last letter that it has room for: that is then narrower than the same letter elsewhere.
+    A widget cuts the last letter that fits. It is then narrower than the same letter elsewhere.
     """
     whole: dict[tuple[float, ...], float] = {}
     for letters in lists:

@@ -1,4 +1,4 @@
-"""Recorded streams of bodies fused, and measures of the result without ground truth."""
+"""Fuses recorded body streams, and measures the result without ground truth."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from enliven_edge.fusion.live.merge import OutputSchedule, in_world
 from enliven_edge.fusion.placement.space import Space
 
 _LONGEST_STEP = 0.06
-"""Seconds between frames beyond which a change is motion and no jitter."""
+"""Maximum time between frames for measuring jitter, seconds. Over longer gaps a change is motion."""
 _SAME = 0.3
-"""Metres between a fused body and one sensor's, at most, to compare them as one person."""
+"""Maximum distance between a fused body and one sensor's body to compare them as one person, metres."""
 _NEAR = 0.02
-"""Seconds between a fused frame and one sensor's, at most, to compare them: less than a frame."""
+"""Maximum time between a fused frame and one sensor's frame to compare them, seconds. Less than a frame."""
 
 
 def jitter_mm(frames: Iterable[BodyFrame]) -> float:
@@ -49,7 +49,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
     """Returns millimetres between fused bodies and one sensor's (in one world and clock), and identity
     changes.
 
-    An identity changes where a fused body lies on another of the sensor's people than it did before.
+    An identity change is counted if a fused body matches another person of the sensor than before.
     """
     times = np.array([frame.time_ns for frame in sensor])
     apart: list[float] = []
@@ -69,7 +69,7 @@ def agreement(fused: Sequence[BodyFrame], sensor: Sequence[BodyFrame]) -> tuple[
 
 
 def _partner(body: Body, others: Sequence[Body]) -> Body | None:
-    """Returns the one of the others at this body's trunk, or None."""
+    """Returns the body with its trunk near this body's trunk, or None."""
     if not others:
         return None
     apart = [float(np.linalg.norm(body.joints[:4] - other.joints[:4], axis=1).mean()) for other in others]
@@ -81,8 +81,8 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
     """Yields the fused bodies of recorded body streams, each in its sensor's own level frame and clock.
 
     Args:
-        streams: by sensor of the space.
-        fuser: of the same sensors; asked for its warnings by the caller.
+        streams: body streams by sensor of the space.
+        fuser: a fuser of the same sensors. The caller reads its warnings.
     """
     rhythm = OutputSchedule()
     for time_ns, name, frame in heapq.merge(

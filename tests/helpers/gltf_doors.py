@@ -1,4 +1,4 @@
-"""Every way by which a glTF file comes in, each as the surface that it shows."""
+"""Every way to read a glTF file, each returning the visible surface."""
 
 from __future__ import annotations
 
@@ -66,11 +66,13 @@ DOORS: dict[str, Callable[[Path], Surface]] = {
 }
 
 STILL = {"load_mesh", "possess", "session", "edge, by a graph"}
-"""Doors to a surface without its clips: mirrored joints are mirrored in it, and not by the clips."""
+"""Ways that read the surface without its clips. Joints mirrored by a clip are mirrored in the surface
+only."""
 
 
 def measures(surface: Surface) -> np.ndarray:
-    """(2,) what no move, turn about the upright, size or order of vertices changes: width and area."""
+    """Returns (2,) width and area, which are invariant to translation, rotation about the vertical, and
+    vertex order."""
     vertices, faces = surface
     vertices = np.asarray(vertices, np.float64)[np.unique(faces)]
     extent = np.ptp(vertices, axis=0)

@@ -1,4 +1,4 @@
-"""glTF files of one kind of oddity each, made for a test: twins of files that other programs write.
+"""Generated glTF files with one unusual feature each, like those in files that other programs write.
 
 Each is a tower of square rings, 1.6 m tall, on its own or on a chain of two joints.
 """
@@ -14,11 +14,11 @@ import numpy as np
 from made_gltf import Made
 
 HALF = [0.0, 0.0, float(np.sin(0.4)), float(np.cos(0.4))]
-"""A turn of 0.8 radians about z, as (x, y, z, w)."""
+"""A rotation of 0.8 radians about z, as (x, y, z, w)."""
 
 
 class Twin(Made):
-    """A GLB that grows."""
+    """A GLB under construction."""
 
     def accessor(self, array: np.ndarray, **entries) -> int:
         """Adds an accessor with more entries, such as "normalized"."""
@@ -70,7 +70,7 @@ class Twin(Made):
 
 
 def tower(rings: int = 9, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
-    """(V, 3) float32 and (F, 3) uint16: square rings above one another, closed at both ends."""
+    """Returns (V, 3) float32 and (F, 3) uint16: square rings above one another, closed at both ends."""
     square = np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]]) * 0.1
     levels = [square + np.array([0, y, 0]) for y in np.linspace(0, height, rings)]
     faces = []
@@ -122,7 +122,7 @@ def chain(twin: Twin, in_scene: bool = True, **middle) -> list[int]:
 
 
 def waving(**middle) -> tuple[Twin, list[int]]:
-    """The chain with a clip that turns its second joint there and back."""
+    """Returns the chain with a clip that rotates its second joint back and forth."""
     twin = Twin()
     joints = chain(twin, **middle)
     back = [-HALF[0], -HALF[1], -HALF[2], HALF[3]]
@@ -159,7 +159,7 @@ def sparse() -> Twin:
 
 
 def two_skins() -> Twin:
-    """A second part in centimetres: its size is in its own inverse bind matrices alone."""
+    """Returns a second part in centimetres; its scale is only in its own inverse bind matrices."""
     twin, joints = waving()
     part = json.loads(json.dumps(twin.json["meshes"][0]["primitives"][0]))
     points, _ = tower()
@@ -173,7 +173,7 @@ def two_skins() -> Twin:
 
 
 def hidden(popping: bool) -> Twin:
-    """A hat of size 0, which a second clip lets pop up or not."""
+    """Returns a hat of size 0, which a second clip scales up or not."""
     twin = Twin()
     still(twin)
     points, faces = tower(2, 0.3)
@@ -188,7 +188,7 @@ def hidden(popping: bool) -> Twin:
 
 
 def flat_matrix() -> Twin:
-    """A part flattened by its node's matrix, as shadows are made."""
+    """Returns a part flattened by its node's matrix, as fake shadows are."""
     twin = Twin()
     still(twin)
     twin.node(mesh=0)
@@ -266,7 +266,7 @@ def invisible() -> Twin:
 
 
 def pointed() -> Twin:
-    """The wave, told by JSON pointers."""
+    """Returns the waving chain, animated by JSON pointers."""
     twin, _ = waving()
     for channel in twin.json["animations"][0]["channels"]:
         target = channel["target"]
@@ -316,4 +316,4 @@ TWINS: dict[str, Callable[[], Twin]] = {
         lit,
     )
 } | {"hidden": lambda: hidden(False), "popping": lambda: hidden(True), "waving": lambda: waving()[0]}
-"""All of them by name."""
+"""All of these files by name."""

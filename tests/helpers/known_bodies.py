@@ -1,7 +1,7 @@
-"""Ten human-like meshes with known joints, as no person was tracked with: other proportions, poses and makes.
+"""Ten human-like meshes with known joints. Their proportions, poses and styles differ from tracked people.
 
-Each is made from a posture of the tracker's body model with lengths of its own: tapered capsules that are
-blended into one surface, or loose boxes and shells.
+Each is generated from a posture of the tracker's body model with individual lengths: tapered capsules blended
+into one surface, or loose boxes and shells.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _FINGERS = (
     (0.035, 0.0, 0.08),
     (0.05, 0.0, 0.03),
 )
-"""Metres of each finger's tip: across, ahead and along the hand, from the hand joint."""
+"""Position of each fingertip relative to the hand joint, metres: across, forward and along the hand."""
 
 
 @dataclass(frozen=True)
 class KnownBody:
-    """A mesh whose limbs are known.
+    """A mesh with known limbs.
 
     Attributes:
         mesh: metres.
-        joints: (20, 3) metres, where a person's joints are in it.
+        joints: (20, 3) positions of a person's joints in it, metres.
     """
 
     mesh: Mesh
@@ -52,13 +52,13 @@ def posed(
     yaw: float = 0.0,
     height: float = 1.75,
 ) -> Float:
-    """(20, 3) metres: a posture of the body model, its soles near y = 0.
+    """Returns (20, 3) metres: a posture of the body model, with its soles near y = 0.
 
     Args:
         scale: factors on the model's lengths, by number.
-        arms: radians that the (left, right) upper arm turns about x, y and z (out) from hanging.
+        arms: rotation of the (left, right) upper arm about x, y and z (outward) from hanging, radians.
         elbows: radians, left and right.
-        legs: radians both thighs are lifted forward, and apart.
+        legs: angles by which both thighs are lifted forward, and apart, radians.
         knees: radians.
     """
     lengths = model.lengths_for_height(height)
@@ -80,12 +80,12 @@ def posed(
 
 
 def off(point: Float, x: float, y: float, z: float) -> Float:
-    """(3,) metres: a point moved."""
+    """Returns (3,) a point moved by (x, y, z), metres."""
     return np.asarray(point + np.array([x, y, z]))
 
 
 def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Capsule]:
-    """Capsules about a person's bones."""
+    """Returns capsules around a person's bones."""
     radii = {
         "SPINE": (0.12, 0.11), "SHOULDER_CENTER": (0.11, 0.08), "HEAD": (0.06, 0.10),
         "SHOULDER": (0.07, 0.062),
@@ -110,7 +110,7 @@ def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Caps
 
 
 def blended(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Float]:
-    """Returns the signed distance to capsules that run into each other within ``soft`` metres."""
+    """Returns the signed distance to capsules with a smooth union of ``soft`` metres."""
 
     def field(points: Float) -> Float:
         near = np.stack([_to_capsule(points, *capsule) for capsule in capsules])
@@ -121,7 +121,7 @@ def blended(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Fl
 
 
 def _to_capsule(points: Float, a: Float, b: Float, first: float, last: float) -> Float:
-    """(N,) metres from points to a tapered capsule, negative inside."""
+    """Returns (N,) the distance from points to a tapered capsule, metres, negative inside."""
     way = b - a
     share = np.clip((points - a) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
     return np.asarray(
@@ -137,7 +137,7 @@ def skin(name: str, capsules: list[Capsule], cell: float = 0.03, soft: float = 0
 
 
 def box(a: Float, b: Float, wide: float, deep: float) -> Mesh:
-    """Returns a box about a bone, cut into small triangles."""
+    """Returns a box around a bone, subdivided into small triangles."""
     axis = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
     side = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
@@ -185,7 +185,7 @@ def t_pose() -> KnownBody:
 
 
 def t_woman() -> KnownBody:
-    """A slight woman with level arms, fingers, a bun, a bosom, and feet that point down."""
+    """A slim woman with level arms, fingers, a bun, a bosom, and feet that point down."""
     scale = {model.SHOULDER: 0.86, model.HIP: 1.15, model.ARM: 0.95, model.FORE: 0.95}
     joints = posed(scale, arms=((0.0, 0.0, 1.5708),) * 2, elbows=(0.0, 0.0), legs=(0.0, 0.06), height=1.66)
     shapes = limbs(joints, 0.82, fingers=True)
@@ -197,13 +197,13 @@ def t_woman() -> KnownBody:
 
 
 def sitting() -> KnownBody:
-    """A man who sits upright on nothing, thighs level, forearms ahead of him."""
+    """A man that sits upright without a chair, thighs level, forearms forward."""
     joints = posed(arms=((-0.35, 0.0, 0.25),) * 2, elbows=(1.2, 1.2), legs=(1.5, 0.15), knees=1.45)
     return KnownBody(skin("sitting", limbs(joints), 0.025, 0.012), joints)
 
 
 def one_arm_up() -> KnownBody:
-    """The right arm overhead, the left one hanging; turned aside as no artist would leave it."""
+    """The right arm overhead, the left one hanging; rotated, which is unusual for modelled meshes."""
     joints = posed(arms=((0.0, 0.0, 0.25), (-0.2, 0.0, 2.85)), elbows=(0.2, 0.15), yaw=0.5)
     return KnownBody(skin("one-arm-up", limbs(joints)), joints)
 
@@ -263,7 +263,7 @@ def teddy() -> KnownBody:
 
 
 def child() -> KnownBody:
-    """A child of four: a large head, short limbs, arms away from the body and ahead."""
+    """A child of four: a large head, short limbs, arms away from the body and forward."""
     scale = {
         model.NECK: 1.25, model.ARM: 0.82, model.FORE: 0.8, model.THIGH: 0.78, model.SHIN: 0.75,
         model.SHOULDER: 0.9,
@@ -276,7 +276,7 @@ def child() -> KnownBody:
 
 
 def armour() -> KnownBody:
-    """A man with shells about him: a breastplate, shoulder plates, a plumed helmet, gauntlets, tassets."""
+    """A man in armour: a breastplate, shoulder plates, a plumed helmet, gauntlets, tassets."""
     joints = posed(arms=((0.0, 0.0, 0.55), (-0.1, 0.0, 0.45)), elbows=(0.35, 0.2), legs=(0.05, 0.14))
     shells = [skin("man", limbs(joints, 0.95))]
     chest, head = joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD]
@@ -304,7 +304,7 @@ def armour() -> KnownBody:
 
 
 def holed_scan() -> KnownBody:
-    """A noisy scan, turned aside, with holes in its back, its crown and beneath its feet."""
+    """A noisy scan, rotated, with holes in its back, its crown and beneath its feet."""
     joints = posed(arms=((0.15, 0.0, 0.5), (-0.2, 0.0, 0.6)), elbows=(0.3, 0.5), legs=(0.0, 0.15), yaw=-0.6)
     mesh = skin("holed-scan", limbs(joints), 0.025)
     noise = np.random.default_rng(5).normal(0.0, 0.003, mesh.vertices.shape)
@@ -327,19 +327,19 @@ BODIES: dict[str, Callable[[], KnownBody]] = {
 }
 """The ten bodies by name."""
 SEALED = ("sitting", "teddy", "child", "armour")
-"""Those that were not looked at before the mapping was done."""
+"""Bodies that were not examined before the mapping was finished (held-out set)."""
 
 NEAR = 0.12
-"""Share of the mesh's height within which a joint of a limb counts as found."""
+"""A joint counts as found within this fraction of the mesh's height."""
 LIMBS = {
     "left arm": (Joint.ELBOW_LEFT, Joint.HAND_LEFT), "right arm": (Joint.ELBOW_RIGHT, Joint.HAND_RIGHT),
     "left leg": (Joint.KNEE_LEFT, Joint.FOOT_LEFT), "right leg": (Joint.KNEE_RIGHT, Joint.FOOT_RIGHT),
 }  # fmt: skip
-"""The middle and the end of each limb."""
+"""The middle and the end joint of each limb."""
 
 
 def limbs_found(joints: Float, known: KnownBody) -> dict[str, bool]:
-    """Returns whether both joints of each limb are where they are known to be."""
+    """Returns, for each limb, True if both joints are near their known positions."""
     near = NEAR * float(np.ptp(known.mesh.vertices[:, 1]))
     return {
         name: bool((np.linalg.norm(joints[[*limb]] - known.joints[[*limb]], axis=1) < near).all())

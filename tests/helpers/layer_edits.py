@@ -1,13 +1,14 @@
-"""Edits of single layers, for tests; programs change layers of all rigs by ``change_layers``."""
+"""Edits of single layers, for tests. Programs change layers of all rigs with ``change_layers``."""
 
 from dataclasses import replace
 
 
 def set_layer(project, shape_id, layer_id, **changes):
-    """A project with a layer of a shape changed: muted, weight, offset, speed, loop, basis, mirrored.
+    """Returns a project with changed attributes of a layer: muted, weight, offset, speed, loop, basis,
+    mirrored.
 
     Raises:
-        InputError: where there is no such layer, or it cannot be played like that.
+        InputError: if the layer does not exist, or it cannot be played with these values.
     """
     shape = project.shape(shape_id)
     wanted = shape.layer(layer_id)

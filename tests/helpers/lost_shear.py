@@ -1,4 +1,4 @@
-"""What of a performance's maps a glTF node cannot say."""
+"""Measures the part of a performance's linear maps that a glTF node cannot represent."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from enliven.rotation import to_matrix
 
 
 def lost(performance):
-    """The largest part of a map that a turn and a scale along ``axes`` cannot express."""
+    """Returns the largest part of a map that is not a rotation and a scale along ``axes`` (the shear)."""
     axes = np.eye(3) if performance.axes is None else performance.axes
     turns, scales = stretches_of(performance.linear @ axes)
     said = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)

@@ -1,4 +1,4 @@
-"""Rigged glTF files made by hand, as odd as the format allows: what the reader must bear."""
+"""Hand-made rigged glTF files that use unusual but valid features, as a stress test for the reader."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Made:
-    """A glTF document that grows; its one buffer goes into the text."""
+    """A glTF document under construction. Its only buffer is embedded in the text."""
 
     def __init__(self) -> None:
         self.json: dict = {
@@ -60,7 +60,7 @@ class Made:
         return len(self.json["accessors"]) - 1
 
     def sparse(self, array: np.ndarray, at: np.ndarray) -> int:
-        """The rows ``at`` of a float32 array, over zeros."""
+        """Adds an accessor with the rows ``at`` of a float32 array, over zeros."""
         self.json["accessors"].append(
             {
                 "componentType": 5126,
@@ -111,9 +111,10 @@ def unit(random, size=1.0):
 
 
 def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None):
-    """A rig whose joints turn (its root also travels), with as many oddities as fit into one file.
+    """Writes a rig with rotating joints (its root also travels), with as many unusual features as possible.
 
-    Where ``stretched`` is said, its joints are moved and scaled too, the axes by that unlike factors.
+    If ``stretched`` is given, its joints are also moved and scaled, with factors that differ by that much per
+    axis.
     """
     random = np.random.default_rng(seed)
     made = Made()
@@ -127,7 +128,7 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
         above = armature if parent < 0 else nodes[parent]
         default, bound = unit(random), unit(random)
         if j % 4 == 3:
-            # A node between two joints that is none itself: one with a matrix, and so never animated.
+            # A node between two joints that is not a joint. It has a matrix and is therefore never animated.
             between = trs(random.normal(size=3) * 0.01, unit(random))
             above = made.node(above, matrix=between.T.reshape(-1).tolist())
         nodes.append(
@@ -144,7 +145,7 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
 
 
 def _meshes(made: Made, random, nodes, bind) -> None:
-    """Two meshes with two skins over the same joints, in different orders, spaces and encodings."""
+    """Adds two meshes with two skins over the same joints, in different orders, spaces and encodings."""
     for number in range(2):
         order = random.permutation(len(nodes)) if number else np.arange(len(nodes))
         space = trs(random.normal(size=3), unit(random), 20.0 * (1 + number))
@@ -165,7 +166,8 @@ def _meshes(made: Made, random, nodes, bind) -> None:
 
 
 def _primitive(made, random, number, half, local, chosen, weights):
-    """Half of a mesh; the first mesh has byte weights, the second five joints a vertex in two sets."""
+    """Adds half of a mesh. The first mesh has byte weights; the second has five joints per vertex in two
+    sets."""
     part = slice(half * 12, half * 12 + 12)
     points, joints, shares = local[part], chosen[part], weights[part]
     if number == 0:
@@ -180,7 +182,7 @@ def _primitive(made, random, number, half, local, chosen, weights):
     else:
         joints = np.c_[joints, np.zeros((12, 3), int)]
         shares = np.c_[shares, np.zeros((12, 3))]
-        # What is dropped of the fifth is told apart from what is kept by being nothing at all.
+        # The fifth weight, which the reader drops, is exactly zero.
         shares[np.arange(12), shares[:, :5].argmin(1)] = 0.0
         shares = (shares / shares.sum(1, keepdims=True)).astype(np.float32)
         attributes = {
@@ -222,7 +224,7 @@ def _animation(made: Made, random, nodes) -> None:
 
 
 def _stretches(made: Made, random, nodes, offsets, uneven: float) -> None:
-    """Tracks of place and size beside the turns."""
+    """Adds translation and scale tracks in addition to the rotations."""
     (animation,) = made.json["animations"]
     times = made.accessor((np.arange(7) * 0.125).astype(np.float32))
     for j, node in enumerate(nodes):

@@ -1,4 +1,4 @@
-"""A made-up performer's recording: the bodies of a person who stands, then swings the arms and steps."""
+"""A synthetic recording of bodies: a person stands still, then swings the arms and steps."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 RATE = 60
-"""Frames a second; played at a quarter of its pace it still is as many as a slow camera's."""
+"""Frames per second. At a quarter of the speed it is still the rate of a slow camera."""
 STILL, LENGTH = 3.0, 18.0
-"""Seconds for which the performer stands with lifted arms, and after which all begins again."""
+"""Time for which the performer stands with lifted arms, and length of the loop, seconds."""
 _LIFTED = 1.75
-"""Radians from hanging to which the arms are lifted: a little over the level."""
+"""Angle from hanging to which the arms are lifted, radians. Slightly above horizontal."""
 
 
 def performer(second: float) -> Body:
@@ -45,7 +45,7 @@ def _smooth(at: float, begin: float, end: float) -> float:
 
 
 def write_performer(path: Path) -> None:
-    """Writes one round of the performance, as if a sensor had tracked it."""
+    """Writes one loop of the performance in the format of a tracked sensor."""
     with Recorder(path, overwrite=True) as recorder:
         for frame in range(round(LENGTH * RATE)):
             body = performer(frame / RATE)

@@ -1,4 +1,4 @@
-"""Values in and out of the declared ranges of messages, derived from the types of their fields."""
+"""Generates values inside and outside the declared ranges of messages, from the types of their fields."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from msgspec import inspect
 
 LONG = 200
-"""Longest text, bytes or list that is generated: enough to differ, short enough to be quick."""
+"""Maximum length of generated texts, bytes and lists: long enough to vary, short enough to be quick."""
 
 
 def fields_of(kind: type[Any]) -> list[inspect.Field]:
-    """The fields of a message class, with their types and ranges."""
+    """Returns the fields of a message class, with their types and ranges."""
     info = inspect.type_info(kind)
     assert isinstance(info, inspect.StructType)
     return list(info.fields)
 
 
 def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
-    """Values that a field's declaration allows, as MessagePack holds them."""
+    """Returns a strategy for values that a field's declaration allows, as MessagePack stores them."""
     match info:
         case inspect.UnionType():
             return st.one_of([accepted(each) for each in info.types])
@@ -56,7 +56,7 @@ def accepted(info: inspect.Type) -> st.SearchStrategy[Any]:
 
 
 def message(info: inspect.StructType) -> st.SearchStrategy[Any]:
-    """Messages of a class with every field in its range, and lengths that belong together."""
+    """Returns a strategy for messages of a class with all fields in range, and with consistent lengths."""
     parts = {field.name: accepted(field.type) for field in info.fields}
 
     def build(values: dict[str, Any]) -> Any:
@@ -154,11 +154,11 @@ FITTED: dict[str, Callable[[dict[str, Any]], None]] = {
     "MaterialsMessage": _fit_materials,
     "CharacterMessage": _fit_character,
 }
-"""By class, what makes lengths belong together; a class without rules between its fields needs none."""
+"""By class, a function that makes lengths consistent. Classes without such rules need none."""
 
 
 def outside(info: inspect.Type) -> Iterator[Any]:
-    """Values of the right type, just and far outside a field's declared range."""
+    """Yields values of the correct type, just and far outside a field's declared range."""
     match info:
         case inspect.UnionType():
             for each in info.types:
@@ -178,7 +178,7 @@ def outside(info: inspect.Type) -> Iterator[Any]:
             empty = "" if isinstance(info, inspect.StrType) else b""
             if info.max_length is None:
                 assert isinstance(info, inspect.BytesType), "text needs a longest length"
-                return  # the counts of the message say how long it is
+                return  # the counts in the message determine its length
             yield (empty + "x" if isinstance(empty, str) else b"x") * (info.max_length + 1)
             if info.min_length:
                 yield empty
@@ -194,7 +194,7 @@ def outside(info: inspect.Type) -> Iterator[Any]:
 
 
 def nested(kinds: list[type[Any]], seen: dict[str, type[Any]] | None = None) -> dict[str, type[Any]]:
-    """All message classes that are reached from some, by name."""
+    """Returns all message classes reachable from the given ones, by name."""
     seen = {} if seen is None else seen
     for kind in kinds:
         if kind.__name__ in seen:
@@ -217,7 +217,7 @@ def _walk(info: inspect.Type, found: Callable[[type[Any]], Any]) -> None:
 
 
 def unchecked(example: Any, **changes: Any) -> bytes:
-    """The bytes of a message with other values in some fields, which nobody has checked."""
+    """Returns the bytes of a message with some fields replaced, without validation."""
     values = {name: getattr(example, name) for name in example.__struct_fields__} | changes
     config = example.__struct_config__
     if config.array_like:

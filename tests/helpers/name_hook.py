@@ -1,4 +1,4 @@
-"""Programs that run under a hook that sees every name that they look up, from C++ as well as from Python."""
+"""Runs programs under a hook that records every host name lookup, from C++ as well as from Python."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SOURCE = Path(__file__).with_suffix(".c")
 TELEMETRY_HOST = "mobile.events.data.microsoft.com"
 """The host that ONNX Runtime reports to."""
 PASSED_ON = ("PATH", "XDG_STATE_HOME", "NUMBA_CACHE_DIR")
-"""Variables that a hooked program gets of this process: neither CI, which silences the telemetry, nor others
-like it."""
+"""Environment variables that a hooked program inherits. CI is not among them, since it disables the
+telemetry."""
 
 
 class NameHook:
-    """A folder with the hook, and a home and a temporary folder of its own for the programs under it."""
+    """A folder with the hook, and separate home and temporary folders for the programs under it."""
 
     def __init__(self, folder: Path) -> None:
         compiler = shutil.which("cc") or shutil.which("gcc")
@@ -39,7 +39,7 @@ class NameHook:
         subprocess.run(build, check=True, capture_output=True)
 
     def start(self, *command: str | Path, **more: str) -> subprocess.Popen[str]:
-        """Starts a command under the hook; ``more`` are variables of its environment."""
+        """Starts a command under the hook; ``more`` are environment variables."""
         given = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
         own = {
             "HOME": str(self.home),
@@ -60,19 +60,19 @@ class NameHook:
         )
 
     def outside_names(self) -> set[str]:
-        """Returns every name and address outside of this machine that a program has looked up or sent to."""
+        """Returns every name and address of other machines that a program has looked up or sent to."""
         lines = self.log.read_text().splitlines() if self.log.exists() else []
         return {line.split(" ", 2)[2] for line in lines if not _is_of_this_machine(line.split(" ", 2)[2])}
 
     def telemetry_files(self) -> list[Path]:
-        """Returns the files that ONNX Runtime's telemetry has written."""
+        """Returns the files written by ONNX Runtime's telemetry."""
         cache = self.home / ".cache" / "Microsoft"
         found = [path for path in cache.rglob("*") if path.is_file()]
         return [*found, *self.temporary.glob(".ses")]
 
 
 def _is_of_this_machine(name: str) -> bool:
-    """Returns whether a name or address is this machine's own: loopback, or any of its addresses."""
+    """Returns True if a name or address belongs to this machine: loopback, or any of its addresses."""
     try:
         address = ipaddress.ip_address(name.partition("%")[0])
     except ValueError:

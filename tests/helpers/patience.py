@@ -1,17 +1,18 @@
-"""Waiting for what another thread or process does, on a machine that may be busy with much else."""
+"""Waits for events of another thread or process, on a machine that may be busy."""
 
 import time
 from collections.abc import Callable
 from typing import Any
 
 PATIENCE = 60.0
-"""Seconds until a wait is given up: an edge took 28 s to start on a machine with ten times its work."""
+"""Timeout of a wait, seconds. An edge took 28 s to start on a machine with ten times its load."""
 PAUSE = 0.005
-"""Seconds between two looks."""
+"""Interval between two checks, seconds."""
 
 
 def until(done: Callable[[], Any], what: str = "it", patience: float = PATIENCE) -> Any:
-    """Look again and again; the first true answer, or an AssertionError that says what never came to be."""
+    """Polls until the condition is true and returns its value. Raises AssertionError with ``what`` after the
+    timeout."""
     deadline = time.monotonic() + patience
     while not (answer := done()):
         assert time.monotonic() < deadline, f"{what} never came to be within {patience:g} s"

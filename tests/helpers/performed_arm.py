@@ -1,4 +1,4 @@
-"""A sketched limb, and what an edge would publish of it while a performer moves some of its bones."""
+"""A sketched limb, and an edge's messages while a performer moves some of its bones."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEGIN = 7_000_000_000
 
 
 def arm() -> Shape:
-    """A sketched limb of several bones, a little bent by hand."""
+    """Returns a sketched limb of several bones, slightly bent by hand."""
     shape = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
     bent = np.array(
         [from_rotation_vector(np.array([0.1 * k, 0.0, 0.05])) for k in range(len(shape.skeleton))]
@@ -31,7 +31,8 @@ BONES = len(ARM.skeleton)
 
 
 def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Performed:
-    """What an edge would publish of the arm: ``own`` (F, N, 4) turns of the bones, the root moved aside."""
+    """Returns an edge's performance of the arm: ``own`` (F, N, 4) rotations of the bones, with the root moved
+    sideways."""
     parents = ARM.skeleton.parents
     poses = []
     for frame, turned in enumerate(own):
@@ -49,7 +50,7 @@ def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Perfo
 
 
 def waving(bones: dict[int, float]) -> np.ndarray:
-    """(F, N, 4) turns in which some bones swing by so many radians."""
+    """Returns (F, N, 4) rotations in which some bones swing by the given angles, radians."""
     own = np.tile([1.0, 0.0, 0.0, 0.0], (FRAMES, BONES, 1))
     for bone, size in bones.items():
         for frame in range(FRAMES):

@@ -1,4 +1,4 @@
-"""Performances through the real edge: performers who sway, what they are told to do, and its recording."""
+"""Performances through the real edge: swaying performers, their orders, and the recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from enliven_edge.tracking import Tracker
 
 
 class Performers:
-    """A sensor of tracked bodies: two performers, each in view where ``seen`` says so."""
+    """A sensor of tracked bodies: two performers, each in view in the frames given by ``seen``."""
 
     name, fps = "performers", 30.0
 
@@ -41,7 +41,7 @@ class Performers:
 
 
 def chair_actor(settings: ActorSettings, nodes: int = 48, name: str = "chair") -> EmbeddedActor:
-    """A coarse chair as the edge casts it."""
+    """Returns a coarse chair as the edge sets it up."""
     mesh = make_chair(0.05)
     character = character_from(mesh, DeformationGraph.build(mesh, nodes), name)
     return EmbeddedActor(character, graph_of(character), settings)
@@ -55,7 +55,8 @@ def perform(
     seed: int = 0,
     away: float = 2.5,
 ) -> list[InputError]:
-    """Records a performance: ``orders`` are given after the frames of their numbers; returns refusals."""
+    """Records a performance. ``orders`` are given after the frames with their numbers. Returns the
+    refusals."""
     wire, refused = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), list[InputError]()
     with Outlet(wire, "performers", record=path) as outlet:
         edge = Edge(Performers(seen, seed, away), Tracker(), Stage(actors), outlet)

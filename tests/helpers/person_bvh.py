@@ -1,4 +1,4 @@
-"""BVH files of a person of 1.7 m who moves a little, with any axis up, in any unit."""
+"""BVH files of a slightly moving person of 1.7 m, with any up axis and any unit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UP = {
     "+X": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
     "-X": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
 }
-"""(3, 3) rotations of the person into a file with that axis up."""
+"""(3, 3) rotations of the person into a file with that up axis."""
 _TREE = [("Hips", "", (0, 0, 0)), ("Spine", "Hips", (0, 0.12, 0)), ("Chest", "Spine", (0, 0.18, 0)),
          ("Head", "Chest", (0, 0.3, 0)), ("Head end", "Head", (0, 0.17, 0))]  # fmt: skip
 for _side, _sign in (("Left", 1), ("Right", -1)):
@@ -31,11 +31,12 @@ NAMES = [name for name, _, _ in _TREE]
 PARENTS = [NAMES.index(parent) if parent else -1 for _, parent, _ in _TREE]
 OFFSETS = np.array([offset for _, _, offset in _TREE], float)
 HIP = 0.93
-"""Metres from the floor to the hips."""
+"""Height of the hips above the floor, metres."""
 
 
 def moved(frames: int = 12, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 3) the root in metres and (F, N, 3, 3) each joint's rotation: arms hang, all moves a little."""
+    """Returns (F, 3) root positions, metres, and (F, N, 3, 3) rotations of each joint: arms hang, and
+    everything moves slightly."""
     rng = np.random.default_rng(seed)
     phase = np.linspace(0, 2 * np.pi, frames)[:, None, None] + rng.uniform(0, 6, (1, len(NAMES), 1))
     vectors = 0.15 * np.sin(phase) * rng.normal(size=(1, len(NAMES), 3))
@@ -56,13 +57,13 @@ def bvh(
     extra: np.ndarray | None = None,
     carrier: np.ndarray | None = None,
 ) -> str:
-    """The text of a file.
+    """Returns the text of a file.
 
     Args:
-        axes: (3, 3) turns offsets and rotations into the file's axes.
+        axes: (3, 3) rotation of offsets and rotations into the file's axes.
         unit: metres.
-        extra: (3, 3) a rotation of the root before all others, without any of the offsets.
-        carrier: (3, 3) the rotation of a joint above the hips.
+        extra: (3, 3) rotation of the root before all others, without the offsets.
+        carrier: (3, 3) rotation of a joint above the hips.
     """
     offsets = OFFSETS @ axes.T / unit
     local = axes @ turns @ axes.T

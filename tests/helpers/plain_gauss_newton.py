@@ -1,7 +1,8 @@
-"""The peer: embedded deformation by sparse Gauss-Newton as a paper's reader would write it with SciPy.
+"""The peer: a straightforward SciPy implementation of embedded deformation by sparse Gauss-Newton.
 
-KinÊtre, eq. 3-8 as printed, all twelve unknowns a node; Levenberg's damping; a sparse Jacobian whose pattern
-is made once, JᵀJ by SciPy, factorised by SuperLU with a symmetric ordering in every iteration.
+It follows KinÊtre, eq. 3-8, with all twelve unknowns per node and Levenberg damping. The pattern of the
+sparse Jacobian is computed once. SciPy computes JᵀJ, and SuperLU factorises it with a symmetric ordering in
+every iteration.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ State = tuple[Float, Float]
 
 
 class PlainGaussNewton:
-    """A graph's energy; the unknowns are R (N, 9), row by row, then positions (N, 3)."""
+    """A graph's energy. The unknowns are R (N, 9), row by row, then positions (N, 3)."""
 
     def __init__(
         self, graph: DeformationGraph, points: PointConstraints, settings: EmbeddedSettings | None = None
@@ -34,7 +35,8 @@ class PlainGaussNewton:
         self._pattern, self._hanging = self._quadratic_patterns()
 
     def _quadratic_patterns(self) -> tuple[tuple[Int, Int], tuple[Int, Int]]:
-        """Rows and columns of the Jacobians of E_rot and of E_rig's turns, in the order of their values."""
+        """Returns rows and columns of the Jacobians of E_rot and of E_rig's rotations, in the order of their
+        values."""
         rows, columns = [], []
         for node in range(self._count):
             for c in range(3):
@@ -51,7 +53,7 @@ class PlainGaussNewton:
         return pattern, (np.stack([row, row], -1).ravel(), np.stack([of_k, of_j], -1).ravel())
 
     def _linear_part(self) -> tuple[csr_matrix, Float]:
-        """E_reg and E_con: residual = matrix x - constant, of which the targets' rows come last."""
+        """Returns E_reg and E_con as residual = matrix x - constant. The rows of the targets are last."""
         graph, points, count = self.graph, self.points, self._count
         i = np.concatenate([graph.edges[:, 0], graph.edges[:, 1]]).astype(np.int64)
         j = np.concatenate([graph.edges[:, 1], graph.edges[:, 0]]).astype(np.int64)
@@ -90,15 +92,15 @@ class PlainGaussNewton:
         return csr_matrix(entries, shape), constant
 
     def aim(self, targets: Float) -> None:
-        """Where the points should go, (L, 3)."""
+        """Sets the targets of the points, (L, 3)."""
         self._constant[-3 * len(targets) :] = np.sqrt(self.settings.constraint) * targets.ravel()
 
     def pack(self, state: State) -> Float:
-        """The unknowns of (linear parts, positions)."""
+        """Packs (linear parts, positions) into the unknowns."""
         return np.concatenate([state[0].ravel(), state[1].ravel()])
 
     def residuals(self, x: Float) -> Float:
-        """All of them, weighted."""
+        """Returns all weighted residuals."""
         r = x[: 9 * self._count].reshape(-1, 3, 3)
         turned = np.swapaxes(r, 1, 2) @ r - np.eye(3)
         apart = np.swapaxes(r[self._rigid[:, 1]], 1, 2) @ r[self._rigid[:, 0]] - np.eye(3)
@@ -129,7 +131,8 @@ class PlainGaussNewton:
         return vstack([upper, hanging, self._linear]).tocsc()
 
     def solve(self, x: Float, done: Callable[[float], bool], most: int = 100) -> tuple[Float, float, int]:
-        """From ``x`` until ``done`` with the energy, or nothing falls any more: x, energy, iterations."""
+        """Iterates from ``x`` until ``done`` (called with the energy) or until nothing decreases. Returns x,
+        energy, iterations."""
         value, damping = self.residuals(x), 1e-6
         energy = float(value @ value)
         for iteration in range(most):

@@ -1,4 +1,5 @@
-"""The turns of one polyline at any place and frame, for tests; a player samples all of a shape at once."""
+"""The rotations of one polyline at any position and frame, for tests. A player samples all polylines of a
+shape at once."""
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from enliven.rotation import IDENTITY
 
 
 def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
-    """(T, K, 4) P_i = D_base^-1 D_i at the knots, each of the same sign as the one before it."""
+    """Returns (T, K, 4) P_i = D_base^-1 D_i at the knots, each with the sign of its predecessor."""
     at = np.array(np.atleast_1d(frames), np.float64).reshape(-1, 1)
     out = np.empty((len(at), len(line.knots), 4))
     first, bases = np.array([0, len(line.bones)], np.int32), np.array([line.base], np.int32)
@@ -23,7 +24,7 @@ def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
 
 
 def sample(line, s, frames, weight=1.0, basis=IDENTITY, mirrored=False):
-    """(T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
+    """Returns (T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
     at_knots = turns(line, frames, weight, basis, mirrored)
     knot, part = place_of(line.knots, np.atleast_1d(s))
     out = np.empty((len(at_knots), len(knot), 4))
@@ -34,6 +35,6 @@ def sample(line, s, frames, weight=1.0, basis=IDENTITY, mirrored=False):
 
 @njit(cache=True, nogil=True)
 def _samples(knots, knot, part, out):
-    """Kernel: ``out`` (S, 4) takes slerps of the turns ``knots`` (K, 4) from ``knot`` (S,) to the next."""
+    """Fills ``out`` (S, 4) with slerps of the rotations ``knots`` (K, 4) from ``knot`` (S,) to the next."""
     for i in range(len(knot)):
         store(out, i, between(load(knots, knot[i]), load(knots, knot[i] + 1), part[i]))

@@ -1,4 +1,4 @@
-"""The real program of an edge beside the test, on ports of its own."""
+"""Runs the real edge program in the background, on its own ports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_viewer.playback import Document
 
 
 class RealEdge:
-    """``enliven edge`` with the words of a command line; it is ended with :meth:`close`."""
+    """An ``enliven edge`` process with the given arguments. Call :meth:`close` to end it."""
 
     def __init__(self, *words: str) -> None:
         self.ports = [str(port) for port in free_ports()[:2]]
@@ -31,12 +31,12 @@ class RealEdge:
         return ":".join(["127.0.0.1", *self.ports])
 
     def wait(self, seconds: float = 300.0) -> None:
-        """Return once a performer and a character are heard from it; films need no pictures of its start.
+        """Returns as soon as it sends a performer and a character, so that films do not show its start.
 
-        It listens long before: its kernels may have to be compiled for the first frame.
+        The edge listens earlier, but it may have to compile its kernels for the first frame.
 
         Raises:
-            TimeoutError: where nobody is seen in so long.
+            TimeoutError: if no performer appears in time.
         """
         end, performers = time.monotonic() + seconds, list[int]()
 
@@ -55,7 +55,7 @@ class RealEdge:
         raise TimeoutError(f"nobody is seen by the edge at {self.address}")
 
     def close(self) -> None:
-        """End it as Ctrl-C does, or at once where it does not."""
+        """Ends it like Ctrl-C, or kills it if that fails."""
         self._process.terminate()
         try:
             self._process.wait(10.0)

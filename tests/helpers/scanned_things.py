@@ -1,4 +1,4 @@
-"""Things whose shape is known, to be scanned: a stool, a bear of round parts, a plant with thin leaves."""
+"""Objects of known shape, for scanning: a stool, a bear of round parts, a plant with thin leaves."""
 
 from collections.abc import Callable
 
@@ -8,11 +8,11 @@ import trimesh
 from enliven.meshes import Mesh
 
 LEAVES = 9
-"""Leaves of the plant, each 2 mm thick."""
+"""Number of leaves of the plant, each 2 mm thick."""
 
 
 def _mesh(parts: list[trimesh.Trimesh], name: str) -> Mesh:
-    """Parts as one mesh without what is inside of it, upright on y = 0."""
+    """Returns the union of parts as one mesh without inner surfaces, upright on y = 0."""
     whole = trimesh.boolean.union(parts, engine="manifold")
     vertices = np.asarray(whole.vertices) - [0.0, whole.bounds[0][1], 0.0]
     return Mesh(vertices, np.asarray(whole.faces, np.int32), name)
@@ -30,7 +30,7 @@ def _ball(middle: tuple, radii: tuple) -> trimesh.Trimesh:
 
 
 def stool() -> Mesh:
-    """A round seat on three legs 3 cm thick, and a ring between them."""
+    """Returns a round seat on three legs 3 cm thick, and a ring between them."""
     feet = [(0.2 * np.cos(a), 0.0, 0.2 * np.sin(a)) for a in 2 * np.pi * np.arange(3) / 3]
     tops = [(0.12 * np.cos(a), 0.45, 0.12 * np.sin(a)) for a in 2 * np.pi * np.arange(3) / 3]
     ring = [tuple(0.6 * np.array(foot) + 0.4 * np.array(top)) for foot, top in zip(feet, tops, strict=True)]
@@ -40,7 +40,7 @@ def stool() -> Mesh:
 
 
 def bear() -> Mesh:
-    """Round parts: trunk, head, ears, arms and legs of a bear that sits."""
+    """Returns the round parts of a sitting bear: trunk, head, ears, arms and legs."""
     parts = [_ball((0.0, 0.2, 0.0), (0.15, 0.2, 0.13)), _ball((0.0, 0.47, 0.02), (0.12, 0.11, 0.11))]
     for side in (-1.0, 1.0):
         parts += [
@@ -52,7 +52,7 @@ def bear() -> Mesh:
 
 
 def plant() -> Mesh:
-    """A pot, a stem, and thin leaves about it."""
+    """Returns a pot, a stem, and thin leaves around it."""
     profile = [(0.0, 0.0), (0.09, 0.0), (0.13, 0.22), (0.0, 0.22)]
     pot = trimesh.creation.revolve(np.array(profile), sections=40)
     pot.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1.0, 0.0, 0.0]))
@@ -68,4 +68,4 @@ def plant() -> Mesh:
 
 
 THINGS: dict[str, Callable[[], Mesh]] = {"stool": stool, "bear": bear, "plant": plant}
-"""By name."""
+"""The objects by name."""

@@ -1,4 +1,4 @@
-"""An edge that scans the images it is given, and viewers that follow it over the wire."""
+"""An edge that scans the given images, and viewers that follow it over the network."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from enliven_edge.tracking import Tracker
 from enliven_viewer.link import EdgeClient
 
 LATER = 10**11
-"""Nanoseconds by which the images of each showing are later than those of the one before."""
+"""Nanoseconds added to the images' times in each repetition, so that they are later than before."""
 _BESIDE = 6.0
-"""Times that an edge may take as long as its work takes alone: beside a suite on two cores."""
+"""Timeout factor relative to the edge's working time on an idle machine, for a test suite on two cores."""
 
 
 class Follower(Protocol):
-    """What looks at the edge now and then."""
+    """An object that polls the edge."""
 
     def poll(self) -> Any:
-        """Takes in what came."""
+        """Processes received messages."""
 
 
 class Reel:
-    """A sensor that shows what it is given."""
+    """A sensor that delivers the given frames."""
 
     name, fps, recorded = "reel", 30.0, True
 
@@ -43,7 +43,7 @@ class Reel:
 
 
 class ScanningEdge:
-    """An edge that scans, and its viewers; ``followers`` are polled beside them."""
+    """A scanning edge, and its viewers; ``followers`` are polled together with them."""
 
     def __init__(self, actors: Sequence[Actor] = ()) -> None:
         wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
@@ -56,16 +56,16 @@ class ScanningEdge:
         self._shown = 0
 
     def viewer(self) -> EdgeClient:
-        """Returns another viewer, once the edge is heard."""
+        """Returns another viewer, as soon as it receives from the edge."""
         self.viewers.append(EdgeClient([self.outlet.publisher.endpoint]))
         self.until(lambda: self.viewers[-1].status, "a viewer")
         return self.viewers[-1]
 
     def until(self, done: Callable[[], object], what: str) -> None:
-        """Waits for something, while edge and viewers go on."""
+        """Waits for a condition while edge and viewers run."""
         deadline, work = time.monotonic() + _BESIDE * PATIENCE, time.process_time() + PATIENCE
         while not done():
-            # The edge is in this process: on a machine that has much else to do its work takes longer.
+            # The edge runs in this process, so its work takes longer on a busy machine.
             late = time.process_time() > work or time.monotonic() > deadline
             assert not late, (
                 f"{what}: it never came to be, after {self.said() if self.viewers else 'nothing'}"
@@ -76,26 +76,27 @@ class ScanningEdge:
             time.sleep(0.002)
 
     def poll(self) -> None:
-        """Lets all viewers take in what came."""
+        """Lets all viewers process received messages."""
         for one in (*self.viewers, *self.followers):
             one.poll()
 
     def ask(self, order: Scan) -> Any:
-        """Gives an order as the first viewer, and returns the answer."""
+        """Sends an order as the first viewer, and returns the answer."""
         count = len(self.answers)
         self.viewers[0].ask(order, self.answers.append)
         self.until(lambda: len(self.answers) > count, order.do)
         return self.answers[-1]
 
     def said(self, viewer: int = 0) -> ScanMessage:
-        """Returns how the scan goes, as a viewer was told."""
+        """Returns the state of the scan as a viewer received it."""
         return self.viewers[viewer].latest(SCAN).get("", ScanMessage())
 
     def show(self, frames: Sequence[DepthFrame], each: Callable[[], object] = bool) -> None:
-        """Shows images to the sensor, later than all before, until the last was looked at or it is done.
+        """Feeds images to the sensor, later than all before, until the last was processed or the scan is
+        done.
 
         Args:
-            each: what is done after each image.
+            each: called after each image.
         """
         self._shown += 1
         later = [replace(one, time_ns=one.time_ns + self._shown * LATER) for one in frames]
@@ -108,7 +109,7 @@ class ScanningEdge:
         )
 
     def close(self) -> None:
-        """Ends all."""
+        """Ends everything."""
         self.edge.scans.close()
         for viewer in self.viewers:
             viewer.close()

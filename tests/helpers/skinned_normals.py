@@ -1,4 +1,4 @@
-"""Normals skinned on the processor, as the viewer's vertex shader skins them."""
+"""Normals skinned on the CPU in the same way as in the viewer's vertex shader."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from enliven.kernels import njit
 
 
 def skin_normals(character, pose, normals, out=None):
-    """(V, 3) float32 unit world normals, from ``normals`` (V, 3) at rest.
+    """Returns (V, 3) float32 unit world normals, from ``normals`` (V, 3) at rest.
 
-    A normal follows the inverse transpose of the vertex's blended linear map, taken as its cofactor matrix,
-    which needs no division and so survives a singular map.
+    A normal follows the inverse transpose of the vertex's blended linear map, computed as its cofactor
+    matrix, which needs no division and therefore also works for a singular map.
 
     Args:
         out: (V, 3) float32 to write to.

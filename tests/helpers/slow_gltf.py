@@ -1,6 +1,7 @@
-"""glTF skinning as the specification has it, one vertex at a time: what reader and writer are held to.
+"""glTF skinning written directly from the specification, one vertex at a time, as a reference for reader and
+writer.
 
-It shares no code with the package: the file is read by json and struct.
+It shares no code with the package: json and struct read the file.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ TOP = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 
 
 class SlowGltf:
-    """A file, and where its vertices are at a time of one of its animations."""
+    """A file, with its vertices at a time of one of its animations."""
 
     def __init__(self, path: Path) -> None:
         data = Path(path).read_bytes()
@@ -63,7 +64,7 @@ class SlowGltf:
         return [list(struct.unpack_from(f"<{width}{kind}", data, start + n * step)) for n in range(count)]
 
     def locals_at(self, animation: int | None, time: float) -> list[np.ndarray]:
-        """(4, 4) of each node."""
+        """Returns (4, 4) local transforms of each node."""
         trs = []
         for node in self.json["nodes"]:
             trs.append(
@@ -122,7 +123,7 @@ class SlowGltf:
         return (np.sin((1 - s) * angle) * a + np.sin(s * angle) * b) / np.sin(angle)
 
     def weights_at(self, animation: int | None, time: float, node: int) -> np.ndarray:
-        """(N,) of the morph targets of a node's mesh."""
+        """Returns (N,) weights of the morph targets of a node's mesh."""
         mesh = self.json["meshes"][self.json["nodes"][node]["mesh"]]
         rest = np.array(self.json["nodes"][node].get("weights", mesh.get("weights", [])), float)
         if animation is None:
@@ -146,7 +147,8 @@ class SlowGltf:
         return [world(n) for n in range(len(local))]
 
     def vertices_at(self, animation: int | None, time: float, every: int = 1) -> np.ndarray:
-        """(V, 3) every so many of the scene's vertices, in the order of nodes, primitives and vertices."""
+        """Returns (V, 3) every ``every``-th vertex of the scene, in the order of nodes, primitives and
+        vertices."""
         world, out = self.world_at(animation, time), []
         scene = self.json["scenes"][self.json.get("scene", 0)]["nodes"] if "scenes" in self.json else []
         waiting = list(reversed(scene))
@@ -188,7 +190,7 @@ class SlowGltf:
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
-    """(3, 3) of a quaternion (x, y, z, w) of any length: the vector is turned by q v q*."""
+    """Returns (3, 3) of a quaternion (x, y, z, w) of any length. Vectors are rotated by q v q*."""
     x, y, z, w = q / np.linalg.norm(q)
     return np.array(
         [

@@ -1,4 +1,5 @@
-"""The performer's forward kinematics a second time, limb by limb in NumPy: slow, and plain to read."""
+"""A second implementation of the performer's forward kinematics, limb by limb in NumPy: slow, but easy to
+read."""
 
 from __future__ import annotations
 
@@ -16,13 +17,13 @@ from enliven_synthesis.body.rotations import about_x, about_y, about_z, on_grid
 
 
 class SlowPerformer(Performer):
-    """A performer whose postures are taken by the slow twin."""
+    """A performer with postures computed by the reference implementation."""
 
     def pose(self, posture: PerformerPosture) -> Figure:
-        """Forward kinematics.
+        """Computes forward kinematics.
 
-        The pelvis sinks below the height asked for where a planted foot would otherwise lose the floor; a
-        foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
+        The pelvis is lowered if a planted foot could otherwise not reach the floor. A foot in the air is
+        moved along the leg if it is out of reach, or closer than a folded leg allows.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
         pelvis = about_y(posture.yaw) @ about_x(posture.pitch) @ about_z(-posture.roll)
@@ -37,7 +38,7 @@ class SlowPerformer(Performer):
         return Figure(on_grid(joints), on_grid(frames))
 
     def _ankle(self, foot: FootPose) -> tuple[Float, Float]:
-        """(3,) where the ankle wants to be, and (3, 3) the foot's orientation."""
+        """Returns (3,) the target position of the ankle, and (3, 3) the foot's orientation."""
         heading = about_y(foot.yaw)
         ball = np.array([foot.x, self.ankle_height + foot.lift, foot.z]) + heading @ self.ball
         orientation = heading @ about_x(-foot.pitch)
@@ -46,7 +47,7 @@ class SlowPerformer(Performer):
     def _pelvis_position(
         self, posture: PerformerPosture, pelvis: Float, feet: list[tuple[Float, Float]]
     ) -> Float:
-        """(3,) the hip centre: the height asked for, or less where a planted leg is not that long."""
+        """Returns (3,) the hip centre at the requested height, or lower if a planted leg is too short."""
         y = self.standing + posture.rise
         reach = STRAIGHTEST * (self.thigh + self.shank)
         for side, foot in enumerate((posture.left_foot, posture.right_foot)):
@@ -59,7 +60,7 @@ class SlowPerformer(Performer):
         return np.array([posture.x, y, posture.z])
 
     def _trunk(self, posture: PerformerPosture, pelvis: Float, joints: Float, frames: Float) -> None:
-        """Pelvis to head: a third of the spine's bend below the spine joint, the rest above it."""
+        """Fills pelvis to head: a third of the spine's bend is below the spine joint, the rest above it."""
         lower = _bend(posture.spine_yaw / 3, posture.spine_pitch / 3, posture.spine_roll / 3)
         upper = _bend(2 * posture.spine_yaw / 3, 2 * posture.spine_pitch / 3, 2 * posture.spine_roll / 3)
         abdomen = pelvis @ lower
@@ -74,7 +75,7 @@ class SlowPerformer(Performer):
         frames[Limb.SKULL] = _frame(skull, joints[Joint.HEAD])
 
     def _arm(self, arm: ArmPose, side: int, joints: Float, frames: Float) -> None:
-        """Shoulder to hand; ``side`` 0 is the left, 1 the right."""
+        """Fills shoulder to hand; ``side`` 0 is the left, 1 the right."""
         sign = 1.0 - 2.0 * side
         first = (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)[side]
         chest = frames[Limb.CHEST, :, :3]
@@ -100,7 +101,8 @@ class SlowPerformer(Performer):
         joints: Float,
         frames: Float,
     ) -> None:
-        """Hip to foot: the knee from the two lengths, bending in the plane of the foot and its splay."""
+        """Fills hip to foot. The knee follows from the two lengths, and bends in the plane of the foot and
+        its splay."""
         first = (Joint.HIP_LEFT, Joint.HIP_RIGHT)[side]
         hip = joints[Joint.HIP_CENTER] + pelvis @ _mirrored(self.hip, side)
         reach = STRAIGHTEST * (self.thigh + self.shank)
@@ -124,12 +126,12 @@ class SlowPerformer(Performer):
 
 
 def _bend(yaw: float, pitch: float, roll: float) -> Float:
-    """(3, 3) turn to the own left, bend forward, lean to the own left."""
+    """Returns (3, 3) rotation: to its left, forward bend, and lean to its left."""
     return about_y(yaw) @ about_x(pitch) @ about_z(-roll)
 
 
 def _limb_axes(up: Float, forward: Float) -> Float:
-    """(3, 3) axes with +Y along ``up`` and +Z as near to ``forward`` as that allows."""
+    """Returns (3, 3) axes with +Y along ``up`` and +Z as close to ``forward`` as possible."""
     y = up / float(np.sqrt(up @ up))
     z = forward - (forward @ y) * y
     z /= float(np.sqrt(z @ z))
@@ -137,10 +139,10 @@ def _limb_axes(up: Float, forward: Float) -> Float:
 
 
 def _frame(rotation: Float, origin: Float) -> Float:
-    """(3, 4) a rotation and an origin side by side."""
+    """Returns (3, 4) a rotation and an origin side by side."""
     return np.concatenate([rotation, origin[:, None]], 1)
 
 
 def _mirrored(offset: Float, side: int) -> Float:
-    """(3,) an offset written for the left side, for ``side`` 0 (left) or 1 (right)."""
+    """Returns (3,) a left-side offset for ``side`` 0 (left), or its mirror image for 1 (right)."""
     return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""Two cameras of a rig, as the scene's lenses and as the calibration that describes them."""
+"""A stereo rig, as lenses for rendering and as the calibration that describes them."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from enliven_edge.sensors.stereo import Rectification
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
 
 FOCAL = 457.0
-"""Pixels for a width of 640: 70 degrees from left to right."""
+"""Focal length in pixels for a width of 640: 70 degrees from left to right."""
 
 
 def rig(width: int = 640, height: int = 400, baseline: float = 0.1, crooked: float = 1.0, bent: float = 1.0):
-    """(left, right) lenses that differ a little, turned against each other by about a degree.
+    """Returns (left, right) lenses that differ slightly and are rotated relative to each other by about a
+    degree.
 
     Args:
-        crooked: times the usual turn.
-        bent: times the usual distortion.
+        crooked: multiple of the usual rotation.
+        bent: multiple of the usual distortion.
     """
     scale = width / 640
     turn = Rotation.from_euler("xyz", crooked * np.array([0.4, -0.8, 0.3]), degrees=True).as_matrix()
@@ -40,7 +41,7 @@ def rig(width: int = 640, height: int = 400, baseline: float = 0.1, crooked: flo
 
 
 def calibration_of(left: Lens, right: Lens) -> StereoCalibration:
-    """The calibration that describes two lenses without error."""
+    """Returns the exact calibration of two lenses."""
     return StereoCalibration(
         width=left.width,
         height=left.height,
@@ -55,7 +56,7 @@ def calibration_of(left: Lens, right: Lens) -> StereoCalibration:
 
 
 def rectified_left(rectification: Rectification) -> Lens:
-    """The rectified left camera as a lens of the scene."""
+    """Returns the rectified left camera as a lens for rendering."""
     camera = rectification.intrinsics
     return Lens(
         camera.width,

@@ -1,7 +1,7 @@
-"""Photographs and true depth of a made-up room with people, for tests of stereo cameras.
+"""Renders images and true depth of a synthetic room with people, for tests of stereo cameras.
 
-Rays are cast in numpy through lenses that are written down here once more, so that nothing is shared with
-what is tested. All points are in the left camera's frame (OpenCV's), metres.
+Rays are cast in NumPy through a second implementation of the lens model, so that no code is shared with the
+tested package. All points are in the left camera's frame (OpenCV's), metres.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 UNDISTORTING = 10
-"""Steps of the fixed-point iteration; the lenses of the tests are exact to 1e-4 px after them."""
+"""Number of fixed-point iterations. The lenses of the tests are then exact to 1e-4 px."""
 GRAIN = (0.008, 0.03, 0.15)
-"""Metres of the details of a surface: cloth, folds, prints."""
+"""Sizes of surface details, metres: cloth, folds, prints."""
 
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera of the pair; ``turn`` and ``shift`` take a point of the left camera's frame into its own."""
+    """A camera of the pair; ``turn`` and ``shift`` transform a point from the left camera's frame to its
+    own."""
 
     width: int
     height: int
@@ -30,7 +31,7 @@ class Lens:
     shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def distorted(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Brown and Conrady's lens on normalised coordinates."""
+        """Applies Brown-Conrady distortion to normalised coordinates."""
         k1, k2, p1, p2, k3 = self.distortion
         r = x * x + y * y
         radial = 1 + k1 * r + k2 * r**2 + k3 * r**3
@@ -40,13 +41,14 @@ class Lens:
         )
 
     def pixels(self, points: np.ndarray) -> np.ndarray:
-        """(..., 2) where (..., 3) points of the left camera's frame appear."""
+        """Returns (..., 2) pixels of (..., 3) points in the left camera's frame."""
         own = points @ self.turn.T + self.shift
         x, y = self.distorted(own[..., 0] / own[..., 2], own[..., 1] / own[..., 2])
         return np.stack([x * self.focal[0] + self.centre[0], y * self.focal[1] + self.centre[1]], -1)
 
     def rays(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3,) where the camera stands, and (N, 3) where its pixels look, in the left camera's frame."""
+        """Returns (3,) the camera position, and (N, 3) the directions of its pixels, in the left camera's
+        frame."""
         goal = (u - self.centre[0]) / self.focal[0], (v - self.centre[1]) / self.focal[1]
         x, y = goal
         for _ in range(UNDISTORTING if any(self.distortion) else 0):
@@ -58,13 +60,13 @@ class Lens:
 
 @dataclass(frozen=True)
 class Plane:
-    """An endless plane."""
+    """An infinite plane."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
 
     def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
-        """(N,) lengths along rays, infinite where they miss."""
+        """Returns (N,) lengths along rays, infinite if they miss."""
         slope = looks @ np.array(self.normal)
         with np.errstate(divide="ignore", invalid="ignore"):
             length = (np.array(self.point) - eye) @ np.array(self.normal) / slope
@@ -80,7 +82,7 @@ class Capsule:
     radius: float
 
     def hit(self, eye: np.ndarray, looks: np.ndarray) -> np.ndarray:
-        """(N,) lengths along rays, infinite where they miss."""
+        """Returns (N,) lengths along rays, infinite if they miss."""
         a, b = np.array(self.start), np.array(self.end)
         axis = b - a
         length = np.linalg.norm(axis)
@@ -98,7 +100,7 @@ class Capsule:
 
 
 def _nearest(a: np.ndarray, half_b: np.ndarray, c: float) -> np.ndarray:
-    """The smaller root of a t^2 + 2 half_b t + c, infinite where there is none ahead."""
+    """Returns the smaller positive root of a t^2 + 2 half_b t + c, infinite if there is none."""
     inside = half_b**2 - a * c
     with np.errstate(divide="ignore", invalid="ignore"):
         root = (-half_b - np.sqrt(np.maximum(inside, 0))) / a
@@ -106,7 +108,7 @@ def _nearest(a: np.ndarray, half_b: np.ndarray, c: float) -> np.ndarray:
 
 
 def person(x: float, z: float, floor: float = 1.2) -> list[Capsule]:
-    """Someone of 1.7 m who stands on a floor so many metres below the camera, arms half raised."""
+    """Returns a person of 1.7 m, standing on a floor ``floor`` metres below the camera, arms half raised."""
     y = floor - 1.7
     limbs = [((0, 1.42, 0), (0, 1.60, 0), 0.10), ((0, 0.98, 0), (0, 1.32, 0), 0.16)]
     for s in (-1, 1):
@@ -121,16 +123,16 @@ def person(x: float, z: float, floor: float = 1.2) -> list[Capsule]:
 
 
 def room(floor: float = 1.2, wall: float = 4.0) -> list[Plane]:
-    """A floor, and a wall at the back."""
+    """Returns a floor, and a wall at the back."""
     return [Plane((0, floor, 0), (0, -1, 0)), Plane((0, 0, wall), (0, 0, -1))]
 
 
 class Photographer:
-    """Takes pictures of surfaces that bear a random texture each, the same from every side.
+    """Renders surfaces with a random texture each, which looks the same from every side.
 
     Args:
         things: planes and capsules.
-        seed: of the textures and of the cameras' noise.
+        seed: seed of the textures and of the cameras' noise.
         contrast: grey values, standard deviation of the texture.
     """
 
@@ -142,12 +144,12 @@ class Photographer:
     def picture(
         self, lens: Lens, samples: int = 2, gain: float = 1.0, vignette: float = 0.0, noise: float = 0.0
     ) -> np.ndarray:
-        """(H, W) uint8 what a camera sees.
+        """Returns (H, W) uint8 a camera's image.
 
         Args:
-            samples: rays a pixel along each side.
-            gain: of the exposure.
-            vignette: part of the light that is lost in a corner.
+            samples: rays per pixel along each side.
+            gain: exposure factor.
+            vignette: fraction of the light that is lost in a corner.
             noise: grey values, standard deviation.
         """
         steps = (np.arange(samples) + 0.5) / samples - 0.5
@@ -167,11 +169,11 @@ class Photographer:
         return np.clip(np.rint(light), 0, 255).astype(np.uint8)
 
     def depth(self, lens: Lens) -> np.ndarray:
-        """(H, W) metres along the lens's axis."""
+        """Returns (H, W) metres along the lens's axis."""
         return self.seen(lens)[0]
 
     def seen(self, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W) metres along the lens's axis, and (H, W) which thing each pixel sees."""
+        """Returns (H, W) metres along the lens's axis, and (H, W) the object at each pixel."""
         uu, vv = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
         eye, looks = lens.rays(uu.ravel().astype(float), vv.ravel().astype(float))
         length, which = self._hit(eye, looks)
@@ -179,13 +181,13 @@ class Photographer:
         return points[:, 2].reshape(uu.shape), which.reshape(uu.shape)
 
     def _hit(self, eye: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) length along each ray to what is nearest, and (N,) which it is."""
+        """Returns (N,) length along each ray to the nearest surface, and (N,) which one it is."""
         lengths = np.stack([thing.hit(eye, looks) for thing in self._things])
         which = lengths.argmin(0)
         return lengths[which, np.arange(len(which))], which
 
     def _light(self, points: np.ndarray, which: np.ndarray) -> np.ndarray:
-        """(N,) grey values of points of surfaces."""
+        """Returns (N,) grey values of points on surfaces."""
         light = np.full(len(points), 110.0)
         known = np.isfinite(points).all(-1)
         place = points[known] + 1.37 * which[known, None]
@@ -200,4 +202,4 @@ class Photographer:
 
 
 _TURN = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
-"""Turns the texture's cells against the surfaces, so that no line of the cells lies in one."""
+"""Rotates the texture's cells relative to the surfaces, so that no surface is aligned with the cells."""

@@ -1,6 +1,6 @@
-"""Strokes to make parts from: outlines of a tentacle, a mantis's leg, a torso, a star and a hand.
+"""Strokes for sketching parts: outlines of a tentacle, a mantis's leg, a torso, a star and a hand.
 
-Each is (N, 2) metres, closed, about as an artist draws it, for demonstrations and measurements.
+Each is (N, 2) metres, closed, similar to an artist's drawing, for demonstrations and measurements.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enliven.arrays import Float
 
 
 def ribbon(path: Float, half_widths: Float) -> Float:
-    """(2 P, 2) the outline of something that follows a path (P, 2) and is so wide (P,) to both sides."""
+    """Returns (2 P, 2) the outline of a ribbon along a path (P, 2) with half widths (P,)."""
     ahead = np.gradient(path, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1)[:, None]
     left = np.stack([-ahead[:, 1], ahead[:, 0]], 1) * half_widths[:, None]
@@ -22,11 +22,7 @@ def ribbon(path: Float, half_widths: Float) -> Float:
 
 
 def limb(joints: Float, half_widths: Float) -> Float:
-    """(N, 2) the outline of pieces between joints (J, 2), round at each joint.
-
-    Args:
-        half_widths: (J,) metres.
-    """
+    """Returns (N, 2) the outline of segments between joints (J, 2), round at each joint."""
     circles = [
         CrossSection.circle(float(r), 40).translate((float(x), float(y)))
         for (x, y), r in zip(joints, half_widths, strict=True)
@@ -37,14 +33,14 @@ def limb(joints: Float, half_widths: Float) -> Float:
 
 
 def tentacle(length: float = 1.4, width: float = 0.26, sway: float = 0.18) -> Float:
-    """A tentacle that stands, thick at its foot, and sways."""
+    """Returns an upright, swaying tentacle with a thick base."""
     s = np.linspace(0, 1, 60)
     path = np.stack([sway * np.sin(5 * s) * s, length * s], 1)
     return ribbon(path, width / 2 * (1 - 0.92 * s))
 
 
 def mantis_leg() -> Float:
-    """The folded foreleg of a mantis: coxa, femur, tibia and foot, with their angles."""
+    """Returns the folded foreleg of a mantis: coxa, femur, tibia and foot, with their angles."""
     joints = np.array([[0.0, 0.0], [-0.16, -0.42], [0.5, -0.02], [0.24, -0.52], [0.36, -0.66]])
     return limb(joints, np.array([0.075, 0.07, 0.055, 0.035, 0.025]))
 

@@ -1,4 +1,4 @@
-"""Performers who sway, without an edge: their bodies, their take, and a chair that they possess."""
+"""Swaying performers, without an edge: their bodies, their take, and a chair that they possess."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _LIMBS = {
 
 
 def swaying(id: int, frame: int, seed: int = 0, place=(0.0, -2.5)) -> Body:
-    """A performer who steps to and fro, bows and swings the limbs, a frame of 30 a second."""
+    """Returns a performer that steps to and fro, bows and swings the limbs; 30 frames per second."""
     random, t = np.random.default_rng(seed + 7 * id), frame / 30
     joints = standing_figure(1.7 + 0.05 * id)
     for middle, ends in _LIMBS.items():
@@ -39,7 +39,7 @@ def swaying(id: int, frame: int, seed: int = 0, place=(0.0, -2.5)) -> Body:
 
 
 def take_of(frames: int = 30, people=(1,), seed: int = 0, place=(0.0, 0.0)) -> BodyTake:
-    """The take of performers who sway about a place, metres over the floor."""
+    """Returns a take of performers that sway about a place, metres on the floor."""
     bodies = [[swaying(who, n, seed, place) for who in people] for n in range(frames)]
     return BodyTake(
         "sway",
@@ -55,14 +55,14 @@ def take_of(frames: int = 30, people=(1,), seed: int = 0, place=(0.0, 0.0)) -> B
 def possessed_chair(
     frames: int = 30, nodes: int = 40, seed: int = 0, holds=(HoldChange(0.1),), **settings
 ) -> tuple[Project, str]:
-    """A coarse chair that a performer in it moves."""
+    """Returns a coarse chair moved by a performer inside it."""
     how = ActorSettings(**{"place": "fixed", "fade": 0.1} | settings)
     chair = replace(make_chair(0.06), name="chair")
     return possess(chair, take_of(frames, seed=seed), nodes=nodes, holds=holds, settings=how)
 
 
 def without_cache(project, name):
-    """The project as after its solved motion was damaged: every stream of a character stands still."""
+    """Returns the project with damaged cached motion: every stream of a character is constant."""
     shape = project.graph(name)
     parts = [replace(part, possession=replace(part.possession, solved="")) for part in shape.parts]
     streams = dict(project.streams)

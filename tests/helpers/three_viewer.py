@@ -1,4 +1,4 @@
-"""Draws GLB files with three.js in a Chromium without a window: a viewer that shares no code with enliven."""
+"""Renders GLB files with three.js in headless Chromium: a viewer that shares no code with enliven."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MISSING = (
     if (THREE / "build" / "three.module.js").is_file()
     else "three.js is not here: make test-web"
 )
-"""Why no picture can be drawn; empty where all is here."""
+"""The reason why no image can be rendered; empty if everything is installed."""
 _OPTIONS = [
     "--headless=new",
     "--no-sandbox",
@@ -39,19 +39,20 @@ _OPTIONS = [
     "--no-first-run",
 ]
 _PATIENCE_S = 120.0
-"""Seconds for all pictures: Chromium starts in 2 s, and each takes a fraction of one on an idle machine."""
+"""Timeout for all images, seconds. Chromium starts in 2 s, and each image takes less than a second on an idle
+machine."""
 _KINDS = {".html": "text/html", ".js": "text/javascript"}
 
 
 @dataclass(frozen=True)
 class Job:
-    """A picture to be drawn.
+    """An image to render.
 
     Attributes:
         glb: the file.
         clip_from_world: (4, 4) the camera.
         size: width and height in pixels.
-        seconds: of its animations; None for the file at rest.
+        seconds: time of its animations; None for the file at rest.
     """
 
     glb: bytes
@@ -61,13 +62,13 @@ class Job:
 
 
 def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
-    """Returns (H, W, 4) uint8 of each job, top row first; opacity 0 where nothing was drawn.
+    """Returns (H, W, 4) uint8 of each job, top row first; the background has opacity 0.
 
     Args:
-        folder: for the files of Chromium.
+        folder: folder for the files of Chromium.
 
     Raises:
-        AssertionError: where the page reports an error or does not end in time.
+        AssertionError: if the page reports an error or does not finish in time.
     """
     pictures: dict[int, bytes] = {}
     ended, errors = threading.Event(), list[str]()
@@ -116,7 +117,7 @@ def draw(jobs: list[Job], folder: Path) -> list[np.ndarray]:
 
 
 def _served(path: str, jobs: list[Job]) -> tuple[bytes | None, str]:
-    """The bytes of an address, None where there are none, and their kind."""
+    """Returns the bytes and the type of a URL; None instead of bytes for an unknown URL."""
     if path == "/jobs":
         listed = [
             {

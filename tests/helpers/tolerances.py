@@ -1,8 +1,8 @@
-"""How far apart two computations of one thing may be, where a processor may take them in another order.
+"""Tolerances for comparing two computations of the same value in a different order of operations.
 
-A sum over a part, over the whole, in another thread or by another library is added up in another order, and
-each processor's instructions have an order of their own. Bit for bit is asked only of what is copied, packed,
-or computed twice by the same code on the same shapes.
+A sum over a part, over the whole, in another thread or by another library is added in another order, and each
+processor's instructions have their own order. Bit-exact equality is required only of copied or packed data,
+or of results of the same code on the same shapes.
 """
 
 from typing import Any
@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 ROUNDING = {np.dtype(np.float32): 2e-6, np.dtype(np.float64): 1e-12}
-"""Share of the largest number by which a few hundred terms may differ: some ten thousand and twenty units in
-the last place, as products of long rows were seen to differ by 5e-9 in float32."""
+"""Maximum difference, relative to the largest number, after a few hundred terms. It is about twenty units in
+the last place for float32 and ten thousand for float64. Products of long rows differed by 5e-9 in float32."""
 SOLVED = 1e3
-"""Times :data:`ROUNDING` for what comes out of a linear system: its condition number enlarges a rounding."""
+"""Factor on :data:`ROUNDING` for solutions of linear systems: the condition number amplifies rounding."""
 
 
 def assert_alike(made: Any, wanted: Any, times: float = 1.0) -> None:
-    """Both have one shape, and no entry is farther off than rounding explains; whole numbers are the same."""
+    """Asserts equal shapes, and no difference larger than rounding errors; integers must be equal."""
     made, wanted = np.asarray(made), np.asarray(wanted)
     assert made.shape == wanted.shape
     kinds = [ROUNDING[a.dtype] for a in (made, wanted) if a.dtype in ROUNDING]
@@ -26,7 +26,7 @@ def assert_alike(made: Any, wanted: Any, times: float = 1.0) -> None:
 
 
 def alike(made: Any, wanted: Any, times: float = 1.0) -> bool:
-    """Whether :func:`assert_alike` holds."""
+    """Returns True if :func:`assert_alike` would pass."""
     try:
         assert_alike(made, wanted, times)
     except AssertionError:

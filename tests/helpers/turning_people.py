@@ -1,4 +1,5 @@
-"""Made-up people who spin and step about, and the headings of people and of the meshes that they hold."""
+"""Simulated people that spin and step about, and the headings of people and of the meshes attached to
+them."""
 
 from __future__ import annotations
 
@@ -18,17 +19,17 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 
 FRAME_RATE_HZ = 30.0
 MAX_TURN_RATE_DEG_S = 300.0
-"""Degrees a second: a dancer's pirouette. Faster turns last for less than one."""
+"""Maximum rate of turning, degrees per second: a pirouette. Faster turns last less than one revolution."""
 SEGMENT_S = (0.4, 2.0)
-"""Shortest and longest time in seconds for which a made-up person keeps a rate of turning."""
+"""Minimum and maximum time for which a simulated person keeps a rate of turning, seconds."""
 MAX_HIP_NODES = 10
-"""Nodes of a mesh whose mean rotation is that of its hips: a person of 128 nodes has about as many."""
+"""Number of nodes for the mean rotation of a mesh's hips. A person of 128 nodes has about this many."""
 
 
 def spinning_people(
     seed: int, seconds: float = 8.0, noise_m: float = 0.0, height: float = 1.75
 ) -> list[Body]:
-    """Returns a film of one person, 30 frames a second, who turns both ways while the limbs swing.
+    """Returns a film of one person, 30 frames per second, that turns both ways while the limbs swing.
 
     Args:
         noise_m: standard deviation in metres of each coordinate of each joint.
@@ -56,7 +57,7 @@ def spinning_people(
 
 
 def _turn_rates(rng: np.random.Generator, count: int) -> Float:
-    """Returns (count,) radians a second: rates that are kept for a while, then eased over to the next."""
+    """Returns (count,) rates in radians per second, each kept for a while, then eased to the next."""
     rates: list[float] = []
     while len(rates) < count:
         kept = round(rng.uniform(*SEGMENT_S) * FRAME_RATE_HZ)
@@ -66,7 +67,7 @@ def _turn_rates(rng: np.random.Generator, count: int) -> Float:
 
 
 def hip_heading(joints: Float) -> float:
-    """Returns radians about +Y from +Z to where the hips of (20, 3) joints face."""
+    """Returns the heading of the hips of (20, 3) joints, radians about +Y from +Z."""
     left = joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
     return math.atan2(-left[2], left[0])
 
@@ -74,21 +75,22 @@ def hip_heading(joints: Float) -> float:
 def headings_on_stage(
     actor: EmbeddedActor, film: Sequence[Body], held_from: int, parts: str = "all"
 ) -> tuple[Float, Float]:
-    """Returns (F,) radians by which the mesh's hips are ahead of the performer's, and (F, 3) their places.
+    """Returns (F,) heading difference between the mesh's hips and the performer's, radians, and (F, 3)
+    positions of the mesh's hips.
 
-    The mesh's hips have turned as the nodes of its pelvis have on average. The places are metres, world
-    frame, where these nodes carry the mesh's hip centre.
+    The rotation of the mesh's hips is the mean rotation of its pelvis nodes. The positions are those of the
+    mesh's hip centre as moved by these nodes, metres, world.
 
     Args:
-        film: of one performer, a frame each.
-        held_from: the frame at whose end the performer takes hold.
+        film: bodies of one performer, one per frame.
+        held_from: the frame after which the performer is attached.
     """
     assert actor.likeness is not None
     hips = _hip_nodes(actor)
     arms = actor.likeness.joints[Joint.HIP_CENTER] - actor.graph.positions[hips]
     stage, name = Stage([actor]), actor.character.id
     gaps, places = np.empty(len(film)), np.empty((len(film), 3))
-    stage.perform([], 0)  # a tracker reports nobody in its first frames
+    stage.perform([], 0)  # a tracker reports no people in its first frames
     for n, body in enumerate(film):
         pose = stage.perform([body], round((n + 1) * 1e9 / FRAME_RATE_HZ))[0]
         turn = pose.linear[hips].astype(np.float64).mean(0)
@@ -101,9 +103,9 @@ def headings_on_stage(
 
 
 def _hip_nodes(actor: EmbeddedActor) -> Int:
-    """Returns the numbers of the nodes of the pelvis: nearest to its bones, below the middle of the waist.
+    """Returns the numbers of the pelvis nodes: nearest to the pelvis bones, below the middle of the waist.
 
-    The surface spreads a twist of the chest against the hips over the whole belly.
+    A twist of the chest relative to the hips is spread over the whole belly.
     """
     assert actor.likeness is not None
     nodes, joints = actor.graph.positions, actor.likeness.joints
@@ -117,18 +119,18 @@ def _hip_nodes(actor: EmbeddedActor) -> Int:
 
 
 def metres_from_bone(points: Float, joints: Float, joint: int) -> Float:
-    """Returns (P,) metres from points to the bone that ends in a joint."""
+    """Returns (P,) the distance from points to the bone that ends in a joint, metres."""
     start, way = joints[PARENTS[joint]], joints[joint] - joints[PARENTS[joint]]
     along = np.clip((points - start) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - start - along[:, None] * way, axis=1))
 
 
 def deviations_deg(gaps: Float) -> Float:
-    """Returns (F,) degrees by which each of (F,) angles in radians is off their circular mean."""
+    """Returns (F,) deviations of (F,) angles, in radians, from their circular mean, degrees."""
     mean = math.atan2(np.sin(gaps).sum(), np.cos(gaps).sum())
     return np.degrees(np.abs(wrapped(gaps - mean)))
 
 
 def wrapped(angle: float | Float) -> Float:
-    """Returns angles in radians, brought to -pi .. pi."""
+    """Returns angles in radians, wrapped to -pi .. pi."""
     return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)

@@ -1,4 +1,4 @@
-"""Finds texts of the window that are drawn or told without a translation."""
+"""Finds texts in the window that are drawn or announced without a translation."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ WIDGETS = {
     *("slider_int", "input_text_with_hint", "text", "text_unformatted", "text_wrapped", "text_disabled"),
     *("text_colored", "set_tooltip", "calc_text_size", "separator_text", "begin_tab_item"),
 }
-"""Functions of ImGui with texts that people see."""
+"""Functions of ImGui with visible texts."""
 LABELLED = {
     *("button", "small_button", "checkbox", "radio_button", "selectable", "menu_item", "text"),
     *("text_unformatted", "text_wrapped", "text_disabled"),
 }
-"""Those of them with a first argument that is seen, and no id alone."""
+"""Those functions with a visible first argument, not only an ID."""
 TELLING = {"add_text", "say", "complain", "tell", "caption", "fitting", "_wrapped", "_centred", "_tell"}
-"""Methods and functions that draw or tell all their texts."""
+"""Methods and functions that draw or announce all their text arguments."""
 ERRORS = {"InputError", "ResourceError", "FileChangedError"}
-"""Errors that the window shows; the place where they happened is not translated."""
+"""Errors that the window shows. The location of the error is not translated."""
 STEPS = {"edit", "drop"}
-"""Methods with the name of a step of the history, which is translated where the history is drawn."""
+"""Methods with the name of a history step as argument, which is translated when the history is drawn."""
 SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
 """Names that are the same in every language."""
 
@@ -33,11 +33,11 @@ FOR_DEVELOPERS = {
     *("Give it another id or key.",),
     "Use --film out.mp4 to render without a window, or start where there is a display.",
 }
-"""Errors that reach a terminal or the author of a plugin, not the window."""
+"""Errors that appear in a terminal or for a plugin's author, not in the window."""
 
 
 def untranslated(tree: ast.AST) -> Iterator[ast.Constant]:
-    """Yields the literals of a module that reach people as they stand in the code."""
+    """Yields the literals of a module that are shown without translation."""
     for function in [tree, *(one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef))]:
         known = assigned(function)
         for call in own(function):
@@ -47,7 +47,7 @@ def untranslated(tree: ast.AST) -> Iterator[ast.Constant]:
 
 
 def own(function: ast.AST) -> Iterator[ast.AST]:
-    """Yields the nodes of a function or module in their order, without those of the functions in it."""
+    """Yields the nodes of a function or module in order, without those of nested functions."""
     for node in ast.iter_child_nodes(function):
         if not isinstance(node, ast.FunctionDef):
             yield node
@@ -57,7 +57,7 @@ def own(function: ast.AST) -> Iterator[ast.AST]:
 
 
 def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
-    """Returns what a function assigns to each plain name."""
+    """Returns the values that a function assigns to each plain name."""
     found: dict[str, list[ast.expr]] = {}
     for node in own(function):
         if isinstance(node, ast.Assign):
@@ -72,7 +72,7 @@ def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
 
 
 def shown_arguments(call: ast.Call) -> list[ast.expr]:
-    """Returns the arguments of a call that people see; none for a call that shows nothing."""
+    """Returns the visible arguments of a call; an empty list for a call that shows nothing."""
     function = call.func
     name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
     of_imgui = isinstance(function, ast.Attribute) and getattr(function.value, "id", "") == "imgui"
@@ -88,7 +88,8 @@ def shown_arguments(call: ast.Call) -> list[ast.expr]:
 
 
 def is_label(call: ast.Call, argument: ast.expr) -> bool:
-    """Whether an argument is drawn unchanged, so that even one word in small letters is a text, not an id."""
+    """Returns True if an argument is drawn unchanged, so that even one lower-case word is a text, not an
+    ID."""
     name = call.func.attr if isinstance(call.func, ast.Attribute) else ""
     return name == "add_text" or (name in LABELLED and argument is call.args[0])
 
@@ -96,10 +97,10 @@ def is_label(call: ast.Call, argument: ast.expr) -> bool:
 def literals(
     node: ast.expr, known: dict[str, list[ast.expr]], *, plain_word: bool = False
 ) -> Iterator[ast.Constant]:
-    """Yields the readable literals that an expression can be, by way of plain names too.
+    """Yields the readable literals that an expression can evaluate to, also through plain names.
 
     Args:
-        plain_word: whether one word in small letters is a text.
+        plain_word: True if one lower-case word counts as text.
     """
     if isinstance(node, ast.Constant):
         if is_readable(node.value, plain_word=plain_word):
@@ -131,10 +132,10 @@ def literals(
 
 
 def is_readable(value: object, *, plain_word: bool = False) -> bool:
-    """Whether a literal has two letters, and a space or a capital: an id and a number have not.
+    """Returns True if a literal has two letters, and a space or a capital, unlike an ID or a number.
 
     Args:
-        plain_word: whether two letters are enough.
+        plain_word: True if two letters are enough.
     """
     if not isinstance(value, str) or value.startswith("##") or value in SAME_EVERYWHERE | FOR_DEVELOPERS:
         return False

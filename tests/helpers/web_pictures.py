@@ -1,4 +1,4 @@
-"""Compares a character in enliven's renderer and in three.js, by one camera and without light."""
+"""Compares a character rendered by enliven and by three.js, with the same camera and without lighting."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.settings import RenderSettings
 
 SIZE = 256
-"""Pixels of a side of each picture."""
+"""Side of each image, pixels."""
 _CELL = 16
-"""Side, pixels, of each region of which the mean colour is compared."""
+"""Side of each region for comparing mean colours, pixels."""
 _FULL = 0.25
-"""Share of a region that both viewers must cover, away from edges: a few pixels have no mean to compare."""
+"""Minimum fraction of a region that both renderers must cover. Regions at edges have too few pixels for a
+mean."""
 _LIFT = 50.0
-"""Metres by which everything is raised: enliven's floor would hide parts below it."""
+"""Height by which everything is raised, metres. Otherwise enliven's floor would hide lower parts."""
 _WAY = np.array([0.5, 0.35, 0.8])
 """Direction from the subject to the camera."""
 _BRIGHT = {"emissiveFactor": [1000.0, 0.0, 1000.0], "extensions": {"KHR_materials_unlit": {}}}
-"""A material that is magenta everywhere, as nothing else in the picture is."""
+"""A material that is magenta everywhere, which does not occur elsewhere in the image."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """How alike two pictures of one moment are.
+    """The similarity of two images of the same pose.
 
     Attributes:
         overlap: intersection over union of the silhouettes.
@@ -50,11 +51,11 @@ def compare(
     character: Character, poses: Sequence[Pose], files: Sequence[tuple[bytes, Sequence[float | None]]],
     folder: Path,
 ) -> tuple[list[list[Compared]], np.ndarray]:  # fmt: skip
-    """Returns a row for each file with its comparison at each pose, and one picture of all (H, W, 3).
+    """Returns one row per file with its comparison at each pose, and one image (H, W, 3) of all.
 
     Args:
         files: GLB files, each with the seconds of its animation at each pose; None for the file at rest.
-        folder: for the files of the browser.
+        folder: folder for the browser's files.
     """
     view = view_of(character, poses)
     jobs = [Job(file, _lowered(view), (SIZE, SIZE), second) for file, times in files for second in times]

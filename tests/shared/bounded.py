@@ -15,10 +15,10 @@ class TooSlow(BaseException):
 
 @contextmanager
 def bounded(megabytes: int = 512, seconds: float = 60) -> Iterator[None]:
-    """Within it the process gets so much more memory, and the main thread so much time.
+    """Limits the additional memory of the process, and the time of the main thread.
 
-    A MemoryError is raised where more is asked for, and :class:`TooSlow` when the time is over, also where it
-    was swallowed.
+    A MemoryError is raised if more memory is requested, and :class:`TooSlow` when the time is over, even if
+    the code under test swallowed it.
     """
     fired = []
 

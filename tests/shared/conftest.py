@@ -1,4 +1,4 @@
-"""What tests of several parts of the library share is found beside this."""
+"""Adds the folder with the shared helpers of these tests to the import path."""
 
 import sys
 from pathlib import Path

@@ -32,7 +32,7 @@ def tube(rings=20, around=12, height=1.0, radius=0.15):
 
 
 def take(frames=25, step=0.1, seed=0):
-    """Somebody who bends, waves and sways."""
+    """Returns a person that bends, waves and sways."""
     rest = np.array([[0, 1.0, 0], [0, 1.7, 0], [0.6, 1.4, 0], [-0.6, 1.4, 0]])
     skeleton = Skeleton(NAMES, np.array([-1, 0, 0, 0]), rest)
     rng = np.random.default_rng(seed)

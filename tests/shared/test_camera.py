@@ -43,7 +43,7 @@ def test_halving_keeps_the_corners_of_the_image():
 
 @given(st.floats(0.1, 3), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 @settings(max_examples=30, deadline=None)
-def test_a_mounting_is_a_rigid_motion_that_looks_where_it_says(height, tilt, roll):
+def test_camera_mounting_is_rigid_with_stated_direction(height, tilt, roll):
     mount = world_from_level_camera(height, tilt, roll)
     rotation = mount[:3, :3]
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)

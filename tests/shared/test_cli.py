@@ -48,7 +48,7 @@ def test_exit_codes(monkeypatch, capsys, error, code):
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_a_missing_recording_is_said():
+def test_missing_recording_is_reported():
     asked = enliven("run", "--recording", "nowhere.mcap")
     assert asked.returncode == 3
     assert "nowhere.mcap: there is no such recording" in asked.stderr
@@ -57,7 +57,7 @@ def test_a_missing_recording_is_said():
     assert unset.returncode == 3 and "nowhere.toml: there is no such file of settings" in unset.stderr
 
 
-def test_what_the_doctor_says_to_type_is_whole(monkeypatch, capsys):
+def test_doctors_commands_are_complete(monkeypatch, capsys):
     lacking = Check("[OAK]", False, "it lacks [one thing]", 'Type: pip install "enliven-edge[oak]"')
     monkeypatch.setattr("enliven.commands.doctor.all_checks", lambda: [lacking])
     cli.run(["doctor"])
@@ -73,7 +73,7 @@ def test_doctor_as_json():
     assert found.returncode == (0 if all(check["ok"] for check in checks) else 4)
 
 
-def test_every_missing_thing_comes_with_a_remedy():
+def test_every_missing_item_has_a_fix():
     for check in all_checks():
         assert isinstance(check, Check)
         assert check.ok or check.mend, check.name
@@ -116,6 +116,6 @@ def test_a_failing_process_ends_the_run(tmp_path):
     assert run_together([leader, Process("failing", ["run", "--recording", "nowhere.mcap"])]) == 3
 
 
-def test_what_never_gets_ready_ends_the_run_when_it_fails():
+def test_failed_start_ends_the_run():
     failing = Process("failing", ["run", "--recording", "nowhere.mcap"], ready=lambda: False)
     assert run_together([failing, Process("leader", ["--version"], leads=True)]) == 3

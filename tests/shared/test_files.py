@@ -1,4 +1,4 @@
-"""Files of our own: there whole, or as they were."""
+"""Tests that our files are replaced atomically: complete, or unchanged."""
 
 import os
 import stat
@@ -20,7 +20,7 @@ contents = st.binary(max_size=50) | st.text(st.characters(exclude_categories=["C
 
 
 @given(st.lists(st.tuples(contents, st.sampled_from(["", "open", "fsync", "replace"])), max_size=6))
-def test_a_file_is_there_whole_or_as_it_was(tmp_path_factory, steps):
+def test_file_is_replaced_atomically(tmp_path_factory, steps):
     """Whichever of its steps fails, and nothing else is left in its folder."""
     path = tmp_path_factory.mktemp("whole") / "new" / "a.toml"
     before = None
@@ -147,7 +147,7 @@ def test_a_part_is_readable_by_nobody_else_while_a_private_file_is_written(tmp_p
     assert path.read_bytes() == b"new" and list(tmp_path.iterdir()) == [path]
 
 
-def test_what_fails_meanwhile_leaves_the_file_and_nothing_else(tmp_path):
+def test_failed_write_keeps_the_file_without_leftovers(tmp_path):
     path = tmp_path / "a.mcap"
     path.write_bytes(b"before")
     with pytest.raises(KeyError), replace_file(path) as part:
@@ -156,7 +156,7 @@ def test_what_fails_meanwhile_leaves_the_file_and_nothing_else(tmp_path):
     assert path.read_bytes() == b"before" and list(tmp_path.iterdir()) == [path]
 
 
-def test_what_a_killed_program_left_is_removed_a_day_later(tmp_path):
+def test_leftovers_of_killed_program_are_removed_after_a_day(tmp_path):
     old, fresh = tmp_path / ".a.toml.0123.part", tmp_path / ".a.toml.4567.part"
     for part in (old, fresh):
         part.touch()

@@ -55,7 +55,7 @@ def test_arrays_live_as_long_as_they_are_held_and_no_longer():
     assert kept() is None
 
 
-def test_what_no_kernel_takes_is_refused():
+def test_unsupported_argument_is_refused():
     with pytest.raises(TypingError, match="Cannot determine Numba type"):
         hold(object())
 

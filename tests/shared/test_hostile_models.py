@@ -41,7 +41,7 @@ def written(path, uri=INLINE, **changes):
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder of a model, beside a file that is none of its business."""
+    """Returns a model's folder, next to a file that the model must not read."""
     (tmp_path / "model" / "parts").mkdir(parents=True)
     (tmp_path / "secret.bin").write_bytes(DATA)
     (tmp_path / "model" / "parts" / "its data.bin").write_bytes(DATA)
@@ -57,7 +57,7 @@ def folder(tmp_path):
 
 @pytest.mark.parametrize("read", READERS)
 @pytest.mark.parametrize("uri", ["parts/its%20data.bin", "./parts/its data.bin", "near.bin", INLINE])
-def test_what_lies_below_a_model_is_read(folder, read, uri):
+def test_files_below_the_model_are_read(folder, read, uri):
     assert read(written(folder / "a.gltf", uri))
 
 
@@ -81,7 +81,7 @@ def test_what_lies_below_a_model_is_read(folder, read, uri):
         ("a" * 5000, "cannot be read"),
     ],
 )
-def test_nothing_else_is(folder, read, uri, words):
+def test_files_elsewhere_are_not_read(folder, read, uri, words):
     path = written(folder / "a.gltf", uri)
     with bounded(seconds=20), pytest.raises(InputError, match=words) as caught:
         read(path)
@@ -137,7 +137,7 @@ MANY = [{"bufferView": 0, "componentType": 5126, "count": 10_000, "type": "VEC3"
     ],
     ids=["accessor", "chain", "nodes", "instances", "cycle"],
 )
-def test_what_a_model_states_is_counted_first(tmp_path, read, changes, words):
+def test_stated_sizes_are_checked_first(tmp_path, read, changes, words):
     path = written(tmp_path / "a.gltf", **changes)
     with bounded(300, 20), pytest.raises(InputError, match=words):
         read(path)
@@ -174,7 +174,7 @@ def test_an_animation_that_lasts_for_years_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("side", [13_000, 17_000])
-def test_a_picture_that_states_more_than_it_is_is_left_out(tmp_path, side):
+def test_image_with_false_size_is_left_out(tmp_path, side):
     out = io.BytesIO()
     Image.new("1", (side, side)).save(out, "PNG")
     assert len(out.getvalue()) < 200_000

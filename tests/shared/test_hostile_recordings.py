@@ -110,7 +110,7 @@ def test_a_message_nested_without_end_is_refused():
         unpack_bodies(deep)
 
 
-def test_what_a_covered_sensor_records_for_minutes_is_read(tmp_path):
+def test_long_recording_of_covered_sensor_is_read(tmp_path):
     """The most alike that an honest recording is: nothing but the time changes."""
     path = tmp_path / "covered.mcap"
     with Recorder(path, sync_seconds=1e9) as recorder:
@@ -161,7 +161,7 @@ def npy(shape: str, kind: str = "<f8") -> bytes:
         ("(1,)", "|V4000000"),
     ],
 )
-def test_an_array_that_states_what_it_has_not_is_refused(shape, kind):
+def test_array_with_false_size_is_refused(shape, kind):
     data = npy(shape, kind)
     assert len(data) == 128
     with bounded(), pytest.raises(InputError, match="an array in it is damaged") as caught:

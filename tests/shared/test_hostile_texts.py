@@ -30,7 +30,7 @@ def nested_bvh(count: int) -> str:
 
 
 def flat_bvh(count: int, frames: int, name: str = "j{}") -> str:
-    """A root with so many children that turn by nothing."""
+    """Returns a root with ``count`` children that do not rotate."""
     inside = "".join(f"JOINT {name.format(k)}\n{{\nOFFSET 0 1 0\n}}\n" for k in range(count))
     head = f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n{inside}}}\nMOTION\n"
     return head + f"Frames: {frames}\nFrame Time: 0.01\n" + "0\n" * frames

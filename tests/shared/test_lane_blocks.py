@@ -49,7 +49,7 @@ def in_rows(matrix):
     return block.ravel()
 
 
-def test_a_block_is_transposed_and_nothing_beside_it_is_touched():
+def test_transposing_a_block_changes_only_it():
     source = np.arange(100, dtype=np.float32)
     target = np.full(100, -1, np.float32)
     transposed(source, 3, target, 40)
@@ -83,7 +83,7 @@ def test_a_definite_block_is_inverted(seed, sign, size):
 
 @settings(deadline=None, max_examples=50)
 @given(seeds, st.integers(0, 5))
-def test_a_block_that_is_not_definite_is_told(seed, which):
+def test_indefinite_block_is_reported(seed, which):
     turned = np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]
     eigenvalues = np.linspace(1.0, 2.0, 6)
     eigenvalues[which] = -0.5

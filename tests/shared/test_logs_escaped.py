@@ -43,7 +43,7 @@ def test_names_of_all_languages_stay_as_they_are(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", EVIL.values(), ids=EVIL.keys())
-def test_what_would_act_on_a_terminal_is_written_out(text: str) -> None:
+def test_terminal_control_characters_are_escaped(text: str) -> None:
     shown = escaped(text)
     assert is_safe(shown) and not is_safe(text) and "\\" in shown and shown[0] == text[0]
 
@@ -57,7 +57,7 @@ def test_escaped_text_is_safe_and_escaping_again_changes_nothing(text: str) -> N
 
 @pytest.mark.parametrize("text", EVIL.values(), ids=EVIL.keys())
 @pytest.mark.parametrize("handler", ["sentences", "json", "another program's"])
-def test_a_record_is_one_safe_line_whatever_it_repeats(text: str, handler: str) -> None:
+def test_log_record_is_one_safe_line(text: str, handler: str) -> None:
     escape_records()
     stream = io.StringIO()
     out = logging.StreamHandler(stream)

@@ -1,4 +1,4 @@
-"""What is masked, against numpy."""
+"""Tests of masks against NumPy."""
 
 import numpy as np
 import pytest

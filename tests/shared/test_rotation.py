@@ -105,7 +105,8 @@ def svd_nearest(matrices):
 def test_nearest_rotation_equals_the_svd(shape, seed):
     m = np.random.default_rng(seed).normal(size=(*shape, 3, 3))
     singular = np.linalg.svd(m, compute_uv=False)
-    # Where the two smallest stretches cancel, two rotations are as near; there the SVD is no judge.
+    # If the two smallest singular values cancel, two rotations are equally close, and the SVD is not a
+    # reference.
     clear = np.sign(np.linalg.det(m)) * singular[..., 2] + singular[..., 1] > 1e-3
     found = rotation.nearest_rotation(m)
     np.testing.assert_allclose(found[clear], svd_nearest(m)[clear], atol=1e-9)
@@ -135,6 +136,6 @@ def test_nearest_rotation_is_always_proper(matrix):
         assert np.trace(r.T @ matrix) == pytest.approx(np.trace(svd_nearest(matrix).T @ matrix))
 
 
-def test_normalized_mends_what_is_no_rotation():
+def test_normalized_repairs_invalid_rotations():
     q = rotation.normalized(np.array([[0, 0, 0, 0], [np.nan, 1, 0, 0], [1e-300, 0, 0, 0], [0, 3, 0, 4]]))
     np.testing.assert_allclose(q, [[1, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0], [0, 0.6, 0, 0.8]])

@@ -48,7 +48,7 @@ def test_defaults_and_overrides():
         ({"name": "a", "limit": True}, "limit is True"),
     ],
 )
-def test_what_is_wrong_is_said(values, message):
+def test_invalid_setting_is_reported(values, message):
     with pytest.raises(InputError, match=message):
         load_settings(Camera, values, where="camera.toml")
 

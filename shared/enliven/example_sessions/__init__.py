@@ -1,4 +1,4 @@
-"""Sessions of example poses as text files: a mesh, its control points, key poses and takes."""
+"""Text-file sessions of example-based retargeting: a mesh, its control points, key poses and takes."""
 
 import lazy_loader
 

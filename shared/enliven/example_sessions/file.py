@@ -1,4 +1,4 @@
-"""The tables of a session's TOML file: which exist, what they contain, and where an error is."""
+"""The tables of a session's TOML file, with type checks and error locations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ class SessionFile:
     """Reads a session's TOML table by table.
 
     Raises:
-        InputError: for an unreadable file, and for a table that is not known, with the nearest that is.
+        InputError: if the file cannot be read, or a table is unknown; the message names the nearest known
+            table.
     """
 
     def __init__(self, path: Path) -> None:
@@ -41,7 +42,7 @@ class SessionFile:
         return name in self._found
 
     def one(self, name: str, kind: type[T]) -> T:
-        """Returns a table that may occur once; the defaults where it is missing."""
+        """Returns a table that may occur at most once; its default values if it is missing."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
             mend = f"Write [{name}], once."
@@ -58,11 +59,11 @@ class SessionFile:
         return [self.table(f"{where}, {name} {number}", kind, one) for number, one in found]
 
     def table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
-        """Returns a table's values as the settings class ``kind``."""
+        """Returns a table's values as an instance of the settings class ``kind``."""
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
     def said(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
-        """Runs a step; an InputError that it raises is reported as an error in this table."""
+        """Runs a step. If it raises an InputError, reports the error as one in this table."""
         try:
             step(*values, **named)
         except InputError as error:
@@ -70,10 +71,11 @@ class SessionFile:
             raise InputError(what, where=f"{self._path}, {where}", mend=error.mend) from None
 
     def beside(self, file: str) -> Path:
-        """Returns a file's path, relative to the session's; $NAME is replaced by that environment variable.
+        """Returns the path of a file named in the session, relative to the session's folder. Replaces $NAME
+        by that environment variable.
 
         Raises:
-            InputError: for a name that the environment lacks.
+            InputError: if the environment variable is not set.
         """
         text = os.path.expandvars(file)
         unknown = re.search(r"\$\{?(\w+)", text)
@@ -83,7 +85,7 @@ class SessionFile:
         return self._path.parent / Path(text).expanduser()
 
     def _listed(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
-        """Returns the tables of an array of tables; an empty list where it is missing."""
+        """Returns the tables of an array of tables; an empty list if it is missing."""
         value = found.get(name, [])
         if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
             mend = f"Write [[{name}]] for each."

@@ -1,4 +1,4 @@
-"""Loads the mesh of a session from its file: turned upright, scaled to its height, placed on the floor."""
+"""Loads a session's mesh from its file, turned upright, scaled to its height and put on the floor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven.rotation import from_rotation_vector, rotate
 
 
 class SessionMesh(NamedTuple):
-    """A mesh, the name for its puppet, and notes on what was unusual in the file."""
+    """A mesh, the default name of its puppet, and notes on anything unusual in the file."""
 
     mesh: Mesh
     name: str
@@ -27,7 +27,7 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
     """Loads the mesh that a table describes from the file at ``path``.
 
     Raises:
-        InputError: for a file that cannot be read, or a project without that puppet.
+        InputError: if the file cannot be read, or the project does not contain the puppet.
     """
     if path.suffix.lower() == ".enliven":
         project = read_project(path)
@@ -38,8 +38,8 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
 
 
 def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
-    """Returns the mesh as a session's table asks: upright, at its height, on the floor; a project's mesh is
-    unchanged."""
+    """Returns the mesh upright, scaled to the table's height, and standing on the floor. The mesh of a
+    project is returned unchanged."""
     if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
         axis = "xyz".index(table.up)
         height = table.height or float(np.ptp(mesh.vertices[:, axis]))
@@ -51,6 +51,6 @@ def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
 
 
 def nearest_vertex(mesh: Mesh, place: Float) -> int:
-    """Returns the vertex that is nearest to a place (3,), among the vertices of faces."""
+    """Returns the vertex nearest to a position (3,). Only vertices that belong to a face count."""
     used = np.unique(mesh.faces)
     return int(used[np.linalg.norm(mesh.vertices[used] - place, axis=1).argmin()])

@@ -1,4 +1,5 @@
-"""Sessions of examples (TOML): a mesh, its control points and key poses, and what it plays, made by hand.
+"""Hand-written sessions for example-based retargeting (TOML): a mesh, its control points, key poses and
+layers.
 
     [mesh]
     file = "cactus.off"
@@ -24,9 +25,10 @@
     second = 2.0
     metres = [1.5, 0.0, 0.0]
 
-Metres in the mesh's frame, once it is fitted: upright, standing on y = 0, its box centred. Files are relative
-to the session's, and may begin with a variable of the environment ("$MESHES/cactus.off"). All tables:
-:mod:`enliven.example_sessions.tables`; written by :func:`enliven.example_sessions.text.write_session`.
+Positions are in metres in the frame of the fitted mesh: upright, standing on y = 0, bounding box centred.
+File paths are relative to the session file. They may begin with an environment variable
+("$MESHES/cactus.off"). All tables are in :mod:`enliven.example_sessions.tables`.
+:func:`enliven.example_sessions.text.write_session` writes a session.
 """
 
 from __future__ import annotations
@@ -72,11 +74,11 @@ class Session:
     """The content of a session file.
 
     Attributes:
-        project: with one puppet and the takes.
+        project: the project, with one puppet and the takes.
         puppet: the puppet's name.
-        notes: what was odd about the files.
-        mesh: where the mesh is from.
-        takes: where each take is from, by its name.
+        notes: remarks on anything unusual in the files.
+        mesh: the table that names the mesh's file.
+        takes: the table that names each take's file, by the take's name.
     """
 
     project: Project
@@ -90,13 +92,14 @@ def read_session(path: Path | str) -> Session:
     """Reads a session from its file.
 
     Raises:
-        InputError: for an unreadable file, and for what cannot be: which table says it, and which key.
+        InputError: if the file cannot be read, or a value is invalid; the message names the table and the
+            key.
     """
     return _Reader(SessionFile(Path(path))).session()
 
 
 class _Reader:
-    """The steps from the tables of a session to a project."""
+    """Builds a project from the tables of a session, table by table."""
 
     def __init__(self, file: SessionFile) -> None:
         self._file, self._project, self._name = file, Project(), ""
@@ -207,7 +210,7 @@ class _Reader:
     def _asked(
         self, where: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
     ) -> dict[str, Any]:
-        """Returns the clips, keys, constraints and switches of a layer's table."""
+        """Returns the clips, keys, constraints and switches in a layer's table."""
         found = {}
         for name, (attribute, kind) in inside.items():
             if name in layer:
@@ -215,7 +218,7 @@ class _Reader:
         return found
 
     def _take(self, name: str) -> str:
-        """Returns the id of a take by its name; the first take where no name is given."""
+        """Returns the ID of the take with that name; the first take if the name is empty."""
         if not self._takes:
             raise InputError("there is no take", mend='Say [[take]] file = "..." first.')
         if name and name not in self._takes:

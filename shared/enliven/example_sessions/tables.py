@@ -1,5 +1,5 @@
-"""The tables of a session file, each as a settings group; :mod:`enliven.example_sessions.session` shows a
-file."""
+"""The tables of a session file, each as a settings class. See :mod:`enliven.example_sessions.session` for an
+example file."""
 
 from __future__ import annotations
 
@@ -120,19 +120,19 @@ INSIDE: dict[str, tuple[str, type]] = {
     "weight_key": ("weights", CurveKey),
     "speed_key": ("speeds", CurveKey),
 }
-"""[[layer.clip]] and the other tables inside a layer: the attribute that each fills, and its type."""
+"""[[layer.clip]] and the other tables inside a layer: the attribute that each one sets, and its type."""
 
 
 ROOT_INSIDE: dict[str, tuple[str, type]] = {
     "key": ("keys", MotionKey),
     **{name: INSIDE[name] for name in ("clip", "weight_key", "speed_key")},
 }
-"""[[root.key]] and the other tables inside a layer of the root; the keys are its take's."""
+"""[[root.key]] and the other tables inside a root layer. The keys belong to the layer's take."""
 
 
 @dataclass(frozen=True)
 class RootTable:
-    """[[root]]: what turns and moves the whole puppet, over all that it plays."""
+    """[[root]]: a layer that rotates and moves the whole puppet, applied after its other layers."""
 
     take: str = setting("", "What its keys are called; without keys, the take that moves it.")
     about: Three = setting((0.0, 0.0, 0.0), "What it is turned about, in the world.", unit="m")

@@ -1,4 +1,5 @@
-"""Writes a puppet's motion as a take (.mcap) like one that an edge records, so that the viewer plays it."""
+"""Writes a puppet's motion as a take (.mcap) in the format that an edge records, so that the viewer can play
+it."""
 
 from __future__ import annotations
 
@@ -15,19 +16,19 @@ from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pose_to_message
 
 _REVISION = 1
-"""Of the one character in the take: it never changes, so it counts from 1 and stays."""
+"""Revision of the take's only character. The character never changes, so its revision stays at 1."""
 
 
 def write_puppet_take(
     path: Path | str, project: Project, puppet: Puppet, start: float, end: float, rate: float = 30.0
 ) -> None:
-    """Writes the character and its poses from ``start`` to ``end`` seconds, ``rate`` a second.
+    """Writes the character and its poses from ``start`` to ``end`` seconds, ``rate`` poses per second.
 
-    A file that is there is replaced.
+    An existing file is replaced.
 
     Raises:
-        InputError: where the puppet lacks something to move.
-        ResourceError: where the file cannot be written.
+        InputError: if the puppet has nothing to animate.
+        ResourceError: if the file cannot be written.
     """
     character = character_of_puppet(puppet)
     codec = PoseCodec(character)
@@ -43,7 +44,7 @@ def write_puppet_take(
 
 
 def _write(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
-    """Writes a wire message with its JSON schema."""
+    """Writes a wire message together with its JSON schema."""
     kind = type(message)
     schema = msgspec.json.encode(msgspec.json.schema(kind)).decode()
     data = msgspec.msgpack.encode(message)

@@ -3,7 +3,7 @@
     write_session("cactus.toml", project, "cactus", mesh=MeshTable("cactus.off", 1.2),
                   takes={"traffic": TakeTable("traffic.bvh")})
 
-A mesh or take that is said to come from no file is put into a project file beside the session.
+A mesh or take without a file of its own is saved in a project file next to the session.
 """
 
 from __future__ import annotations
@@ -44,16 +44,17 @@ def write_session(
     mesh: MeshTable | None = None,
     takes: Mapping[str, TakeTable] | None = None,
 ) -> None:
-    """Writes a puppet of a project, to be read by :func:`enliven.example_sessions.session.read_session`.
+    """Writes a puppet of a project in the format that :func:`enliven.example_sessions.session.read_session`
+    reads.
 
     Args:
-        mesh: which file the puppet's mesh is, relative to the session.
-        takes: which files its takes are, by their names.
+        mesh: the file of the puppet's mesh, relative to the session.
+        takes: the files of its takes, by the takes' names.
 
     Raises:
-        InputError: where there is no such puppet, a file has the session's ending, or the session is of a
+        InputError: if the puppet does not exist, the path ends in .enliven, or the existing file is of a
             later version.
-        ResourceError: where something cannot be written.
+        ResourceError: if a file cannot be written.
     """
     path, takes = Path(path), dict(takes or {})
     if path.suffix.lower() == ".enliven":
@@ -66,7 +67,7 @@ def write_session(
     beside = path.with_suffix(".enliven")
     if mesh is None or not set(used) <= set(takes):
         kept = {name: project.takes[name] for name in used}
-        bare = puppet.with_changes(root_layers=())  # the session says them itself
+        bare = puppet.with_changes(root_layers=())  # the session file itself contains the root layers
         write_project(beside, Project(takes=kept, characters={puppet.id: bare}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
@@ -80,10 +81,10 @@ def session_text(
     takes: Mapping[str, TakeTable],
     keys: Mapping[str, Sequence[MotionKey]] = MappingProxyType({}),
 ) -> str:
-    """Returns the text of a session; values at their defaults are left out.
+    """Returns the text of a session. Values equal to their defaults are left out.
 
     Args:
-        keys: of the takes that turn and move the whole puppet, by their names.
+        keys: keys of the takes that rotate and move the whole puppet, by the takes' names.
     """
     lines = [_HEAD, "[mesh]", *_lines(mesh)]
     for name, take in takes.items():
@@ -108,13 +109,13 @@ def session_text(
 
 
 def takes_of(puppet: Puppet) -> list[str]:
-    """Returns the ids of the takes of key poses and layers, each once."""
+    """Returns the IDs of the takes of key poses and layers, each once."""
     return list(dict.fromkeys([*(pose.take for pose in puppet.poses), *(one.take for one in puppet.layers)]))
 
 
 def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
     lines = ["[[pose]]", f"take = {_toml(pose.take)}", f"time = {_toml(pose.time)}"]
-    # What is not posed yet is easier to begin from where it rests.
+    # An unposed control point is written at its rest position, which is easier to edit.
     still = np.array_equal(pose.places, puppet.rest)
     lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
     rows = np.zeros_like(pose.places) if still else pose.places
@@ -124,22 +125,22 @@ def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
 
 
 def _layer(layer: PuppetLayer) -> list[str]:
-    """Returns the lines of a layer and of its tables; arrays of tables come last."""
+    """Returns the lines of a layer and of the tables inside it. Arrays of tables come last."""
     lines = ["[[layer]]", *_values(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
-    # No switches at all are another thing than switches to be found.
+    # No switches and switches that are to be detected are different states.
     lines += ["switch = []"] if inner["switch"] == () else []
     return lines + _inside("layer", inner)
 
 
 def _root(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
-    """Returns the lines of a layer of the root; those of its keys once, where several play them."""
+    """Returns the lines of a root layer. If several layers play the same keys, these are written once."""
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INSIDE.items() if name != "key"}
     return ["[[root]]", *_values(layer, RootTable), *_inside("root", {"key": keys, **inner})]
 
 
 def _values(layer: Any, table: type) -> list[str]:
-    """Returns the lines of a layer's values that differ from those of its table."""
+    """Returns the lines of a layer's values that differ from the table's defaults."""
     lines = []
     for field in dataclasses.fields(table):
         value = getattr(layer, field.name)
@@ -169,7 +170,7 @@ def _lines(values: Any) -> list[str]:
 
 
 def _settings(title: str, values: Any, usual: Any) -> list[str]:
-    """Returns the lines of settings that differ from the defaults, and of the groups inside."""
+    """Returns the lines of settings that differ from their defaults, including nested groups."""
     groups, own = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)
@@ -181,5 +182,5 @@ def _settings(title: str, values: Any, usual: Any) -> list[str]:
 
 
 def _toml(value: Any) -> str:
-    """Returns a value as TOML: strings, numbers, booleans and arrays are written as JSON writes them."""
+    """Returns a value as TOML. Strings, numbers, booleans and arrays have the same form as in JSON."""
     return json.dumps(value, ensure_ascii=False)

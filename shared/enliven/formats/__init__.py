@@ -1,1 +1,1 @@
-"""Readers of files that other programs wrote, and the project file."""
+"""Readers of third-party file formats, and the project file."""

@@ -10,15 +10,16 @@ import numpy as np
 from enliven.arrays import AnyArray
 
 _KINDS = "biuf"
-"""NumPy kinds that are read: booleans, integers and floats; an array of objects could run code or hide its
-size."""
+"""Array kinds that are accepted: booleans, integers and floats. Object arrays are refused: unpickling them
+could run code, and the header would not give their size."""
 
 
 def array_of(data: bytes) -> AnyArray:
-    """Reads the array of an .npy file; no memory is allocated before its size is known to fit the bytes.
+    """Reads the array of an .npy file. Memory is allocated only after the header's size is known to match the
+    data.
 
     Raises:
-        ValueError: where the head is none, or states another number of bytes than there are.
+        ValueError: if the header is invalid, or its size differs from the number of bytes that follow.
     """
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
@@ -27,7 +28,7 @@ def array_of(data: bytes) -> AnyArray:
     read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
     try:
         shape, fortran, kind = read(file)
-    except Exception:  # the head is Python, and its parser raises whatever it likes
+    except Exception:  # the header is a Python literal, and its parser may raise any exception
         raise ValueError("its head is damaged") from None
     count = math.prod(shape)
     if kind.kind not in _KINDS or kind.names is not None or min(shape, default=0) < 0:

@@ -15,8 +15,7 @@ def match(
     view: ScreenView | None = None,
     body_view: ScreenView | None = None,
 ) -> Ranking:
-    """Ranks the parts of a skeleton that a performer's pose could drive, the most similar on the screen
-    first.
+    """Ranks the parts of a skeleton that a pose could drive, the most similar on the screen first.
 
     Args:
         body: joints (20, 3) in metres of the world.

@@ -1,4 +1,5 @@
-"""The synthetic performer: proportions, kinematics, and the body surface as a signed distance."""
+"""The synthetic performer: proportions, kinematics, and the body surface as a signed distance function
+(SDF)."""
 
 import lazy_loader
 

@@ -1,7 +1,8 @@
-"""The performer's body surface as a signed distance: bulging tapers and ellipsoids, smoothly united.
+"""The performer's body surface as a signed distance function (SDF): a smooth union of tapered capsules and
+ellipsoids.
 
-It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems
-and shoes. A tracker that is tested on it must cope with a shape that it does not model.
+It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems and
+shoes. A tracker tested on it must therefore handle shapes that its own model lacks.
 """
 
 from __future__ import annotations
@@ -15,27 +16,28 @@ from enliven.person import Limb
 from enliven_synthesis.body.performer import Figure, Performer
 
 BLEND = (0.055, 0.022, 0.028, 0.028, 0.036, 0.036)
-"""Metres: width of the smooth union within trunk, head, left and right arm, left and right leg."""
+"""Width of the smooth union within each group, metres: trunk, head, left and right arm, left and right
+leg."""
 BETWEEN = 0.014
-"""Metres: width of the smooth union between those groups."""
+"""Width of the smooth union between those groups, metres."""
 TAPER = 0
-"""The kind of a capsule with a radius that changes along it, and a bulge half-way."""
+"""Kind of a tapered capsule: its radius changes linearly along it, plus a bulge half-way."""
 ELLIPSOID = 1
-"""The kind of an ellipsoid."""
+"""Kind of an ellipsoid."""
 ORDINARY = 0
-"""The material of skin and clothes, which reflect the sensor's light."""
+"""Material of skin and clothes, which reflect the sensor's light."""
 DARK = 1
-"""The material of hair and shoes, which absorb most of the light."""
+"""Material of hair and shoes, which absorb most of the light."""
 
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class BodyPiece:
-    """One primitive of the body, for the left side of an average build of 1.75 m, in metres.
+    """One primitive of the body, in metres, for the left side of an average build of 1.75 m.
 
-    A taper runs from ``a`` in frame ``limb`` to ``b`` in frame ``other``, its radius from ``ra`` to ``rb``
-    with ``bulge`` added half-way. An ellipsoid has its centre at ``a`` and the half axes ``b``.
+    A taper runs from ``a`` in frame ``limb`` to ``b`` in frame ``other``. Its radius goes from ``ra`` to
+    ``rb``, plus ``bulge`` half-way. An ellipsoid has its centre at ``a`` and the half axes ``b``.
     """
 
     group: int
@@ -114,7 +116,8 @@ _LEG = (
 
 
 def _right(piece: BodyPiece) -> BodyPiece:
-    """The same piece for the right side: mirrored in X, the odd limbs, the next group for arms and legs."""
+    """Returns the mirrored piece for the right side: X is negated, limbs become the right ones, and arms and
+    legs go to the next group."""
     flip = lambda v: (-v[0], v[1], v[2])  # noqa: E731
     paired = lambda limb: Limb(limb + 1) if limb >= Limb.UPPER_ARM_LEFT else limb  # noqa: E731
     b = flip(piece.b) if piece.kind == TAPER else piece.b
@@ -136,14 +139,14 @@ PIECES: tuple[BodyPiece, ...] = tuple(
 
 @dataclass(frozen=True)
 class BodySdf:
-    """The primitives of a posed body in one frame of reference, as the renderer takes them.
+    """The primitives of a posed body in one frame of reference, in the layout that the renderer needs.
 
     Attributes:
         shape: (P, 16) float64. A taper: a (0:3), b - a (3:6), 1/|b - a|^2 (6), ra (7), rb - ra (8), bulge
             (9). An ellipsoid: centre (0:3), its axes over their half lengths
             (3:12, row by row), 1 / half lengths (12:15).
         kind, group, material: (P,) int64.
-        hull: (P, 7) float64 the two ends and the radius of a capsule around each primitive.
+        hull: (P, 7) float64, the two ends and the radius of a bounding capsule of each primitive.
     """
 
     shape: Float
@@ -154,7 +157,7 @@ class BodySdf:
 
 
 class BodyAnatomy:
-    """The pieces of one performer's body, scaled to the build once and placed for every figure."""
+    """The pieces of one performer's body. They are scaled to the build once and posed for every figure."""
 
     def __init__(self, performer: Performer) -> None:
         thick = performer.scale * performer.proportions.girth
@@ -201,7 +204,8 @@ class BodyAnatomy:
 
 
 def _product(a: Float, b: Float) -> Float:
-    """Returns (..., 3, 3) times (..., 3, n), added in a fixed order (no BLAS, no fused steps)."""
+    """Returns the product of (..., 3, 3) and (..., 3, n). The order of additions is fixed (no BLAS, no fused
+    multiply-add), so that all machines give the same result."""
     return np.asarray(
         a[..., :, 0, None] * b[..., None, 0, :]
         + a[..., :, 1, None] * b[..., None, 1, :]
@@ -210,14 +214,14 @@ def _product(a: Float, b: Float) -> Float:
 
 
 def _growth(performer: Performer, limb: Limb) -> Triple:
-    """Returns the factors in width, length and depth of a performer's limb over the reference."""
+    """Returns the scale factors of a limb in width, length and depth, relative to the reference build."""
     s, p = performer.scale, performer.proportions
     width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
     return s * width, s * _length(performer, limb), s * p.girth
 
 
 def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
-    """Returns the half axes of an ellipsoid, metres; girth does not change a head."""
+    """Returns the half axes of an ellipsoid, metres. The head does not grow with girth."""
     s, g = performer.scale, performer.proportions.girth
     if piece.limb == Limb.SKULL:
         return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s
@@ -225,7 +229,7 @@ def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
 
 
 def _length(performer: Performer, limb: Limb) -> float:
-    """Returns the length of a limb over the reference."""
+    """Returns the length of a limb relative to the reference build."""
     if Limb.UPPER_ARM_LEFT <= limb <= Limb.HAND_RIGHT:
         return performer.proportions.arms
     if Limb.THIGH_LEFT <= limb <= Limb.SHANK_RIGHT:

@@ -1,4 +1,4 @@
-"""A performer's forward kinematics, compiled: fills joints and the frames (3, 4) world_from_limb."""
+"""Compiled forward kinematics of a performer. Fills joints and the frames (3, 4) world_from_limb."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from enliven.person import Joint, Limb
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
 
 STRAIGHTEST = 0.997
-"""Share of thigh + shank that a leg reaches at most: a knee is never quite locked."""
+"""Maximum reach of a leg as a fraction of thigh + shank. A knee is never fully locked."""
 FOLDED = 0.3
-"""Share of thigh + shank at which a leg is folded: no knee bends further."""
+"""Minimum reach of a leg as a fraction of thigh + shank. A knee bends no further."""
 _AHEAD = 0.35
-"""Weight of the pelvis' front in the direction of a bending knee; the foot's counts 1."""
+"""Weight of the pelvis' forward direction in the direction of knee bending; the foot's direction has weight
+1."""
 
 _PELVIS, _ABDOMEN, _CHEST, _SKULL = (int(limb) for limb in list(Limb)[:4])
-# Of each pair the index of the left limb; the right limb's is the next.
+# The index of the left limb of each pair. The right limb follows it.
 _UPPER_ARM, _FOREARM, _HAND, _THIGH, _SHANK, _FOOT = (int(limb) for limb in list(Limb)[4::2])
 _SPINE, _NECK, _HEAD = int(Joint.SPINE), int(Joint.SHOULDER_CENTER), int(Joint.HEAD)
 _SHOULDER, _HIP = int(Joint.SHOULDER_LEFT), int(Joint.HIP_LEFT)
@@ -29,7 +30,8 @@ _SIDES_APART = int(Joint.HIP_RIGHT) - int(Joint.HIP_LEFT)
 
 
 class Lengths(NamedTuple):
-    """A performer's build in metres: lengths and (3,) offsets; those of paired limbs are for the left."""
+    """A performer's build in metres: lengths and (3,) offsets. Values of paired limbs are for the left
+    side."""
 
     spine: Float
     neck_base: Float
@@ -47,7 +49,7 @@ class Lengths(NamedTuple):
 
 
 def _numbers(name: str, kind: type) -> Any:
-    """Makes a named tuple of the float fields of a dataclass."""
+    """Creates a named tuple type from the float fields of a dataclass."""
     named: Any = namedtuple
     return named(name, [f.name for f in fields(kind) if f.type == "float"])
 
@@ -58,7 +60,8 @@ _trunk_of, _arm_of, _foot_of = (attrgetter(*numbers._fields) for numbers in (_Tr
 
 
 def numbers_of(posture: PerformerPosture) -> tuple[Any, Any, Any]:
-    """Returns the trunk, the two arms and the two feet as named tuples of floats, as kernels take them."""
+    """Returns the trunk, the two arms and the two feet as named tuples of floats, the form that compiled
+    kernels accept."""
     trunk = _Trunk._make(map(float, _trunk_of(posture)))
     arms = tuple(_Arm._make(map(float, _arm_of(arm))) for arm in (posture.left_arm, posture.right_arm))
     feet = tuple(_Foot._make(map(float, _foot_of(foot))) for foot in (posture.left_foot, posture.right_foot))
@@ -99,7 +102,7 @@ def _upright(frame: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _turn(frame: Float, axis: int, angle: float) -> None:
-    """Turns a frame by ``angle`` radians about its own axis of that number."""
+    """Rotates a frame by ``angle`` radians about its own axis with that index."""
     one, other = (axis + 1) % 3, (axis + 2) % 3
     c, s = math.cos(angle), math.sin(angle)
     for i in range(3):
@@ -109,7 +112,7 @@ def _turn(frame: Float, axis: int, angle: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> None:
-    """Turns a frame to its left, bends it forward and leans it to its left, by a share of the angles."""
+    """Rotates a frame by a fraction of the angles: yaw to its left, pitch forward, roll to its left."""
     _turn(frame, 1, share * yaw)
     _turn(frame, 0, share * pitch)
     _turn(frame, 2, -share * roll)
@@ -117,14 +120,15 @@ def _bend(frame: Float, yaw: float, pitch: float, roll: float, share: float) -> 
 
 @njit(cache=True, nogil=True)
 def _shift(point: Float, frame: Float, x: float, y: float, z: float) -> None:
-    """Adds to a point (3,) an offset that is given in a frame."""
+    """Adds to a point (3,) an offset given in the coordinates of a frame."""
     for i in range(3):
         point[i] += frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z
 
 
 @njit(cache=True, nogil=True)
 def _put_foot(build: Any, foot: Any, frame: Float) -> None:
-    """Fills the frame of a foot: the wanted ankle and the rotation; it pitches about the ball."""
+    """Fills the frame of a foot: the target ankle position and the rotation. The foot pitches about its
+    ball."""
     _upright(frame)
     frame[0, 3], frame[1, 3], frame[2, 3] = foot.x, build.ankle_height + foot.lift, foot.z
     _turn(frame, 1, foot.yaw)
@@ -135,7 +139,7 @@ def _put_foot(build: Any, foot: Any, frame: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
-    """Returns the height of the pelvis, metres, at which the leg to a planted foot is stretched."""
+    """Returns the pelvis height, metres, at which the leg to a planted foot is fully stretched."""
     x, y, z = sign * build.hip[0], build.hip[1], build.hip[2]
     up = pelvis[1, 0] * x + pelvis[1, 1] * y + pelvis[1, 2] * z
     aside = pelvis[0, 3] + (pelvis[0, 0] * x + pelvis[0, 1] * y + pelvis[0, 2] * z) - foot[0, 3]
@@ -146,7 +150,8 @@ def _highest(build: Any, pelvis: Float, foot: Float, sign: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
-    """Fills pelvis to head: a third of the spine's bend is below the spine joint, the rest above it."""
+    """Fills the frames from pelvis to head. A third of the spine's bend is below the spine joint, the rest
+    above it."""
     abdomen, chest, skull = frames[_ABDOMEN], frames[_CHEST], frames[_SKULL]
     copy_rows(abdomen, frames[_PELVIS])
     _bend(abdomen, trunk.spine_yaw, trunk.spine_pitch, trunk.spine_roll, 1.0 / 3.0)
@@ -166,7 +171,8 @@ def _put_trunk(build: Any, trunk: Any, joints: Float, frames: Float) -> None:
 
 @njit(cache=True, nogil=True)
 def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> None:
-    """Fills shoulder to hand; ``side`` 0 is the left, 1 the right, and ``joints`` begin at its shoulder."""
+    """Fills the frames from shoulder to hand; ``side`` 0 is the left, 1 the right. ``joints`` starts at the
+    shoulder."""
     sign, chest = 1.0 - 2.0 * side, frames[_CHEST]
     upper, fore, palm = frames[_UPPER_ARM + side], frames[_FOREARM + side], frames[_HAND + side]
     copy_rows(upper, chest)
@@ -192,7 +198,8 @@ def _put_arm(build: Any, arm: Any, side: int, joints: Float, frames: Float) -> N
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> None:
-    """Fills hip to foot; the knee bends towards the foot and its splay. ``joints`` begin at the hip."""
+    """Fills the frames from hip to foot. The knee bends in the direction of the foot plus its splay.
+    ``joints`` starts at the hip."""
     sign, pelvis, sole = 1.0 - 2.0 * side, frames[_PELVIS], frames[_FOOT + side]
     hip, knee, ankle = joints[0], joints[1], joints[2]
     copy_row(hip, pelvis[:, 3])
@@ -221,7 +228,8 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _direction(to: Float, start: Float, out: Float) -> float:
-    """Fills the unit vector (3,) from ``start`` to ``to``, down where they coincide; returns the distance."""
+    """Fills the unit vector (3,) from ``start`` to ``to`` and returns the distance. If the points coincide,
+    the vector points down."""
     x, y, z = to[0] - start[0], to[1] - start[1], to[2] - start[2]
     apart = math.sqrt(x * x + y * y + z * z)
     out[0], out[1], out[2] = 0.0, -1.0, 0.0
@@ -232,7 +240,7 @@ def _direction(to: Float, start: Float, out: Float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _clear_of(vector: Float, unit: Float) -> None:
-    """Makes a vector (3,) perpendicular to a unit vector (3,), and of length 1."""
+    """Makes a vector (3,) perpendicular to a unit vector (3,) and normalizes it."""
     shared = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2]
     for i in range(3):
         vector[i] -= shared * unit[i]
@@ -243,7 +251,7 @@ def _clear_of(vector: Float, unit: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _put_bone(top: Float, end: Float, forward: Float, frame: Float) -> None:
-    """Fills a frame at ``top`` with +Y away from ``end`` and +Z as near to ``forward`` as that allows.
+    """Fills a frame at ``top`` with +Y pointing away from ``end`` and +Z as close to ``forward`` as possible.
 
     ``forward`` may be the frame's own second column.
     """

@@ -1,7 +1,8 @@
-"""The performer's skeleton: proportions, and forward kinematics from a posture to 20 joints and 16 frames.
+"""The performer's skeleton: proportions, and forward kinematics from a posture to 20 joints and 16 limb
+frames.
 
-The body's own frame is +X to its left, +Y up, +Z forward. Legs are solved from the feet (two-bone inverse
-kinematics), so that a planted foot stays where it is whatever the pelvis does.
+The axes of the body's own frame are +X to its left, +Y up, +Z forward. Legs are solved from the feet by
+two-bone inverse kinematics, so that planted feet stay in place when the pelvis moves.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from enliven_synthesis.body.posture import PerformerPosture
 from enliven_synthesis.body.rotations import on_grid
 
 REFERENCE_HEIGHT = 1.75
-"""Metres: the stature at which the lengths and girths of this package are written down."""
+"""Stature, in metres, for which the lengths and girths in this package are given."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Figure:
 
 
 class Performer:
-    """A skeleton of given proportions that takes postures."""
+    """A skeleton of given proportions that can be posed."""
 
     def __init__(self, proportions: Proportions | None = None) -> None:
         self.proportions = p = proportions or Proportions()
@@ -68,21 +69,21 @@ class Performer:
         self._lengths = Lengths(*(getattr(self, name) for name in Lengths._fields))
 
     def pose(self, posture: PerformerPosture) -> Figure:
-        """Returns the figure of a posture by forward kinematics.
+        """Returns the figure of a posture, computed by forward kinematics.
 
-        The pelvis sinks below the requested height where a planted foot would otherwise lose the floor. A
-        foot in the air that is out of reach, or nearer than a folded leg, is moved along the leg.
+        The pelvis is lowered if a planted foot could otherwise not reach the floor. A foot in the air is
+        moved along the leg if it is out of reach, or closer than a folded leg allows.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
         forward_kinematics(self._lengths, *numbers_of(posture), joints, frames)
         return Figure(on_grid(joints), on_grid(frames))
 
     def figure(self, rotations: Float, pelvis: Float) -> Figure:
-        """Returns the figure with given limb rotations, such as those of a motion capture.
+        """Returns the figure with given limb rotations, for example from a motion capture.
 
         Args:
-            rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. Identities are a person who
-                stands upright facing +Z with hanging arms: limbs lie along -Y of their frame, the trunk
+            rotations: (16, 3, 3) world_from_limb, ordered by :class:`Limb`. Identity rotations mean a person
+                standing upright, facing +Z, with hanging arms: limbs point along -Y of their frame, the trunk
                 and the skull along +Y, feet point to +Z.
             pelvis: (3,) metres, the hip centre, world.
         """
@@ -112,12 +113,13 @@ class Performer:
         return Figure(on_grid(joints), on_grid(frames))
 
     def soles(self, figure: Figure) -> Float:
-        """Returns (2, 3) metres above the floor: heel, ball and toe-cap of the left and the right sole."""
+        """Returns (2, 3) heights above the floor, metres: heel, ball and toe-cap of the left and the right
+        sole."""
         points = np.array([[0.0, -0.082, -0.06], [0.0, -0.082, 0.128], [0.0, -0.076, 0.185]]) * self.scale
         feet = figure.frames[[Limb.FOOT_LEFT, Limb.FOOT_RIGHT]]
         return np.asarray((feet[:, None, 1, :3] * points).sum(-1) + feet[:, 1, 3:])
 
 
 def _mirrored(offset: Float, side: int) -> Float:
-    """Returns the (3,) offset for ``side`` 0 (left) or 1 (right) from that of the left side."""
+    """Returns a left-side offset (3,) for ``side`` 0 (left), or its mirror image for 1 (right)."""
     return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""A performer's posture at one moment: angles of trunk and arms, and places of the feet."""
+"""A performer's posture at one moment: angles of trunk and arms, and positions of the feet."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class ArmPose:
-    """The angles of one arm, radians; at zero it hangs straight down with the palm to the thigh.
+    """The joint angles of one arm, radians. At zero the arm hangs straight down with the palm facing the
+    thigh.
 
     Attributes:
-        flex: the upper arm forward (backward where negative).
-        abduct: the upper arm away from the trunk, sideways.
-        twist: the upper arm about its own length, the forearm inward.
-        elbow: bend of the elbow, 0 when straight.
-        pronate: the hand about the forearm, the palm turning down when the forearm is level.
+        flex: rotation of the upper arm forward (negative: backward).
+        abduct: rotation of the upper arm sideways, away from the trunk.
+        twist: rotation of the upper arm about its own length, which turns the forearm inward.
+        elbow: bend of the elbow; 0 is straight.
+        pronate: rotation of the hand about the forearm; turns the palm down if the forearm is level.
         wrist: bend of the hand towards the palm.
-        shrug: the shoulder joint lifted about the base of the neck.
+        shrug: rotation that lifts the shoulder joint about the base of the neck.
     """
 
     flex: float = 0.0
@@ -30,14 +31,14 @@ class ArmPose:
 
 @dataclass(frozen=True)
 class FootPose:
-    """The pose of one foot, by the point where its ball touches, or would touch, the floor.
+    """The pose of one foot, given by the point where its ball touches, or would touch, the floor.
 
     Attributes:
-        x, z: metres, world, of the ankle when the foot is flat.
-        lift: metres from the floor to the ball's resting height; 0 while the foot is planted.
-        yaw: radians about +Y, the toes towards +X where positive.
-        pitch: radians the toes point up; negative raises the heel about the planted ball.
-        splay: radians the knee leans outward from the foot's own direction.
+        x, z: position of the ankle of the flat foot, metres, world.
+        lift: height of the ball above its resting height, metres; 0 while the foot is planted.
+        yaw: radians about +Y; positive turns the toes towards +X.
+        pitch: radians by which the toes point up; negative raises the heel about the planted ball.
+        splay: radians by which the knee leans outward from the foot's own direction.
     """
 
     x: float
@@ -50,14 +51,15 @@ class FootPose:
 
 @dataclass(frozen=True)
 class PerformerPosture:
-    """A whole body's posture; angles in radians, positions in metres of the world.
+    """The posture of a whole body. Angles are in radians, positions in metres in world coordinates.
 
     Attributes:
-        x, z: the pelvis above the floor plan.
-        rise: the pelvis above its standing height (negative: knees bent; positive in a hop).
-        yaw, pitch, roll: the pelvis: turned to its left, tilted forward, leaning to its left.
-        spine_yaw, spine_pitch, spine_roll: the chest against the pelvis, spread over the back.
-        head_yaw, head_pitch, head_roll: the head against the chest.
+        x, z: position of the pelvis in the floor plane.
+        rise: height of the pelvis above its standing height (negative: knees bent; positive in a hop).
+        yaw, pitch, roll: rotation of the pelvis: to its left, forward, and sideways to its left.
+        spine_yaw, spine_pitch, spine_roll: rotation of the chest relative to the pelvis, distributed over the
+            spine.
+        head_yaw, head_pitch, head_roll: rotation of the head relative to the chest.
     """
 
     left_foot: FootPose

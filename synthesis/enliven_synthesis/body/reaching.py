@@ -1,4 +1,4 @@
-"""An arm that reaches for a place: the two-bone inverse kinematics of shoulder, elbow and wrist."""
+"""Two-bone inverse kinematics of an arm: shoulder, elbow and wrist."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from enliven_synthesis.body.performer import Performer
 
 
 def reach(performer: Performer, chest: Float, wanted: Float, out: Float, side: int) -> tuple[Float, float]:
-    """Returns (3, 3) world_from_upper_arm and the elbow's bend, radians, that bring the wrist near a place.
+    """Returns (3, 3) world_from_upper_arm, and the bend of the elbow in radians, that bring the wrist to a
+    target.
 
     Args:
         chest: (3, 3) world_from_chest.
-        wanted: (3,) metres, chest's frame: the wrist; brought to the arm's reach where it is out of it.
+        wanted: (3,) target of the wrist, metres, chest's frame. A target out of reach is moved within reach.
         out: (3,) chest's frame: the direction in which the elbow points.
         side: 0 the left arm, 1 the right one.
     """

@@ -1,4 +1,4 @@
-"""Elementary rotations (3, 3), and the rounding that makes a synthetic recording equal on all machines."""
+"""Elementary rotations (3, 3), and the rounding that makes synthetic recordings identical on all machines."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from enliven.arrays import Float
 
 GRID = 2.0**-24
-"""Metres (or direction cosines) to which postures are rounded: far below what a sensor resolves, far above
-the last bits, in which the sines of two mathematics libraries differ."""
+"""Step to which postures are rounded, metres (or direction cosines). It is far below a sensor's resolution,
+and far above the last bits, in which the sines of two maths libraries differ."""
 
 
 def about_x(angle: float) -> Float:
-    """(3, 3) a rotation by ``angle`` radians about +X."""
+    """Returns the (3, 3) rotation by ``angle`` radians about +X."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def about_y(angle: float) -> Float:
-    """(3, 3) a rotation by ``angle`` radians about +Y."""
+    """Returns the (3, 3) rotation by ``angle`` radians about +Y."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def about_z(angle: float) -> Float:
-    """(3, 3) a rotation by ``angle`` radians about +Z."""
+    """Returns the (3, 3) rotation by ``angle`` radians about +Z."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 

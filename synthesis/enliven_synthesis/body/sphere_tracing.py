@@ -1,8 +1,8 @@
 """Sphere tracing of the body surface, sixteen rays at a time (Hart 1996, "Sphere tracing").
 
-The loops over lanes have no branches, so that the compiler turns them into vector instructions; their
-arithmetic is + - * / and square roots in a fixed order, so that the result is the same on every machine with
-IEEE doubles, however wide its vectors.
+The loops over lanes have no branches, so that the compiler can vectorize them. Their arithmetic is + - * /
+and square roots in a fixed order. The result is therefore the same on every machine with IEEE doubles,
+whatever its vector width.
 """
 
 from __future__ import annotations
@@ -13,23 +13,25 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 SIDE = 4
-"""Pixels along a side of a tile: its rays are traced together, and are a multiple of any vector width."""
+"""Side of a tile, pixels. The rays of a tile are traced together; their number is a multiple of all vector
+widths."""
 LANES = SIDE * SIDE
-"""Rays of a tile, traced together."""
+"""Number of rays in a tile."""
 _STEPS = 64
-"""Steps of a ray at most; grazing rays need the most."""
+"""Maximum number of steps of a ray. Grazing rays need the most."""
 _CLOSE = 5e-4
-"""Metres from the surface at which a ray has arrived: below a sensor's step of depth."""
+"""A ray has arrived if it is this close to the surface, metres. It is less than a sensor's depth step."""
 _WARINESS = 1.4
-"""Factor by which a distance may shrink faster than the ray goes: those of ellipsoids are first-order."""
+"""Safety factor: a distance may shrink this many times faster than the ray advances, since the distances of
+ellipsoids are first-order approximations."""
 _FAR = 1e9
-"""Metres: the distance before any primitive was looked at, beyond any room."""
+"""Initial distance, metres, before any primitive has been evaluated. It is larger than any room."""
 
 X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST, _APART = range(0, 11 * LANES, LANES)
-"""Offsets into the array of lanes: of the rays' x/z and y/z, their lengths per depth and the depths (m) at
-which they end; of the depths (m) reached and the primitives met (-1: none); and of scratch."""
+"""Offsets into the array of lanes: the rays' x/z and y/z, their lengths per unit of depth, and the depths (m)
+at which they end; then the depths (m) reached and the primitives hit (-1: none); then scratch."""
 LANES_SIZE = 11 * LANES
-"""Numbers in the array of lanes: eleven rows."""
+"""Size of the array of lanes: eleven rows."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -37,12 +39,12 @@ def sphere_trace(
     shape: Float, kind: Int, group: Int, near_by: Int, clear: Float, lanes: Float, near: float,
     blend: Float, between: float,
 ) -> None:  # fmt: skip
-    """Traces sixteen rays to the body.
+    """Traces sixteen rays to the body surface.
 
     Args:
-        near_by: the indices of the primitives that the rays can meet, ordered by group.
+        near_by: indices of the primitives that the rays can hit, ordered by group.
         clear: (P,) scratch.
-        lanes: (LANES_SIZE,) rays, lengths and ends in; depths reached and primitives met out.
+        lanes: (LANES_SIZE,) input: rays, lengths and ends; output: depths reached and primitives hit.
         near: depth (m) at which the rays start.
         blend, between: metres, widths of the smooth unions within each group and between groups.
     """
@@ -59,7 +61,8 @@ def sphere_trace(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _advance(lanes: Float) -> int:
-    """Moves each active ray by its distance to the body; returns how many are still active."""
+    """Advances each active ray by its distance to the body. Returns the number of rays that are still
+    active."""
     active = 0
     for k in range(LANES):
         if lanes[MET + k] >= 0.0 or lanes[DEPTH + k] >= lanes[END + k]:
@@ -79,11 +82,11 @@ def _distances(
     shape: Float, kind: Int, group: Int, near_by: Int, clear: Float, travelled: float, lanes: Float,
     blend: Float, between: float,
 ) -> None:  # fmt: skip
-    """Finds the signed distances (m) to the smooth union, and the nearest primitives, of all rays.
+    """Computes the signed distances (m) of all rays to the smooth union, and the nearest primitives.
 
-    The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k: it acts only
-    where two surfaces are nearer to each other than k, so leaving out far primitives changes nothing. One is
-    left out while no ray has ``travelled`` beyond ``clear``, up to where all found it far.
+    The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k: it acts only if
+    two surfaces are closer than k, so skipping distant primitives changes nothing. A primitive is skipped
+    until a ray has ``travelled`` past its ``clear``, the depth up to which all rays found it distant.
     """
     for k in range(LANES):
         lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST + k] = _FAR, _FAR, _FAR, -1.0
@@ -107,7 +110,7 @@ def _distances(
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _greatest(lanes: Float, row: int, sign: float) -> float:
-    """Returns the greatest of a row of lanes times ``sign``."""
+    """Returns the largest value of a row of lanes times ``sign``."""
     most = sign * lanes[row]
     for k in range(LANES):
         value = sign * lanes[row + k]
@@ -117,7 +120,7 @@ def _greatest(lanes: Float, row: int, sign: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _close_group(lanes: Float, width: float) -> None:
-    """Unites a complete group with the groups before it, over ``width`` metres."""
+    """Merges a complete group with the groups before it, with a smooth union of ``width`` metres."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b = lanes[_WHOLE + k], lanes[_PART + k]
@@ -130,7 +133,7 @@ def _close_group(lanes: Float, width: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _add(lanes: Float, width: float, i: float) -> None:
-    """Unites the distances of primitive ``i`` with its group, and notes where it is the nearest."""
+    """Merges the distances of primitive ``i`` into its group, and records where it is the nearest."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b, so_far = lanes[_PART + k], lanes[_APART + k], lanes[_LEAST + k]
@@ -144,7 +147,7 @@ def _add(lanes: Float, width: float, i: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _taper(s: Float, i: int, lanes: Float) -> None:
-    """Finds distances to a capsule with a linearly changing radius and a parabolic bulge half-way."""
+    """Computes distances to a tapered capsule with a parabolic bulge half-way."""
     ax, ay, az, bx, by, bz = s[i, 0], s[i, 1], s[i, 2], s[i, 3], s[i, 4], s[i, 5]
     inverse, ra, grow, bulge = s[i, 6], s[i, 7], s[i, 8], 4.0 * s[i, 9]
     for k in range(LANES):
@@ -159,7 +162,8 @@ def _taper(s: Float, i: int, lanes: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _ellipsoid(s: Float, i: int, lanes: Float) -> None:
-    """Finds first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|, q and q' scaled by 1/r and 1/r^2."""
+    """Computes first-order distances to an ellipsoid, |q| (|q| - 1) / |q'|; q and q' are scaled by 1/r and
+    1/r^2."""
     ax, ay, az, u, v, w = s[i, 0], s[i, 1], s[i, 2], s[i, 12], s[i, 13], s[i, 14]
     a, b, c, d, e, f, g, h, j = (
         s[i, 3],

@@ -1,4 +1,4 @@
-"""Visibility of joints to a depth camera: a joint is visible behind nothing but its own body surface."""
+"""Occlusion of joints in a depth image: a visible joint is covered only by its own body surface."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ THICKNESS = np.array(
         0.15, 0.095, 0.085, 0.075,
     ]
 )  # fmt: skip
-"""(20,) metres of body and clothes before each joint at most, for an average build."""
+"""(20,) Maximum thickness of body and clothes in front of each joint, metres, for an average build."""
 _AROUND = 0.03
-"""Metres: the radius around a joint in which the body must be seen; a fist's."""
+"""Radius around a joint, metres, in which the body must be visible. About the radius of a fist."""
 _ENOUGH = 0.5
-"""Share of the pixels around a joint that must show its own body: the larger part."""
+"""Minimum fraction of the pixels around a joint that must show the joint's own body."""
 
 
 def seen_joints(
@@ -34,14 +34,15 @@ def seen_joints(
     camera_from_world: Float,
     reach: tuple[float, float],
 ) -> Bool:
-    """Returns (20,) whether each joint is in the image, in range, and behind nothing but its own body.
+    """Returns (20,) True for each joint that is in the image, in range, and not occluded by anything but its
+    own body.
 
     Args:
         joints: (20, 3) metres, world.
-        number: the performer's number in ``owner``.
+        number: this performer's number in ``owner``.
         depth: (H, W) metres, without noise.
-        owner: (H, W) the number of the performer that a pixel shows; -1 the room.
-        reach: metres along the optical axis between which the sensor measures.
+        owner: (H, W) number of the performer visible at each pixel; -1 for the room.
+        reach: range of the sensor along the optical axis, metres (near, far).
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     thick = THICKNESS * performer.scale * max(1.0, performer.proportions.girth)

@@ -1,4 +1,4 @@
-"""``enliven synthesize``: records a synthetic performer, with the true joints."""
+"""The command ``enliven synthesize``: records a synthetic performer with the true joints."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def synthesize(
 
 
 def write_performance(studio: SyntheticStudio, recorder: Recorder) -> Iterator[int]:
-    """Write one run of the choreography, depth and truth; yields each frame's number when it is written."""
+    """Writes one run of the choreography, depth and ground truth. Yields each frame's number after writing
+    it."""
     from enliven.frames import BodyFrame
 
     for index in range(studio.frames):

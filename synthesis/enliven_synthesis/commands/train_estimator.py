@@ -1,4 +1,4 @@
-"""``enliven train-estimator``: trains the pose network on rendered synthetic people."""
+"""The command ``enliven train-estimator``: trains the pose network on rendered synthetic people."""
 
 from __future__ import annotations
 

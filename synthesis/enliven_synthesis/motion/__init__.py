@@ -1,4 +1,4 @@
-"""The performer's motions: choreographies by name, walks, exercises and motion captures."""
+"""The performer's motions: named choreographies, walks, exercises and motion captures."""
 
 import lazy_loader
 

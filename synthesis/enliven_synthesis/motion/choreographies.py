@@ -1,4 +1,4 @@
-"""Choreographies by name: each gives the performer's posture at every moment, the same every time."""
+"""Choreographies by name. Each returns the performer's posture at every moment, and is deterministic."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ def choreography(name: str) -> Choreography:
 
 
 def choreography_names() -> list[str]:
-    """Returns the names that :func:`choreography` knows."""
+    """Returns the names that :func:`choreography` accepts."""
     return list(_MAKERS)
 
 
 def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
-    """Returns feet ``width`` metres apart, the toes turned out by ``toes`` radians."""
+    """Returns feet ``width`` metres apart, with the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
 
 _ARMREST = ArmPose(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.80, pronate=1.15, wrist=0.02)
-"""An arm with the forearm level and forward, as on the armrest of a chair."""
+"""An arm with the forearm level and pointing forward, as on the armrest of a chair."""
 
 
 def _alive(posture: PerformerPosture, time: float, duration: float, amount: float = 1.0) -> PerformerPosture:
-    """Adds breath and the small sway of a standing person to a posture."""
+    """Adds breathing and the small sway of a standing person to a posture."""
     breath = amount * sway(time, duration, max(2, round(duration / 3.4)), 0.1)
     slow, slower = sway(time, duration, 3, 0.37) * amount, sway(time, duration, 2, 0.0) * amount
     left = replace(
@@ -72,7 +72,7 @@ def _alive(posture: PerformerPosture, time: float, duration: float, amount: floa
 # --- the chair -------------------------------------------------------------------------------------------
 
 _CHAIR_SECONDS = 9.0
-"""Seconds: the length of the shipped recording."""
+"""Length of the shipped recording, seconds."""
 _CHAIR_STEPS = [
     Step(1, 2.85, 3.25, lift=0.33, toe=0.50, arc=(0.09, 0.20)),  # march: right knee,
     Step(0, 3.38, 3.78, lift=0.33, toe=0.50, arc=(-0.09, 0.20)),  # left knee
@@ -84,7 +84,7 @@ _CHAIR_STEPS = [
     Step(1, 7.04, 7.38, dx=-0.24, dz=-0.24, lift=0.14, toe=0.5, both=True),
 ]
 _CHAIR_TRACKS = {
-    # A small lean the other way, the left, the right (further back than it came from), and upright.
+    # A small lean to one side, the left, the right (further back than it came from), and upright.
     "lean": Track(
         (1.55, 0), (1.70, -0.06), (2.02, 0.34), (2.10, 0.34), (2.50, -0.36), (2.56, -0.36), (2.86, 0)
     ),
@@ -145,7 +145,7 @@ def _chair() -> Choreography:
 
 
 def _flapped(flap: float, tuck: float, swing: float) -> ArmPose:
-    """Returns an arm on its rest (0) or raised like a wing (1), drawn in by a crouch."""
+    """Returns an arm between resting (``flap`` 0) and raised like a wing (1); a crouch pulls it in."""
     rest = _ARMREST
     return ArmPose(
         flex=rest.flex + 0.20 * flap + 0.30 * tuck + swing,
@@ -203,7 +203,7 @@ def _wave() -> Choreography:
 
 
 def _walk() -> Choreography:
-    """Makes four steps towards the camera, and the same four backward."""
+    """Makes four steps towards the camera, and the same four backwards."""
     steps = [Step(1, 0.4, 0.82, dz=0.18, lift=0.06)]
     for n in range(3):
         steps.append(Step(n % 2, 0.98 + 0.58 * n, 1.40 + 0.58 * n, dz=0.18 if n == 2 else 0.36, lift=0.06))
@@ -234,7 +234,7 @@ def _walk() -> Choreography:
 
 
 def _wander() -> Choreography:
-    from enliven_synthesis.motion.wander import wander  # it is made of this module's parts
+    from enliven_synthesis.motion.wander import wander  # imports this module
 
     return wander()
 

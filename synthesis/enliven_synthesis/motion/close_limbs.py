@@ -1,7 +1,8 @@
-"""Motions with limbs close before the trunk: arms folded, akimbo, a guard, hands on the belly, a seat.
+"""Motions with limbs close in front of the trunk: folded arms, hands on hips, a guard, hands on the belly, a
+seat.
 
-The wrists reach for places in the chest's frame, so that forearms lie before the trunk of every build. Each
-motion takes a seed: 0 is as written, any other varies places, elbows and tempo.
+The wrists reach for targets in the chest's frame, so that forearms lie in front of the trunk for every build.
+Each motion takes a seed. Seed 0 is the motion as written; any other seed varies targets, elbows and tempo.
 """
 
 from __future__ import annotations
@@ -30,16 +31,16 @@ from enliven_synthesis.motion.motion import placed
 from enliven_synthesis.motion.tracks import ease
 
 _SPREAD = 0.025
-"""Metres by which a seed varies the place of a wrist: less than a hand's thickness."""
+"""Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
 _TEMPO = 0.2
-"""Share by which a seed varies the tempo."""
+"""Maximum random variation of the tempo, as a fraction."""
 _DOWN = (0.7, -0.7, -0.35)
-"""The direction of a hanging elbow in the chest's frame: outward, down and back."""
+"""Direction of a hanging elbow in the chest's frame: outward, down and back."""
 
 
 @dataclass(frozen=True)
 class Wrist:
-    """The place of a wrist of a person of 1.75 m, chest's frame, metres; x is to the arm's own side.
+    """A wrist position for a person of 1.75 m, in the chest's frame, metres; x points to the arm's own side.
 
     Attributes:
         out: the direction in which the elbow points.
@@ -53,7 +54,8 @@ class Wrist:
 
 @dataclass(frozen=True)
 class Key:
-    """A moment: seconds, the wrists, the forward shift and the angles of the trunk, radians."""
+    """One keyframe: time in seconds, the wrists, the trunk's forward shift, and the trunk's angles in
+    radians."""
 
     time: float
     left: Wrist
@@ -72,19 +74,19 @@ _ARMREST, _LENS = Wrist(0.14, -0.27, 0.30, (0.3, -0.5, -0.8)), Wrist(0.10, -0.10
 _LAP = Wrist(0.12, -0.36, 0.33, (0.8, -0.3, -0.5))
 _RUN_FORE = Wrist(0.06, -0.20, 0.28, (0.4, -0.6, -0.8))
 _RUN_BACK = Wrist(0.15, -0.32, 0.10, (0.4, 0.0, -1.0))
-"""Wrists of arms that hang, are folded, akimbo, on the belly, at the chin, in a guard, on an armrest, towards
-the sensor, on the lap, and of a runner."""
+"""Wrists of these arm poses, in order: hanging, folded, on the hips, on the belly, at the chin, in a guard,
+on an armrest, towards the sensor, on the lap, and of a runner."""
 _PALMS, _PALMS_APART = Wrist(0.02, -0.13, 0.30), Wrist(0.20, -0.13, 0.28)
 _BOOK, _WATCH = Wrist(0.11, -0.20, 0.34, (0.6, -0.8, -0.2)), Wrist(-0.06, -0.08, 0.25, (1.0, -0.2, 0.1))
 _SHOULDER = Wrist(-0.15, -0.06, 0.14, (0.2, -0.8, 0.6))
 _FRETS, _STRINGS = Wrist(0.36, -0.16, 0.22, (0.5, -0.9, 0.0)), Wrist(0.03, -0.33, 0.21, (1.0, -0.3, -0.5))
 _EAR, _POCKET = Wrist(0.13, 0.10, 0.06, (0.8, -0.7, 0.2)), Wrist(0.17, -0.52, 0.08, (0.9, 0.0, -0.6))
-"""Wrists of hands that clap and that hold a book, of an arm with a watch that is read, of a hand on the other
-shoulder, of a guitarist, at the ear with a telephone, and in a pocket."""
+"""Wrists of these hands, in order: clapping, holding a book, reading a watch, on the other shoulder, playing
+the guitar, holding a telephone at the ear, and in a pocket."""
 
 
 def _written() -> dict[str, tuple[Key, ...]]:
-    """Returns the keys of every motion that stands, by name."""
+    """Returns the keys of every standing motion, by name."""
 
     def both(wrist: Wrist, other: Wrist | None = None, **bent: float) -> tuple[Key, ...]:
         right = other or wrist
@@ -133,9 +135,9 @@ def _written() -> dict[str, tuple[Key, ...]]:
 
 
 _SIT = {"rise": -0.40, "z": -0.30, "pitch": 0.1, "spine_pitch": 0.15}
-"""A trunk that sits: metres that the pelvis is lower and behind the feet, and radians of its angles."""
+"""A sitting trunk: the pelvis' offset down and behind the feet in metres, and angles in radians."""
 _LEAN = {"rise": -0.22, "z": -0.16, "pitch": 0.6, "spine_pitch": 0.4}
-"""A trunk on its way between standing and sitting, bent forward for balance."""
+"""A trunk between standing and sitting, bent forward for balance."""
 _KEYS: dict[str, tuple[Key, ...]] = _written() | {
     "seat": (
         Key(0.0, _HANG, _HANG), Key(0.6, _HANG, _HANG), Key(1.2, _ARMREST, _ARMREST, _LEAN),
@@ -146,14 +148,14 @@ _KEYS: dict[str, tuple[Key, ...]] = _written() | {
     "jog": (Key(0.0, _RUN_FORE, _RUN_BACK), Key(6.0, _RUN_FORE, _RUN_BACK)),
 }  # fmt: skip
 _STRIDES = 1.35
-"""Strides a second of jogging on the spot."""
+"""Frequency of jogging on the spot, strides per second."""
 
 
 class CloseLimbs:
-    """One of the motions, for a performer; it begins at the world's origin, facing +Z.
+    """One of these motions, for a performer. It begins at the world's origin, facing +Z.
 
     Args:
-        name: of :func:`close_limb_names`.
+        name: one of :func:`close_limb_names`.
 
     Attributes:
         duration: seconds.
@@ -176,7 +178,7 @@ class CloseLimbs:
         self.duration = self._keys[-1].time
 
     def figure(self, time: float) -> Figure:
-        """Returns the figure at a time in seconds; before the start and after the end it stands still."""
+        """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         time = min(max(time, 0.0), self.duration)
         k = max(0, min(sum(key.time <= time for key in self._keys) - 1, len(self._keys) - 2))
         before, after = self._keys[k], self._keys[k + 1]
@@ -188,7 +190,8 @@ class CloseLimbs:
         return placed(self._reached(posture, wrists), (0.0, -HOME_Z), 0.0)
 
     def _reached(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
-        """Returns the figure of a posture with its two wrists at (6,) places and directions of the elbow."""
+        """Returns the figure of a posture with its wrists at the given (6,) positions and elbow
+        directions."""
         figure, performer = self._performer.pose(posture), self._performer
         rotations = figure.frames[:, :, :3].copy()
         stout = np.array([1.0, 1.0, max(1.0, performer.proportions.girth)])
@@ -203,7 +206,7 @@ class CloseLimbs:
 
 
 def _between(a: Wrist, b: Wrist, part: float) -> Float:
-    """Returns (6,) the place and the elbow's direction between two wrists."""
+    """Returns (6,) the position and the elbow direction interpolated between two wrists."""
     first, second = (np.array([w.x, w.y, w.z, *w.out]) for w in (a, b))
     return np.asarray((1.0 - part) * first + part * second)
 
@@ -211,7 +214,7 @@ def _between(a: Wrist, b: Wrist, part: float) -> Float:
 def _jogging(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
-    """Returns a posture jogging on the spot, and its wrists; ``phase`` in radians of a stride."""
+    """Returns a posture jogging on the spot, and its wrists. ``phase`` is in radians; one stride is 2 pi."""
     swing = 0.5 + 0.5 * math.sin(phase)
     feet = [
         replace(
@@ -236,14 +239,14 @@ def _jogging(
 
 
 def _standing(trunk: dict[str, Any]) -> PerformerPosture:
-    """Returns a standing posture with the trunk bent and moved; ``z`` is metres ahead of the feet."""
+    """Returns a standing posture with the trunk bent and moved; ``z`` is metres in front of the feet."""
     feet = FootPose(0.13, HOME_Z, yaw=0.12), FootPose(-0.13, HOME_Z, yaw=-0.12)
     upright = PerformerPosture(*feet, z=HOME_Z, pitch=0.02, spine_pitch=0.04)
     return replace(upright, **(trunk | {"z": HOME_Z + trunk.get("z", 0.0)}))
 
 
 def _varied(key: Key, rng: Generator | None) -> Key:
-    """Returns the key with its wrists and its trunk varied."""
+    """Returns the key with random variations of its wrists and its trunk."""
     if rng is None:
         return key
     left, right = (
@@ -251,11 +254,11 @@ def _varied(key: Key, rng: Generator | None) -> Key:
         for w, (dx, dy, dz) in zip((key.left, key.right), rng.normal(0.0, _SPREAD, (2, 3)), strict=True)
     )
     bent = {name: value * float(rng.uniform(0.8, 1.2)) for name, value in key.trunk.items()}
-    if "rise" in bent:  # a seat does not change its height
+    if "rise" in bent:  # the height of a seat is not varied
         bent["rise"] = key.trunk["rise"]
     return replace(key, left=left, right=right, trunk=bent)
 
 
 def close_limb_names() -> list[str]:
-    """Returns the names that :class:`CloseLimbs` knows."""
+    """Returns the names that :class:`CloseLimbs` accepts."""
     return list(_KEYS)

@@ -1,4 +1,4 @@
-"""The type of a choreography, and the place where its performer starts."""
+"""The type of a choreography, and the start position of its performer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enliven_synthesis.body import PerformerPosture
 
 HOME_Z = -2.7
-"""Metres: z of the performer's start, before a camera above the world's origin that looks along -Z."""
+"""Z of the performer's start position, metres. The camera is above the world's origin and looks along -Z."""
 
 
 @dataclass(frozen=True)
@@ -16,9 +16,9 @@ class Choreography:
     """A named movement.
 
     Attributes:
-        duration: seconds; the posture at the end equals that at the start.
-        posture: gives the posture at a time in [0, duration].
-        planted: tells whether the left (0) or right (1) foot stands on the floor at a time.
+        duration: length in seconds. The last posture equals the first.
+        posture: returns the posture at a time in [0, duration].
+        planted: returns True if the left (0) or right (1) foot stands on the floor at a time.
     """
 
     name: str

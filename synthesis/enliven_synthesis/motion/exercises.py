@@ -1,7 +1,7 @@
 """Exercises that are hard to track: arms overhead, crouching, kneeling, turning, hands to the floor.
 
-Each exercise takes a seed. Seed 0 is as written; any other seed varies the angles, the depth of the bends and
-the tempo, so that a tracker can be tuned on some and measured on others.
+Each exercise takes a seed. Seed 0 is the exercise as written. Any other seed varies the angles, the depth of
+the bends and the tempo, so that a tracker can be tuned on some seeds and evaluated on others.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DOWN = ArmPose(flex=1.75, abduct=0.08, elbow=0.10)
 
 
 def _home(**changes: Any) -> PerformerPosture:
-    """Returns a relaxed standing posture with the given fields changed."""
+    """Returns a relaxed standing posture with the given fields replaced."""
     values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
     values |= {
         "left_foot": FootPose(0.13, HOME_Z, yaw=0.12),
@@ -42,7 +42,7 @@ def _home(**changes: Any) -> PerformerPosture:
 
 
 class _Variation:
-    """Random variations of the written numbers; none at seed 0."""
+    """Random variations of the written numbers. Seed 0 does not vary anything."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -74,7 +74,7 @@ class _Variation:
 
 
 def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -> Choreography:
-    """Returns a choreography of postures at times in seconds, eased from one to the next."""
+    """Returns a choreography of keyed postures, times in seconds, with eased interpolation."""
     tempo = vary.near(1.0, 0.2)
     times = [tempo * time for time, _ in keys]
     postures = [keys[0][1], *(vary.posture(p) for _, p in keys[1:-1]), keys[-1][1]]
@@ -91,7 +91,7 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
 
 
 def mixed_fields(a: T, b: T, part: float) -> T:
-    """Interpolates every number of two dataclasses of a kind by ``part``."""
+    """Interpolates all numbers of two dataclasses of the same type by ``part``."""
     ours, theirs = vars(a), vars(b)
     mixed = {
         name: mixed_fields(value, theirs[name], part)
@@ -193,13 +193,13 @@ def _crossed(vary: _Variation) -> Choreography:
 
 
 def _turn(vary: _Variation) -> Choreography:
-    """Turns all the way round on the spot, a sixth of a turn for a step of both feet."""
+    """Turns all the way round on the spot; each step of both feet turns by 60 degrees."""
     beat = vary.near(0.55, 0.08)
     steps = 12
     duration = 1.0 + beat * (steps + 1) + 0.6
 
     def heading(side: int, time: float) -> tuple[float, float]:
-        """Returns the radians that a foot has turned, and its height in metres."""
+        """Returns a foot's rotation so far, radians, and its height, metres."""
         yaw = lift = 0.0
         for n in range(side, steps + 1, 2):
             span = 2 * math.pi / steps * (1 if n in (0, steps) else 2)
@@ -226,7 +226,7 @@ def _turn(vary: _Variation) -> Choreography:
 
 
 def _stroll(vary: _Variation) -> Choreography:
-    """Walks nine steps straight on, about three metres and a half."""
+    """Walks nine steps straight ahead, about 3.5 m."""
     stride, beat = vary.near(0.42, 0.05), vary.near(0.52, 0.05)
     steps = [Step(1, 0.4, 0.4 + 0.8 * beat, dz=stride, lift=0.07)]
     for n in range(1, 8):
@@ -253,7 +253,7 @@ def _stroll(vary: _Variation) -> Choreography:
 
 
 def _touch(vary: _Variation) -> Choreography:
-    """Gives a hand to a person on the performer's left."""
+    """Holds out a hand to a person on the performer's left."""
     give = replace(_OUT, abduct=vary.near(1.2, 0.1), elbow=0.15)
     return _keyed(
         "touch", vary, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
@@ -291,5 +291,5 @@ def exercise(name: str, seed: int = 0) -> Choreography:
 
 
 def exercise_names() -> list[str]:
-    """Returns the names that :func:`exercise` knows."""
+    """Returns the names that :func:`exercise` accepts."""
     return list(_MAKERS)

@@ -1,4 +1,4 @@
-"""Footwork turns steps into poses of the feet, and into the path of the pelvis over them."""
+"""Computes poses of the feet, and the pelvis path above them, from a list of steps."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from enliven_synthesis.motion.tracks import Step, pulse
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
 """(x, z, yaw) of the left foot and of the right foot: metres, metres, radians."""
 SHIFT = 0.24
-"""Seconds before a step in which the weight shifts to the other foot, and after it shifts back."""
+"""Duration of the weight shift to the other foot before a step, and back after it, seconds."""
 PUSH = 0.16
-"""Seconds in which the heel rises before the ball leaves the floor."""
+"""Time during which the heel rises before the ball leaves the floor, seconds."""
 
 
 class Footwork:
@@ -18,8 +18,8 @@ class Footwork:
 
     Args:
         stance: (x, z, yaw) of the left foot and of the right foot at the start.
-        steps: the steps, ordered by start.
-        carry: how far the pelvis moves over the standing foot, 0 not at all, 1 entirely.
+        steps: the steps, ordered by start time.
+        carry: how far the pelvis moves over the standing foot: 0 not at all, 1 fully.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Footwork:
         self._stance, self._steps, self._carry = stance, steps, carry
 
     def foot(self, side: int, time: float) -> FootPose:
-        """Returns the left (0) or right (1) foot at ``time`` seconds."""
+        """Returns the pose of the left (0) or right (1) foot at ``time`` seconds."""
         x, z, yaw = self._stance[side]
         lift, pitch = 0.0, 0.0
         for step in self._steps:
@@ -44,7 +44,8 @@ class Footwork:
         return FootPose(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
-        """Returns (x, z) of the pelvis, metres: between the feet, and towards the standing one in a step."""
+        """Returns (x, z) of the pelvis, metres: between the feet, and closer to the standing foot during a
+        step."""
         left, right = self._ground(0, time), self._ground(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
         toward = [pulse(time, s.start, s.stop, SHIFT) for s in self._steps if not s.both]
@@ -57,20 +58,20 @@ class Footwork:
         return x, z
 
     def _ground(self, side: int, time: float) -> tuple[float, float]:
-        """Returns (x, z) of a foot, metres, without the arcs of its steps."""
+        """Returns (x, z) of a foot, metres, without the sideways arcs of its steps."""
         x, z, _ = self._stance[side]
         mine = [(s.progress(time), s) for s in self._steps if s.foot == side]
         return x + sum(p * s.dx for p, s in mine), z + sum(p * s.dz for p, s in mine)
 
     def favour(self, time: float) -> float:
-        """Returns which foot carries the weight: from -1 (the right) to +1 (the left); 0 both."""
+        """Returns the weight distribution: -1 all on the right foot, +1 all on the left foot, 0 on both."""
         signed = [pulse(time, s.start, s.stop, SHIFT) * (2 * s.foot - 1) for s in self._steps if not s.both]
         return max(-1.0, min(1.0, sum(signed)))
 
     def hop(self, time: float) -> float:
-        """Returns the metres by which a hop lifts the whole body."""
+        """Returns the body's height in a hop, metres."""
         return max((s.height(time) for s in self._steps if s.both), default=0.0)
 
     def planted(self, side: int, time: float) -> bool:
-        """Returns whether the ball of a foot is on the floor."""
+        """Returns True if the ball of a foot is on the floor."""
         return all(not s.start < time < s.stop for s in self._steps if s.foot == side)

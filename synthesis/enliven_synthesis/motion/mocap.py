@@ -1,7 +1,9 @@
-"""Transfers a motion capture to a performer of other proportions: every limb points as the captured one did.
+"""Retargets a motion capture to a performer of other proportions. Every limb points in the captured
+direction.
 
-Bone directions turn the limbs. The plane in which an elbow or a knee bends turns them about their length; the
-trunk does where they are straight. The soles are put on the floor where the captured ones were.
+Bone directions determine the swing of the limbs. The twist comes from the plane in which an elbow or a knee
+bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured ones were
+on it.
 """
 
 from __future__ import annotations
@@ -16,24 +18,25 @@ from enliven.takes import Roles, find_roles, limb_rotations, smoothstep, upright
 from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
-"""The unit direction that a motion faces when it begins."""
+"""Unit direction that a motion faces when it begins."""
 _SETTLE = 0.06
-"""Seconds: deviation of the Gaussian that smooths corrections of the height, a fraction of a step."""
+"""Standard deviation, in seconds, of the Gaussian that smooths height corrections. It is a fraction of a
+step."""
 
 
 class Captured:
-    """A motion capture transferred to a performer; it begins at the world's origin, facing +Z.
+    """A motion capture retargeted to a performer. It begins at the world's origin, facing +Z.
 
     Args:
         performer: the performer.
         capture: the motion capture.
-        start, stop: seconds of the capture; None for its end.
+        start, stop: start and end in the capture, seconds; a ``stop`` of None is the capture's end.
 
     Attributes:
         duration: seconds.
 
     Raises:
-        InputError: where the capture has no hips, knees, elbows or head.
+        InputError: if the capture lacks hips, knees, elbows or head.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class Captured:
         self.duration = (len(pelvis) - 1) * capture.seconds
 
     def figure(self, time: float) -> Figure:
-        """Returns the figure at a time in seconds; before the start and after the end it stands still."""
+        """Returns the figure at a time in seconds. Before the start and after the end it stands still."""
         at = min(max(time / self._seconds, 0.0), len(self._pelvis) - 1.0)
         before = min(int(at), max(len(self._pelvis) - 2, 0))
         after, part = min(before + 1, len(self._pelvis) - 1), at - before
@@ -66,7 +69,7 @@ class Captured:
 def _pelvis_path(
     performer: Performer, capture: Capture, roles: Roles, rotations: Float, standing: Bool
 ) -> Float:
-    """Returns (F, 3) metres: the hip centre, scaled by the legs, the soles as high as the captured ones."""
+    """Returns the (F, 3) hip centre, metres, scaled by leg length, with the soles at the captured height."""
     p = capture.positions
     hips, knees, ankles = (p[:, list(r)] for r in (roles.hips, roles.knees, roles.ankles))
     leg = np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)
@@ -82,11 +85,12 @@ def _pelvis_path(
 
 
 def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
-    """Returns (F,) metres from the floor to the lower foot; 0 below a few centimetres.
+    """Returns (F,) height of the lower foot above the floor, metres. Heights below a few centimetres become
+    0.
 
     Args:
         toes, ankles: (F, 2, 3) metres.
-        standing: (F, 2) whether that foot stands on the floor.
+        standing: (F, 2) True if that foot stands on the floor.
     """
     heights = []
     for side in (0, 1):
@@ -98,7 +102,7 @@ def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
 
 
 def _smoothed(values: Float, width: float) -> Float:
-    """Returns (F,) means over a Gaussian with a deviation of ``width`` frames."""
+    """Returns the (F,) values smoothed by a Gaussian with a standard deviation of ``width`` frames."""
     reach = max(1, round(3 * width))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(width, 1e-6)) ** 2)
     return np.convolve(np.pad(values, reach, mode="edge"), kernel / kernel.sum(), mode="valid")

@@ -1,4 +1,4 @@
-"""Motions give a performer's figure at every moment; they can be placed, chained and held."""
+"""Motions, which return a performer's figure at every moment. They can be placed, chained and held."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Motion(Protocol):
 
 
 class Danced:
-    """A choreography of this project, performed by a performer.
+    """A choreography performed by a performer.
 
     Args:
-        repeat: whether it begins again at its end, or stands still there.
+        repeat: True to repeat the choreography; False to stand still at its end.
     """
 
     def __init__(self, performer: Performer, choreography: Choreography, repeat: bool = False) -> None:
@@ -39,13 +39,13 @@ class Danced:
         self.duration = choreography.duration
 
     def figure(self, time: float) -> Figure:
-        """The figure at a time in seconds."""
+        """Returns the figure at a time in seconds."""
         at = time % self.duration if self._repeat else min(max(time, 0.0), self.duration)
         return placed(self._performer.pose(self._choreography.posture(at)), (0.0, -HOME_Z), 0.0)
 
 
 def placed(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
-    """Turns a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) metres."""
+    """Rotates a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) metres."""
     turn, offset = about_y(yaw), np.array([place[0], 0.0, place[1]])
     frames = np.empty_like(figure.frames)
     frames[:, :, :3] = turn @ figure.frames[:, :, :3]
@@ -55,13 +55,13 @@ def placed(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
 
 @dataclass(frozen=True)
 class MotionSegment:
-    """A motion in a chain.
+    """One motion of a chain.
 
     Attributes:
-        start: seconds at which it begins.
+        start: time at which it begins, seconds.
         motion: the motion.
-        place: (x, z) metres where it begins.
-        yaw: radians about +Y that it faces at the start.
+        place: (x, z) position where it begins, metres.
+        yaw: direction that it faces at the start, radians about +Y.
     """
 
     start: float
@@ -71,11 +71,11 @@ class MotionSegment:
 
 
 class Chained:
-    """A sequence of motions; each goes on until the next begins, with a cut or a blend between them.
+    """A sequence of motions. Each continues until the next begins, with a cut or a blend between them.
 
     Args:
-        segments: the motions, ordered by start.
-        blend: seconds before each cut in which the performer blends into the next motion's beginning.
+        segments: the motions, ordered by start time.
+        blend: length of the blend into the next motion, before each cut, seconds.
     """
 
     def __init__(self, performer: Performer, segments: tuple[MotionSegment, ...], blend: float = 0.0) -> None:
@@ -83,7 +83,7 @@ class Chained:
         self.duration = segments[-1].start + segments[-1].motion.duration
 
     def figure(self, time: float) -> Figure:
-        """The figure at a time in seconds."""
+        """Returns the figure at a time in seconds."""
         k = max([n for n, segment in enumerate(self._segments) if segment.start <= time], default=0)
         here = self._at(self._segments[k], time)
         if self._blend == 0.0 or k + 1 == len(self._segments):
@@ -98,7 +98,8 @@ class Chained:
 
 
 def mixed(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
-    """Interpolates two figures by ``part``: every limb by its shortest turn, the soles kept on the floor."""
+    """Interpolates two figures by ``part``. Every limb takes the shortest rotation, and the soles stay on the
+    floor."""
     turned = slerp(from_matrix(a.frames[:, :, :3]), from_matrix(b.frames[:, :, :3]), np.full(16, part))
     pelvis = (1.0 - part) * a.joints[0] + part * b.joints[0]
     figure = performer.figure(to_matrix(turned), pelvis)
@@ -108,11 +109,12 @@ def mixed(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
 
 
 class HeldMotion:
-    """A motion that holds the figure of another one at one moment, with a small sway.
+    """A motion that holds a moment of another motion, with a small sway.
 
     Args:
-        at: seconds of that moment.
-        sway: seconds of the other motion to either side, between which the figure sways.
+        at: the moment, seconds.
+        sway: time range of the other motion, before and after that moment, over which the figure sways,
+            seconds.
     """
 
     duration = math.inf
@@ -121,5 +123,5 @@ class HeldMotion:
         self._motion, self._at, self._sway = motion, at, sway
 
     def figure(self, time: float) -> Figure:
-        """The figure at a time in seconds."""
+        """Returns the figure at a time in seconds."""
         return self._motion.figure(self._at + self._sway * math.sin(2.0 * math.pi * time / 3.0))

@@ -1,4 +1,4 @@
-"""Channels over time: keyframes with smooth splines, steps of the feet, and pulses."""
+"""Time curves: keyframes with smooth splines, steps of the feet, and pulses."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from scipy.interpolate import PchipInterpolator
 
 
 class Track:
-    """One number over time through keyframes, constant before the first and after the last.
+    """A number over time, interpolated between keyframes; constant before the first and after the last.
 
-    Monotone cubic between keys (Fritsch and Carlson 1980): it rests at extremes and never overshoots one.
+    The interpolation is monotone cubic (Fritsch and Carlson 1980): it is flat at extremes and never
+    overshoots them.
     """
 
     def __init__(self, *keys: tuple[float, float]) -> None:
@@ -29,19 +30,20 @@ class Track:
 
 
 def ease(t: float) -> float:
-    """Minimum-jerk progress from 0 at t <= 0 to 1 at t >= 1 (Flash and Hogan 1985)."""
+    """Returns minimum-jerk progress from 0 at t <= 0 to 1 at t >= 1 (Flash and Hogan 1985)."""
     t = min(max(t, 0.0), 1.0)
-    # Rounding may pass 1 by some units in the last place.
+    # Rounding may exceed 1 by a few units in the last place.
     return min(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t), 1.0)
 
 
 def pulse(time: float, start: float, stop: float, rise: float) -> float:
-    """0, then 1 from ``start`` to ``stop``, eased over ``rise`` seconds before and after."""
+    """Returns 0, then 1 from ``start`` to ``stop``, eased over ``rise`` seconds before and after."""
     return ease((time - start) / rise + 1.0) * (1.0 - ease((time - stop) / rise))
 
 
 def sway(time: float, duration: float, cycles: int, phase: float) -> float:
-    """Returns a sine with whole cycles in ``duration`` seconds, so that the choreography can loop."""
+    """Returns a sine with a whole number of cycles in ``duration`` seconds, so that the choreography can
+    loop."""
     return math.sin(2.0 * math.pi * (cycles * time / duration + phase))
 
 
@@ -51,12 +53,12 @@ class Step:
 
     Attributes:
         foot: 0 for the left, 1 for the right.
-        start, stop: seconds of leaving and touching the floor.
-        dx, dz: metres that the foot moves.
-        lift: metres that the ball rises at the middle of the step.
-        toe: radians that the toes hang down at the middle of the step.
-        arc: (x, z) metres that the foot swings aside at the middle of the step.
-        both: whether it is a hop: the pelvis rises with it, and does not shift onto the other foot.
+        start, stop: times at which it leaves and touches the floor, seconds.
+        dx, dz: displacement of the foot, metres.
+        lift: height of the ball at the middle of the step, metres.
+        toe: angle by which the toes hang down at the middle of the step, radians.
+        arc: (x, z) sideways swing of the foot at the middle of the step, metres.
+        both: True for a hop: the pelvis rises with it, and does not shift onto the other foot.
     """
 
     foot: int
@@ -70,16 +72,17 @@ class Step:
     both: bool = False
 
     def progress(self, time: float) -> float:
-        """Returns 0 before the step, 1 after it, minimum jerk between."""
+        """Returns 0 before the step, 1 after it, and a minimum-jerk curve in between."""
         return ease((time - self.start) / (self.stop - self.start))
 
     def height(self, time: float) -> float:
-        """Returns metres of the ball above its planted height; only a hop leaves and lands with speed."""
+        """Returns the height of the ball above its planted height, metres. Only a hop leaves and lands with
+        speed."""
         bump = self._bump(time)
         return self.lift * (bump if self.both else bump * bump)
 
     def offset(self, time: float) -> tuple[float, float]:
-        """Returns (x, z) metres that the foot has moved."""
+        """Returns the (x, z) displacement of the foot so far, metres."""
         s, bump = self.progress(time), self._bump(time) ** 2
         return s * self.dx + bump * self.arc[0], s * self.dz + bump * self.arc[1]
 

@@ -1,7 +1,7 @@
-"""Walking about, as a person does to let several sensors find each other.
+"""Walking about, as a person does to calibrate several sensors to each other.
 
-The path is a closed curve that crosses itself: it covers the floor in both directions and shows the walker
-from every side. The arms swing, and rise now and then.
+The path is a closed curve that crosses itself. It covers the floor in both directions and shows the walker
+from every side. The arms swing, and are raised now and then.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 
 _HALF = 0.56
-"""Share of a stride for which a foot stands: walking, not running, as it is over a half."""
+"""Fraction of a stride during which a foot stands. Over one half means walking, not running."""
 _APART = 0.09
-"""Metres of a foot beside the path: about half the width of the hips."""
+"""Sideways distance of a foot from the path, metres. About half the width of the hips."""
 
 
 class WalkPath:
-    """A walk along x = a sin(m u), z = b sin(n u), once round in ``duration`` seconds.
+    """A walk along the Lissajous curve x = a sin(m u), z = b sin(n u), once round in ``duration`` seconds.
 
     Args:
-        breadth, depth: metres between the outermost points.
+        breadth, depth: size of the path, metres between the outermost points.
         waves: (m, n); (1, 2) is a figure of eight, (1, 1) and a quarter turn an ellipse, (1, 0) a line.
-        phase: radians that z is ahead of x.
-        pace: seconds a step.
+        phase: phase of z relative to x, radians.
+        pace: duration of a step, seconds.
     """
 
     def __init__(
@@ -45,13 +45,13 @@ class WalkPath:
         self._pace = duration / (2 * max(1, round(duration / pace / 2)))
 
     def at(self, time: float) -> Float:
-        """Returns (2,) x and z, metres, from the middle of the path."""
+        """Returns (2,) x and z on the path, metres, relative to its middle."""
         u = 2 * math.pi * time / self.duration
         m, n = self._waves
         return np.asarray(self._size * [math.sin(m * u), math.sin(n * u + self._phase)])
 
     def yaw(self, time: float) -> float:
-        """Returns the radians about +Y of the walking direction; 0 is +Z."""
+        """Returns the walking direction, radians about +Y; 0 is +Z."""
         ahead = self.at(time + 0.12) - self.at(time - 0.12)
         return math.atan2(ahead[0], ahead[1])
 
@@ -69,7 +69,7 @@ class WalkPath:
         )  # fmt: skip
 
     def _foot(self, side: int, time: float) -> FootPose:
-        """Returns a foot that stands for one step and swings for the next; side 0 is the left."""
+        """Returns a foot that alternately stands for one step and swings for one; side 0 is the left."""
         stride = 2 * self._pace
         count, share = divmod(time / stride + 0.5 * side, 1.0)
         middle = (count - 0.5 * side) * stride
@@ -80,11 +80,12 @@ class WalkPath:
         return FootPose(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
 
     def stands(self, side: int, time: float) -> bool:
-        """Returns whether the left (0) or right (1) foot stands."""
+        """Returns True if the left (0) or right (1) foot stands."""
         return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _HALF
 
     def _print(self, side: int, time: float) -> tuple[Float, float]:
-        """Returns (x, z) metres and yaw of a footprint, beside the body halfway through its stance."""
+        """Returns (x, z) metres and yaw of a footprint, next to the body's position halfway through the
+        foot's stance."""
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
         aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_APART if side == 0 else -_APART)
@@ -92,7 +93,7 @@ class WalkPath:
 
 
 def _turned(start: float, stop: float) -> float:
-    """Returns the shorter turn from one direction to another, radians."""
+    """Returns the shorter signed rotation from one direction to another, radians."""
     return (stop - start + math.pi) % (2 * math.pi) - math.pi
 
 
@@ -107,6 +108,6 @@ def _arm(swing: float, raised: float) -> ArmPose:
 
 
 def wander(duration: float = 16.0, **path: float) -> Choreography:
-    """Returns the choreography of walking a path; see :class:`WalkPath` for its arguments."""
+    """Returns the choreography of walking along a path; see :class:`WalkPath` for its arguments."""
     walked = WalkPath(duration, **path)  # type: ignore[arg-type]
     return Choreography("wander", duration, walked.posture, walked.stands)

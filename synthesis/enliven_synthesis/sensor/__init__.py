@@ -1,4 +1,4 @@
-"""A synthetic depth camera in a room with a performer, with the faults of real cameras."""
+"""A synthetic depth camera, with the faults of real cameras, in a room with a performer."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Several performers and furniture before one sensor, with the ground truth."""
+"""Several performers and furniture in front of one sensor, with the ground truth."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDS = 0.02
-"""Metres of the sole above the floor within which a foot stands: below a sensor's noise."""
+"""A foot counts as standing if its sole is at most this high above the floor, metres. Less than a sensor's
+noise."""
 _STILL = 0.35
-"""Metres a second of a standing foot's slowest part at most: a swinging foot is faster all over."""
+"""Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
+faster."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,12 @@ class Appearance:
     """One performer's part in a scene.
 
     Attributes:
-        performer: the build.
-        motion: the motion, made for that performer.
-        place: (x, z) metres, world, where the motion begins.
+        performer: the performer, which has the build.
+        motion: the motion, created for that performer.
+        place: (x, z) position where the motion begins, metres, world.
         yaw: radians about +Y; 0 faces a camera that looks along -Z.
-        start: seconds of the scene at which the motion begins.
-        present: seconds of the scene between which the performer is in the room.
+        start: scene time at which the motion begins, seconds.
+        present: (from, to) scene time during which the performer is in the room, seconds.
     """
 
     performer: Performer
@@ -45,7 +47,7 @@ class Appearance:
     present: tuple[float, float] = (-math.inf, math.inf)
 
     def figure(self, time: float) -> Figure | None:
-        """Returns the figure at a time of the scene; None while the performer is away."""
+        """Returns the figure at a time of the scene; None while the performer is absent."""
         if not self.present[0] <= time < self.present[1]:
             return None
         return placed(self.motion.figure(time - self.start), self.place, self.yaw)
@@ -53,14 +55,15 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Truth:
-    """The ground truth of one frame, for P performers, those who are away included.
+    """The ground truth of one frame, for P performers, including absent ones.
 
     Attributes:
-        present: (P,) whether the performer is in the room.
-        joints: (P, 20, 3) metres, world; NaN for a performer who is away.
-        visible: (P, 20) whether a joint is in the image, in range, and behind nothing but its own body.
-        contacts: (P, 2) whether the left and the right foot stand on the floor.
-        owner: (H, W) int32 the number of the performer that a pixel shows, -1 the room.
+        present: (P,) True if the performer is in the room.
+        joints: (P, 20, 3) metres, world; NaN for an absent performer.
+        visible: (P, 20) True if a joint is in the image, in range, and not occluded by anything but its own
+            body.
+        contacts: (P, 2) True if the left and the right foot stand on the floor.
+        owner: (H, W) int32 number of the performer visible at each pixel; -1 for the room.
     """
 
     present: Bool
@@ -70,7 +73,8 @@ class Truth:
     owner: Int32
 
     def bodies(self) -> list[Body]:
-        """Returns the present performers, ids from 1; confidence is 1 for visible joints, else 0."""
+        """Returns the bodies of the present performers, with IDs from 1. Confidence is 1 for visible joints,
+        else 0."""
         return [
             Body(int(p) + 1, self.joints[p], self.visible[p].astype(float))
             for p in np.flatnonzero(self.present)
@@ -78,17 +82,17 @@ class Truth:
 
 
 class Ensemble:
-    """Frames by number: the same scene and number always give the same frame and truth.
+    """A scene rendered frame by frame. The same scene and number always give the same frame and ground truth.
 
     Args:
         profile: the sensor.
         cast: the performers' parts.
-        height, tilt: metres of the sensor above the floor, degrees that it looks down.
+        height, tilt: height of the sensor above the floor, metres, and its downward tilt, degrees.
         room: the furniture.
-        rate: frames a second, None for the profile's.
-        roll: degrees the sensor is turned about its optical axis; 180 hangs upside down.
-        told: whether a frame carries ``world_from_camera``.
-        place, yaw: (x, z) metres and degrees about +Y of the sensor.
+        rate: frames per second; None for the profile's rate.
+        roll: rotation of the sensor about its optical axis, degrees; 180 is upside down.
+        told: True if frames contain ``world_from_camera``.
+        place, yaw: position (x, z) of the sensor, metres, and its rotation about +Y, degrees.
     """
 
     def __init__(
@@ -125,11 +129,11 @@ class Ensemble:
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera, room)
 
     def time_ns(self, index: int) -> int:
-        """Returns the sensor's time of a frame, integer nanoseconds."""
+        """Returns the sensor's timestamp of a frame, integer nanoseconds."""
         return round(index * 1_000_000_000 / self.rate)
 
     def frame(self, index: int) -> tuple[DepthFrame, Truth]:
-        """Returns the sensor's frame of that number and its ground truth."""
+        """Returns the sensor's frame with that number, and its ground truth."""
         time = index / self.rate
         figures = [a.figure(time) for a in self.cast]
         depth, material = self._room.copy(), self._room_material.copy()
@@ -166,7 +170,7 @@ class Ensemble:
         return Truth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
 
     def _standing(self, p: int, figure: Figure, time: float) -> Bool:
-        """Returns (2,) whether each foot of performer ``p`` stands: on the floor in part, and at rest."""
+        """Returns (2,) True for each standing foot of performer ``p``: partly on the floor, and at rest."""
         performer, step = self.cast[p].performer, 1.0 / 120.0
         soles = performer.soles(figure)
         later = self.cast[p].figure(time + step)

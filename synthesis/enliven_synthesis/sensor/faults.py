@@ -1,4 +1,4 @@
-"""Compiled loops for the faults of a depth image: shadows, edges, slants, depth steps and noise."""
+"""Compiled loops for the faults of a depth image: shadows, edges, slanted surfaces, depth steps and noise."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from enliven.arrays import AnyArray, Float, UInt8, UInt16
 from enliven.kernels import njit
 
 _JUMP = 0.035
-"""Share of the depth beyond which the depths of two neighbouring pixels are different surfaces."""
+"""Minimum depth difference, as a fraction of the depth, for two neighbouring pixels to be on different
+surfaces."""
 _BEYOND = 1.25
-"""Factor on the range beyond which no surface is measured: noise does not bring it into range."""
+"""Surfaces beyond this multiple of the sensor's range are never measured: noise cannot bring them into
+range."""
 
 
 @njit(cache=True, nogil=True)
 def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
-    """Marks in ``shadow`` where the second imager, or projector, does not see the surface.
+    """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
-    Its column for pixel u is u - parallax / z. Away from that imager its columns must increase; a column that
-    was passed already is hidden behind a nearer surface.
+    The second imager sees pixel u at column u - parallax / z. The loop moves away from that imager, so these
+    columns must increase. A column that was already passed is occluded by a nearer surface.
     """
     height, width = depth.shape
     for v in range(height):
@@ -52,7 +54,8 @@ def mark_edges(depth: Float, reach: int, zone: AnyArray) -> None:
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _is_edge(before: float, here: float, there: float, beyond: float) -> bool:
-    """Returns whether the depth from ``here`` to ``there`` jumps more than the surfaces' slopes explain."""
+    """Returns True if the depth from ``here`` to ``there`` jumps more than the slopes of the surfaces
+    explain."""
     jump = abs(there - here)
     if jump < _JUMP * min(here, there):
         return False
@@ -65,9 +68,10 @@ def look(
     reach: int, blobs: Float, patches: Float, random_bytes: UInt8, losses: Float, flying: float, far: float,
     seen: Float, slant: Float,
 ) -> None:  # fmt: skip
-    """Fills ``seen``, (H, W) metres of the surface that each pixel looks at; 0 where nothing answers.
+    """Fills ``seen``, (H, W) depth in metres of the surface that each pixel measures; 0 if there is no
+    return.
 
-    Pixels at an edge look beside themselves; those that look elsewhere have no ``slant``.
+    Pixels near an edge sample a displaced pixel. If that is another pixel, their ``slant`` is set to 0.
     """
     height, width = depth.shape
     for v in range(height):
@@ -88,7 +92,8 @@ def _look_at_edge(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
     random_bytes: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
 ) -> None:  # fmt: skip
-    """Fills one pixel near an edge: it may look across the edge, see nothing, or mix both sides."""
+    """Fills one pixel near an edge. It may sample across the edge, measure nothing, or mix the depths of both
+    sides (flying pixel)."""
     height, width = depth.shape
     x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
     y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)
@@ -112,7 +117,8 @@ def _look_at_edge(
 def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
     """Fills ``out``, (H, W) tan^2 of the angle between each pixel's ray and its surface's normal.
 
-    The slopes across and down are to the nearer one of both neighbours, so that edges do not count.
+    The horizontal and vertical slopes are one-sided differences to the neighbour that is closer in depth, so
+    that edges do not count.
     """
     height, width = depth.shape
     for v in range(height):
@@ -122,7 +128,7 @@ def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
             left, right, up, down = z - here[u - 1], here[u + 1] - z, z - above[u], below[u] - z
             across = left if abs(left) < abs(right) else right
             along = up if abs(up) < abs(down) else down
-            # Tangents d/du and d/dv of (x z, y z, z); their cross product is the normal.
+            # Tangents d/du and d/dv of (x z, y z, z). Their cross product is the normal.
             ax, ay, az = pitch[0] * z + x * across, y * across, across
             bx, by, bz = x * along, pitch[1] * z + y * along, along
             nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
@@ -133,10 +139,11 @@ def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float, out: UInt16) -> None:
-    """Fills ``out``, (H, W) whole millimetres of noisy depth in the sensor's steps; 0 out of range.
+    """Fills ``out``, (H, W) noisy depth in whole millimetres, quantised to the sensor's steps; 0 out of
+    range.
 
-    The published deviations include the steps. A uniform step q contributes q^2 / 12 of the variance, so the
-    noise before it has the rest.
+    The published standard deviations include quantisation. A uniform step q contributes q^2 / 12 to the
+    variance, so the noise added before it has the remaining variance.
     """
     near, far, step, unit, steepest = limits[0], limits[1], limits[2], limits[3], limits[4]
     by_disparity = unit > 0.0

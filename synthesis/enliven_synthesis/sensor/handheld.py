@@ -1,4 +1,5 @@
-"""A depth camera in a hand that is carried round a thing: known surface, known path, the sensor's faults."""
+"""A hand-held depth camera that is carried round an object: known surface, known path, the sensor's
+faults."""
 
 from __future__ import annotations
 
@@ -26,34 +27,35 @@ STUDIO: tuple[Box, ...] = (
     Box((-1.6, 0.0, 1.1), (-1.35, 0.5, 1.3)),
     Box((0.9, 0.0, 1.9), (2.1, 0.8, 2.3)),
 )
-"""A floor, two walls and a few things that stand about; the middle is free."""
+"""A floor, two walls and a few objects. The middle is free."""
 _SHADES = np.array([[168, 150, 128], [196, 190, 178]], np.uint8)
-"""(2, 3) sRGB of the floor's and the walls' squares."""
+"""(2, 3) sRGB of the squares on floor and walls."""
 _SQUARE = 0.25
-"""Metres of a square of the floor's pattern: several are in view at a time."""
+"""Side of a square of the floor pattern, metres. Several squares are in view at a time."""
 _SWAYS = 4
-"""Waves that a hand's unrest is made of, from slow sway to tremor."""
+"""Number of sine waves that make up the motion of the hand, from slow sway to tremor."""
 _SLOWEST = 0.3
-"""Hertz of the slowest wave: an arm sways about once in three seconds."""
+"""Frequency of the slowest wave, Hz. An arm sways about once in three seconds."""
 _QUICKEST = 6.0
-"""Hertz of the quickest wave: below a hand's tremor of 8 to 12, which a depth camera hardly sees."""
+"""Frequency of the fastest wave, Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
+measures."""
 _NOWHERE = 65.0
-"""Metres that a depth image in 16-bit millimetres cannot hold."""
+"""Depth, in metres, that a depth image in 16-bit millimetres cannot store."""
 
 
 @dataclass(frozen=True)
 class HandheldPath:
-    """The way of a camera that is carried round a thing and looks at it.
+    """The path of a camera that is carried round an object and looks at it.
 
     Attributes:
-        target: (x, y, z) metres, what is looked at.
-        radius: metres from the target, level.
-        height: metres above the floor, lowest and highest on the way.
-        turns: times round the target.
-        seconds: of the whole way.
-        sway: metres of the hand's unrest, standard deviation of each coordinate.
-        shake: radians of it about each axis.
-        seed: another seed, another hand.
+        target: (x, y, z) point that the camera looks at, metres.
+        radius: horizontal distance from the target, metres.
+        height: lowest and highest height above the floor, metres.
+        turns: number of turns round the target.
+        seconds: duration of the whole path.
+        sway: hand motion, standard deviation of each coordinate, metres.
+        shake: rotation of the hand, standard deviation about each axis, radians.
+        seed: random seed of the hand motion.
     """
 
     target: tuple[float, float, float] = (0.0, 0.5, 0.0)
@@ -83,10 +85,10 @@ class HandheldPath:
         return pose
 
     def _unrest(self, time: float) -> Float:
-        """Returns (6,) sums of slow and quick waves of unit variance."""
+        """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
         rates = _SLOWEST * (_QUICKEST / _SLOWEST) ** random.random((_SWAYS, 6))
-        # Slow waves are wide: the speed of each is alike.
+        # Amplitude falls with frequency, so that all waves have about the same speed.
         sizes = 1.0 / rates
         sizes *= math.sqrt(2.0) / np.sqrt(np.square(sizes).sum(0))
         phases = 2.0 * math.pi * random.random((_SWAYS, 6))
@@ -103,17 +105,17 @@ def looking_at(eye: Float, target: Float) -> Float:
 
 
 class HandheldScan:
-    """Renders the frames of a scan by number: the same arguments and number always give the same frame.
+    """Renders the frames of a scan by number. The same arguments and number always give the same frame.
 
     Args:
-        thing: what is scanned, metres, world.
+        thing: the mesh of the scanned object, metres, world.
         profile: the camera.
-        path: how it is carried.
-        room: what stands round the thing.
-        width: pixels across, None for the profile's own.
-        noise: whether the camera has the faults of its profile, or none.
-        colour: whether frames have a colour image, of the same pixels.
-        seed: another seed, another camera of the same make.
+        path: the path of the camera.
+        room: the boxes around the object.
+        width: width of the images, pixels; None for the profile's width.
+        noise: True to add the faults of the profile.
+        colour: True to add a colour image with the same pixels.
+        seed: random seed: another seed is another camera of the same model.
     """
 
     def __init__(
@@ -135,15 +137,15 @@ class HandheldScan:
 
     @property
     def frames(self) -> int:
-        """The number of frames on the whole way."""
+        """Returns the number of frames on the whole path."""
         return round(self.path.seconds * self.profile.camera.fps)
 
     def pose(self, index: int) -> Float:
-        """Returns the true (4, 4) world_from_camera of a frame, which the frame itself does not tell."""
+        """Returns the true (4, 4) world_from_camera of a frame. The frame itself does not contain it."""
         return self.path.world_from_camera(index / self.profile.camera.fps)
 
     def frame(self, index: int, thing: Mesh | None = None) -> DepthFrame:
-        """Returns the frame of that number, with ``thing`` in place of what is scanned where it is given."""
+        """Returns the frame with that number. If ``thing`` is given, it replaces the scanned object."""
         thing, pose = thing or self.thing, self.pose(index)
         depth, material = cast_room(self.intrinsics, pose, self._room)
         drawing = draw_mesh(thing, self.intrinsics, pose)
@@ -157,13 +159,14 @@ class HandheldScan:
         return DepthFrame(image, self.intrinsics, time_ns, self.sensor, colour, sequence=index)
 
     def __iter__(self) -> Iterator[DepthFrame]:
-        """Yields every frame of the way."""
+        """Yields every frame of the path."""
         return (self.frame(index) for index in range(self.frames))
 
     def _picture(
         self, thing: Mesh, face: Int32, shares: Float, before: Bool, depth: Float, pose: Float
     ) -> UInt8:
-        """Returns (H, W, 3) sRGB without light: the mesh's colours, and squares on all round it."""
+        """Returns (H, W, 3) sRGB without lighting: the mesh's colours, and a pattern of squares on all other
+        surfaces."""
         height, width = depth.shape
         rows, columns = np.mgrid[0:height, 0:width]
         i, z = self.intrinsics, np.minimum(depth, _NOWHERE)
@@ -177,5 +180,5 @@ class HandheldScan:
 
 
 def _whole_millimetres(depth: Float) -> UInt16:
-    """Returns (H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
     return np.where(depth < _NOWHERE, np.rint(np.minimum(depth, _NOWHERE) * 1000.0), 0.0).astype(np.uint16)

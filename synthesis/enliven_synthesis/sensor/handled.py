@@ -1,4 +1,5 @@
-"""A scan during which hands pick the thing up, turn it and put it down: two known poses in each frame."""
+"""A scan during which hands pick up the object, turn it and put it down. Camera and object poses are known in
+each frame."""
 
 from __future__ import annotations
 
@@ -16,30 +17,30 @@ from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 
 _LIFT = 0.2
-"""Metres by which a thing is lifted in the middle of a move."""
+"""Height of an object above its rest in the middle of a move, metres."""
 _GRIP = 0.4
-"""Seconds that hands are on the thing before it moves and after it stands."""
+"""Time that the hands hold the object before it moves and after it comes to rest, seconds."""
 _ARM = 0.7
-"""Metres of an arm that are in view, from the hand on."""
+"""Visible length of an arm from the hand, metres."""
 _WRIST = 0.035
-"""Metres, radius of an arm."""
+"""Radius of an arm, metres."""
 _HAND = 0.05
-"""Metres, radius of a closed hand."""
+"""Radius of a closed hand, metres."""
 _AROUND = 12
-"""Corners of an arm's section: a millimetre off a circle."""
+"""Number of corners of an arm's cross-section. The polygon is within a millimetre of a circle."""
 _SKIN = (205, 150, 125)
 """sRGB of hands and arms."""
 
 
 @dataclass(frozen=True)
 class HandledWay:
-    """The way of a thing that rests, is moved by hands, and rests again.
+    """The path of an object that rests, is moved by hands, and rests again.
 
     Attributes:
         rests: (4, 4) world_from_thing of each rest.
-        times: seconds (begin, end) of each move between two rests.
-        grips: points of the thing, its own frame, metres, that the hands hold.
-        towards: direction, world, from the thing to the person who moves it.
+        times: (begin, end) of each move between two rests, seconds.
+        grips: points of the object that the hands hold, in its own frame, metres.
+        towards: direction from the object to the person that moves it, world.
     """
 
     rests: Sequence[Float]
@@ -48,13 +49,13 @@ class HandledWay:
     towards: tuple[float, float, float] = (0.0, 0.6, -1.0)
 
     def world_from_thing(self, time: float) -> Float:
-        """Returns the (4, 4) pose of the thing at a time in seconds."""
+        """Returns the (4, 4) pose of the object at a time in seconds."""
         pose = np.array(self.rests[0], float)
         for (begin, end), one, other in zip(self.times, self.rests[:-1], self.rests[1:], strict=True):
             if time <= begin:
                 break
             share = min((time - begin) / (end - begin), 1.0)
-            # It starts and stops without a jolt.
+            # The move is eased, so that it starts and stops without a jolt.
             share = share * share * (3.0 - 2.0 * share)
             turn = rotation.slerp(
                 rotation.from_matrix(one[:3, :3]), rotation.from_matrix(other[:3, :3]), np.array(share)
@@ -66,11 +67,11 @@ class HandledWay:
         return pose
 
     def held(self, time: float) -> bool:
-        """Returns whether hands are on the thing."""
+        """Returns True if hands hold the object."""
         return any(begin - _GRIP < time < end + _GRIP for begin, end in self.times)
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the arms that hold the thing, world."""
+        """Returns the meshes of the arms that hold the object, world."""
         if not self.held(time):
             return []
         pose, away = self.world_from_thing(time), rotation.unit(np.array(self.towards))
@@ -80,13 +81,13 @@ class HandledWay:
 
 @dataclass(frozen=True)
 class FollowingPath(HandheldPath):
-    """The way of a camera that looks elsewhere after a move.
+    """The path of a camera that looks at another point after a move.
 
     Attributes:
-        later: (x, y, z) metres, what is looked at in the end.
-        turning: seconds (begin, end) in which it turns there.
-        nod: metres by which what is looked at goes up and down, for things that do not fit into the picture.
-        nods: times a second.
+        later: (x, y, z) point that the camera looks at after the move, metres.
+        turning: (begin, end) of the turn to that point, seconds.
+        nod: vertical oscillation of the point looked at, metres, for objects that do not fit into the image.
+        nods: frequency of that oscillation, Hz.
     """
 
     later: tuple[float, float, float] = (0.0, 0.4, 0.0)
@@ -106,20 +107,20 @@ class FollowingPath(HandheldPath):
 
 
 class MovingThing(Protocol):
-    """Where a thing is at each time in seconds, and the arms that hold it."""
+    """The pose of an object at each time in seconds, and the arms that hold it."""
 
     def world_from_thing(self, time: float) -> Float:
-        """Returns the (4, 4) pose of the thing."""
+        """Returns the (4, 4) pose of the object."""
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the arms, world."""
+        """Returns the meshes of the arms, world."""
 
 
 class HandledScan(HandheldScan):
-    """A scan by a carried camera of a thing that is moved meanwhile.
+    """A scan by a hand-held camera, during which the object is moved.
 
     Args:
-        way: of the thing; all other arguments are those of a :class:`HandheldScan`.
+        way: the path of the object. All other arguments are those of :class:`HandheldScan`.
     """
 
     def __init__(self, thing: Mesh, way: MovingThing, *arguments: object, **named: object) -> None:
@@ -131,7 +132,8 @@ class HandledScan(HandheldScan):
         return self.way.world_from_thing(index / self.profile.camera.fps)
 
     def frame(self, index: int, thing: Mesh | None = None) -> DepthFrame:
-        """Returns the frame of that number, with the thing where it is then, and the arms that hold it."""
+        """Returns the frame with that number, with the object at its pose in that frame, and the arms that
+        hold it."""
         thing, pose = thing or self.thing, self.thing_pose(index)
         placed = replace(thing, vertices=thing.vertices @ pose[:3, :3].T + pose[:3, 3])
         arms = self.way.arms(index / self.profile.camera.fps)
@@ -139,7 +141,7 @@ class HandledScan(HandheldScan):
 
 
 def laid_on_its_back(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
-    """Returns the (4, 4) pose in which a thing that looks along +Z lies on its back on y = 0 at (x, z)."""
+    """Returns the (4, 4) pose of an object that faced +Z and now lies on its back on y = 0 at (x, z)."""
     pose = np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array([-math.pi / 2, 0.0, 0.0])))
     turned = thing.vertices @ pose[:3, :3].T
@@ -149,7 +151,7 @@ def laid_on_its_back(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Fl
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Returns meshes as one; those without colours are grey where others have some."""
+    """Returns the meshes merged into one. If some have colours, those without become grey."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
     colours = None
@@ -163,10 +165,10 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def arm_mesh(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
-    """Returns an arm from a closed hand (3,) on; its surface is a row of rings, closed at both ends.
+    """Returns the mesh of an arm that starts with a closed hand (3,): a row of rings, closed at both ends.
 
     Args:
-        thick: times as thick as an arm; 4 for a trunk.
+        thick: thickness relative to an arm; 4 for a trunk.
     """
     along = rotation.unit(shoulder - hand)
     turn = rotation.to_matrix(rotation.swing(np.array([0.0, 0.0, 1.0]), along))

@@ -1,4 +1,4 @@
-"""A thing that is taken up, turned round in two hands and held: the hands take hold anew as it turns."""
+"""An object that is picked up, turned round in two hands and held. The hands regrip as it turns."""
 
 from __future__ import annotations
 
@@ -13,29 +13,30 @@ from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handled import arm_mesh
 
 _LIFTED = 1.5
-"""Seconds in which it is taken up before it turns."""
+"""Time in which the object is picked up before it turns, seconds."""
 _TREMOR = 0.01
-"""Metres by which hands do not hold it still."""
+"""Amplitude of the hands' tremor, metres."""
 _ARM = 0.6
-"""Metres of an arm that are in view, from the hand on."""
+"""Visible length of an arm from the hand, metres."""
 _SWAY = 0.03
-"""Metres by which who holds it sways to and fro."""
+"""Sway amplitude of the person holding the object, metres."""
 _THICK = 4.0
-"""Times that a trunk is as thick as an arm: 28 cm."""
+"""Thickness of the trunk relative to an arm: 28 cm."""
 
 
 @dataclass(frozen=True)
 class InHandsWay:
-    """The way of a thing that stands, is taken up by two hands, and turned once round before the camera.
+    """The path of an object that stands, is picked up by two hands, and is turned once round in front of the
+    camera.
 
     Attributes:
-        begins: seconds for which it stands at first.
-        period: seconds of a whole turn.
-        lift: metres by which it is held higher than it stood.
-        tilt: radians by which it leans to and fro as it turns.
-        grips: how often each hand takes hold anew in a turn.
-        reach: metres from the thing's axis, and above its lowest point, at which hands hold it.
-        behind: metres behind it at which who holds it stands; 0: they are not in view but for their arms.
+        begins: time for which it stands at first, seconds.
+        period: duration of a full turn, seconds.
+        lift: height of the held object above its resting position, metres.
+        tilt: amplitude of its tilt back and forth as it turns, radians.
+        grips: number of times that each hand regrips in a turn.
+        reach: position of the grip: metres from the object's axis, and above its lowest point.
+        behind: distance of the person behind the object, metres; 0: only the arms are in view.
     """
 
     begins: float = 1.5
@@ -47,7 +48,7 @@ class InHandsWay:
     behind: float = 0.0
 
     def world_from_thing(self, time: float) -> Float:
-        """Returns the (4, 4) pose of the thing at a time in seconds."""
+        """Returns the (4, 4) pose of the object at a time in seconds."""
         share = min(max((time - self.begins) / _LIFTED, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
         angle, shake = self._angle(time), share * _TREMOR
@@ -61,12 +62,12 @@ class InHandsWay:
         return pose
 
     def _angle(self, time: float) -> float:
-        """Returns the radians by which it is turned."""
+        """Returns the object's rotation angle, radians."""
         passed = max(time - self.begins - _LIFTED, 0.0)
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns trunk and arms, world: each hand stays where it holds it, until it takes hold anew."""
+        """Returns the meshes of trunk and arms, world. Each hand stays on its grip until it regrips."""
         arms = list[Mesh]()
         if self.behind:
             feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
@@ -75,7 +76,7 @@ class InHandsWay:
             return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
         for side in (0, 1):
-            # One hand after the other, where its own side of the thing then is.
+            # The hands regrip alternately, each on its own side of the object.
             turned = step * math.floor(angle / step + 0.5 * side)
             at = math.pi * side - turned
             grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]

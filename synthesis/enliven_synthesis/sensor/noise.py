@@ -1,11 +1,12 @@
 """Adds the faults of a real depth camera to a perfect depth image.
 
-In the order of the sensor's own working: edges appear displaced; the projector or second imager does not see
-everything; a matching window loses or mixes what lies at an edge; slanted, dark and mirroring surfaces return
-too little; depth scatters, neighbours alike; and it is reported in steps of disparity.
+The faults are applied in the order in which they arise in a sensor. Edges appear displaced. Parts of the
+scene are occluded from the projector or the second imager. A matching window loses or mixes depths at an
+edge. Slanted, dark and mirroring surfaces return too little light. Depth has noise that is correlated between
+neighbours. Finally, depth is quantised in steps of disparity.
 
-Everything random comes from the raw bits of PCG64, and the arithmetic is + - * / and square roots: the same
-seed and frame number give the same image on every machine with IEEE doubles.
+All random numbers come from the raw bits of PCG64, and the arithmetic is + - * / and square roots. The same
+seed and frame number therefore give the same image on every machine with IEEE doubles.
 """
 
 from __future__ import annotations
@@ -25,19 +26,20 @@ from enliven_synthesis.sensor.profile import SensorProfile
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 """Standard deviation of a uniform byte."""
 _FROZEN = -1
-"""Frame number of the noise that never changes: before that of any frame."""
+"""Frame number of the noise that never changes. It is lower than that of any frame."""
 _FROZEN_PATCHES = 0.9
-"""Share of the variance that never changes in the loss of dark and mirroring surfaces: nearly all."""
+"""Fraction of the variance that never changes in the lost patches of dark and mirroring surfaces. Nearly
+all."""
 _NOWHERE = 1e3
-"""Metres: the depth where a ray meets nothing, beyond the range of any sensor."""
+"""Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
 
 
 class DepthNoise:
-    """Turns perfect depth into the report of a sensor with a profile.
+    """Converts perfect depth into the depth that a sensor with the given profile reports.
 
     Args:
-        intrinsics: those of the images; fault sizes in pixels are scaled from the profile's width.
-        seed: another seed, another sensor of the same make.
+        intrinsics: intrinsics of the images. Fault sizes in pixels are scaled from the profile's width.
+        seed: random seed: another seed is another sensor of the same model.
     """
 
     def __init__(self, profile: SensorProfile, intrinsics: Intrinsics, seed: int = 0) -> None:
@@ -65,12 +67,12 @@ class DepthNoise:
         ]
 
     def corrupt(self, depth: Float, material: UInt8, index: int) -> UInt16:
-        """Returns (H, W) uint16 millimetres, 0 where nothing is reported.
+        """Returns (H, W) uint16 millimetres; 0 for pixels without a measurement.
 
         Args:
-            depth: (H, W) metres along the optical axis, inf where there is nothing.
+            depth: (H, W) metres along the optical axis, inf for rays without a surface.
             material: (H, W) 0 ordinary, 1 dark, 2 mirroring.
-            index: the frame's number; it and the seed fix everything random.
+            index: the frame's number. Together with the seed it determines all random numbers.
         """
         axial, blobs, patches = self._aged(index, 0), self._aged(index, 1), self._aged(index, 2)
         across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
@@ -92,14 +94,14 @@ class DepthNoise:
         return out
 
     def _aged(self, index: int, stream: int) -> Float:
-        """Returns (H, W) unit noise with a share of the variance that never changes."""
+        """Returns (H, W) noise of unit variance, of which a fixed fraction is constant over all frames."""
         frozen = self._frozen[stream]
         return self._still[stream] + math.sqrt(1.0 - frozen) * self._field(
             index, stream, self._windows[stream]
         )
 
     def _bytes(self, index: int, stream: int, shape: tuple[int, int]) -> UInt8:
-        """Returns the random bytes of one frame for one purpose, ``stream``."""
+        """Returns random bytes of one frame. ``stream`` identifies their purpose."""
         count = shape[0] * shape[1]
         bits = np.random.PCG64([self._seed, index + 1, stream]).random_raw(-(-count // 8))
         return bits.astype("<u8").view(np.uint8)[:count].reshape(shape)
@@ -107,7 +109,7 @@ class DepthNoise:
     def _field(self, index: int, stream: int, window: int) -> Float:
         """Returns (H, W) nearly Gaussian noise of unit variance, correlated over about ``window`` pixels.
 
-        Bytes pass two box filters, in integers; for a window of one pixel four bytes are summed.
+        Random bytes pass two integer box filters. For a window of one pixel, four bytes are summed instead.
         """
         height, width = self._shape
         box = max(1, round(0.7 * window))
@@ -120,13 +122,13 @@ class DepthNoise:
         twice = np.empty((height, width), np.int32)
         _box_sums(raw, box, once)
         _box_sums(once, box, twice)
-        # The sum of the squared weights of two boxes in a row, per axis: b (2 b^2 + 1) / 3.
+        # Sum of the squared weights of two successive boxes, per axis: b (2 b^2 + 1) / 3.
         squares = box * (2 * box * box + 1) // 3
         return np.asarray((twice - 127.5 * box**4) * (1.0 / (squares * _BYTE_DEVIATION)), np.float64)
 
 
 def _quantile(part: float) -> float:
-    """Returns the value below which the share ``part`` of a unit Gaussian lies."""
+    """Returns the ``part`` quantile of the standard normal distribution."""
     if part <= 0.0 or part >= 1.0:
         return -math.inf if part <= 0.0 else math.inf
     return float(on_grid(np.array(NormalDist().inv_cdf(part))))
@@ -134,7 +136,7 @@ def _quantile(part: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _box_sums(raw: Int32, box: int, out: Int32) -> None:
-    """Fills ``out`` with sums of ``raw`` over box x box windows, in integers."""
+    """Fills ``out`` with integer sums of ``raw`` over box x box windows."""
     height, width = out.shape
     columns = np.zeros(raw.shape[1], np.int32)
     for v in range(box - 1):

@@ -1,4 +1,4 @@
-"""Sensor profiles: what is known of a real depth camera, in ``firmware_configs/sensors/*.toml``."""
+"""Sensor profiles: the properties of real depth cameras, read from ``firmware_configs/sensors/*.toml``."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class CameraProfile:
 
 @dataclass(frozen=True)
 class RangeProfile:
-    """Where the sensor measures, and in which steps."""
+    """The sensor's measuring range and depth resolution."""
 
     near: float = setting(doc="Nearest distance it reports.", unit="m", low=0.01, high=10)
     far: float = setting(doc="Farthest distance it reports.", unit="m", low=0.1, high=65)
@@ -55,7 +55,7 @@ class RangeProfile:
 
 @dataclass(frozen=True)
 class NoiseProfile:
-    """How a measured depth scatters: sigma(z) = constant + linear (z - from) + quadratic (z - from)^2."""
+    """Depth noise: sigma(z) = constant + linear (z - from) + quadratic (z - from)^2."""
 
     constant: float = setting(
         doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2
@@ -81,7 +81,7 @@ class NoiseProfile:
 
 @dataclass(frozen=True)
 class FaultProfile:
-    """Where a depth is missing or wrong."""
+    """Missing and wrong depth."""
 
     edge: float = setting(2.0, "Reach of an edge's faults.", unit="px", low=0, high=12)
     edge_holes: float = setting(0.3, "Part of the pixels behind an edge that report nothing.", low=0, high=1)
@@ -99,7 +99,7 @@ class FaultProfile:
 
 @dataclass(frozen=True)
 class SensorProfile:
-    """A depth camera as its data sheet and its measurers know it."""
+    """A depth camera as described by its data sheet and published measurements."""
 
     name: str = setting(doc="What people call it.")
     kind: Literal["structured light", "stereo", "time of flight"] = setting(doc="How it measures depth.")
@@ -110,18 +110,20 @@ class SensorProfile:
     faults: FaultProfile = setting(FaultProfile, "Where its depth is missing or wrong.")
 
     def intrinsics(self, width: int | None = None) -> Intrinsics:
-        """The camera, scaled to ``width`` pixels where one is given."""
+        """Returns the camera intrinsics, scaled to ``width`` pixels if it is given."""
         c = self.camera
         full = Intrinsics(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion)
         return full if width is None or width == c.width else full.scaled(width / c.width)
 
     def sigma(self, z: float) -> float:
-        """Standard deviation (m) of a reported depth of ``z`` metres on a surface that faces the sensor."""
+        """Returns the standard deviation (m) of the depth of a surface at ``z`` metres that faces the
+        sensor."""
         n = self.noise
         return n.constant + n.linear * max(z - n.start, 0.0) + n.quadratic * (z - n.start) ** 2
 
     def step(self, z: float) -> float:
-        """Distance (m) between two neighbouring values that a depth near ``z`` metres can take."""
+        """Returns the difference (m) between two neighbouring depth values that the sensor can report near
+        ``z`` metres."""
         r = self.range
         if r.disparity_step == 0.0:
             return r.depth_step
@@ -129,11 +131,10 @@ class SensorProfile:
 
 
 def load_profile(name_or_path: str | Path) -> SensorProfile:
-    """A shipped profile by name (such as "kinect1"), or any profile by the path of its TOML file.
+    """Returns a shipped profile by name (such as "kinect1"), or any profile by the path of its TOML file.
 
     Raises:
-        InputError: for an unknown name, an unreadable file, a wrong or missing key, or figures that
-            contradict each other.
+        InputError: for an unknown name, an unreadable file, a wrong or missing key, or contradictory values.
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
@@ -151,7 +152,7 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
 
 
 def _checked(profile: SensorProfile, where: str) -> SensorProfile:
-    """The profile, if its figures agree with each other."""
+    """Returns the profile if its values are consistent."""
     r, c = profile.range, profile.camera
     if r.near >= r.far:
         raise InputError(f"range.near is {r.near} m, not below range.far, {r.far} m", where=where)

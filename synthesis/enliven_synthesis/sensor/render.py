@@ -1,6 +1,7 @@
 """Renders the depth of a performer's body over the depth of an empty room.
 
-Each 4 x 4 tile of the image lists the few primitives that can touch it; its rays are traced to them.
+Each 4 x 4 tile of the image has a list of the few primitives that it can show. Its rays are traced to these
+only.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ from enliven_synthesis.body import (
 )
 
 _BLEND = np.array(BLEND)
-"""(6,) metres, widths of the smooth unions within the groups, as kernels take them."""
+"""(6,) Widths of the smooth unions within the groups, metres, in the form that compiled kernels accept."""
 _REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
-"""(P,) metres around each primitive within which it can still change the surface."""
+"""(P,) Distance from each primitive within which it can still change the surface, metres."""
 _NEAR = 0.15
-"""Metres from the camera below which nothing is drawn: nearer than any sensor measures."""
+"""Minimum distance from the camera at which bodies are drawn, metres. Sensors measure no closer."""
 
 
 class DepthRenderer:
-    """Draws bodies into the depth image of one camera; keeps arrays that depend on the camera only."""
+    """Draws bodies into the depth image of one camera. Caches the arrays that depend only on the camera."""
 
     def __init__(self, intrinsics: Intrinsics) -> None:
         self.intrinsics = intrinsics
@@ -50,9 +51,10 @@ class DepthRenderer:
         self._counts = np.zeros((rows, columns), np.int64)
 
     def _tile_bounds(self) -> Float:
-        """Returns (R, C, 3) centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
+        """Returns (R, C, 3): centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
         height, width = self.ray.shape[:2]
-        # A tile over the rim repeats the last pixels, which changes neither its box nor its radius.
+        # A tile that crosses the image border repeats the last pixels, which changes neither its box nor its
+        # radius.
         whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
         blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
         centre = (blocks.min((1, 3), keepdims=True) + blocks.max((1, 3), keepdims=True)) / 2
@@ -61,7 +63,7 @@ class DepthRenderer:
         return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
 
     def draw(self, sdf: BodySdf, depth: Float, material: UInt8) -> None:
-        """Draws a body over ``depth`` (H, W) metres (inf: nothing) and ``material`` (H, W), in place."""
+        """Draws a body in place over ``depth`` (H, W) metres (inf: no surface) and ``material`` (H, W)."""
         _sort_into_tiles(sdf.hull, _REACH, self._tiles, self._bands, self._lists, self._spans, self._counts)
         _draw(
             sdf.shape, sdf.kind, sdf.group, sdf.material, self._lists, self._spans, self._counts,
@@ -73,7 +75,8 @@ class DepthRenderer:
 def _sort_into_tiles(
     hull: Float, reach: Float, tiles: Float, bands: Float, lists: Int, spans: Float, counts: Int
 ) -> None:
-    """Lists the primitives that may show in each tile, and the depths (m) between which they all lie."""
+    """Lists the primitives that may be visible in each tile, and the depth range (m) that contains them
+    all."""
     counts[:] = 0
     spans[:, :, 0], spans[:, :, 1] = np.inf, 0.0
     for i in range(len(hull)):
@@ -101,9 +104,9 @@ def _sort_into_tiles(
 
 @njit(cache=True, nogil=True, forceinline=True)
 def _hull_distance(hull: Float, i: int, x: float, y: float, enough: float) -> float:
-    """Returns the distance in the plane at depth 1 from (x, y) to the projected core of a hull.
+    """Returns the distance in the plane at depth 1 from (x, y) to the projected axis of a hull.
 
-    0 where the hull reaches behind the camera; inf where it is plainly more than ``enough``.
+    It is 0 if the hull reaches behind the camera, and inf if it is clearly more than ``enough``.
     """
     if hull[i, 2] < _NEAR or hull[i, 5] < _NEAR:
         return 0.0
@@ -125,7 +128,7 @@ def _draw(
     shape: Float, kind: Int, group: Int, stuff: Int, lists: Int, spans: Float, counts: Int, ray: Float,
     blend: Float, between: float, depth: Float, material: UInt8,
 ) -> None:  # fmt: skip
-    """Traces the rays of every tile with primitives, and keeps what is nearer than the depth so far."""
+    """Traces the rays of every tile with primitives. Keeps a hit if it is nearer than the current depth."""
     clear, lanes = np.empty(len(shape)), np.empty(LANES_SIZE)
     for r in range(lists.shape[0]):
         for c in range(lists.shape[1]):
@@ -143,7 +146,7 @@ def _draw(
 
 @njit(cache=True, nogil=True)
 def _aim(lanes: Float, ray: Float, depth: Float, top: int, left: int, far: float) -> None:
-    """Sets the rays of a tile, their lengths and their ends; rays outside the image end at once."""
+    """Sets the rays of a tile, their lengths and their end depths. Rays outside the image end at once."""
     height, width = depth.shape
     for k in range(LANES):
         v, u = top + k // SIDE, left + k % SIDE

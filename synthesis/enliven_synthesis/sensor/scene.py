@@ -1,4 +1,4 @@
-"""The empty room behind the performer: boxes, ray-cast analytically once for each camera."""
+"""The empty room behind the performer: boxes, which are ray-cast analytically once per camera."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
 
 ORDINARY = 0
-"""The material of a diffuse surface."""
+"""Material of a diffuse surface."""
 DARK = 1
-"""The material of a surface that absorbs most of the light."""
+"""Material of a surface that absorbs most of the light."""
 MIRROR = 2
-"""The material of a surface that reflects the light away from the sensor."""
+"""Material of a surface that reflects the light away from the sensor."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,8 @@ ROOM: tuple[Box, ...] = (
 def cast_room(
     intrinsics: Intrinsics, world_from_camera: Float, room: tuple[Box, ...] = ROOM
 ) -> tuple[Float, UInt8]:
-    """Returns (H, W) float64 depth, metres along the optical axis (inf beside the room), and (H, W) material.
+    """Returns (H, W) float64 depth along the optical axis, metres (inf outside the room), and (H, W)
+    material.
 
     Args:
         world_from_camera: (4, 4) pose of the camera.
@@ -92,9 +93,11 @@ def _cast(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, nearest: float) -> float:
-    """Returns the multiple of a direction (3,) at which it enters a box from the camera; inf where it misses.
+    """Returns the ray parameter at which a direction (3,) from the camera enters a box; inf if it misses
+    (slab method).
 
-    It is inf beyond the nearest hit, too. A ray that lies in a side gives NaN there, which does not count.
+    It is also inf beyond the nearest hit. A ray that lies in a side of the box gives NaN for that slab, which
+    is ignored.
     """
     enter, leave = -np.inf, nearest
     for axis in range(3):

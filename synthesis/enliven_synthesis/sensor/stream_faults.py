@@ -1,7 +1,8 @@
-"""Faults of a stream between a sensor and its reader: frames that come late, twice, never, or half empty.
+"""Faults of a stream between a sensor and its reader: frames that are late, repeated, missing, or partly
+empty.
 
-Each function takes the frames of a scene in order and returns them as a reader would get them. Each frame
-carries its ground truth along.
+Each function takes the frames of a scene in order and returns them as a reader would receive them. Each frame
+keeps its ground truth.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ FrameAndTruth = tuple[DepthFrame, T]
 
 
 def dropped(frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0) -> list[FrameAndTruth[T]]:
-    """Drops a random share of the frames, and now and then eight in a row."""
+    """Drops a random fraction of the frames, and occasionally eight in a row."""
     random = np.random.default_rng(seed)
     kept = random.random(len(frames)) >= part
     for _ in range(len(frames) // 90):
@@ -31,7 +32,7 @@ def dropped(frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0
 
 
 def slowed(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAndTruth[T]]:
-    """Keeps about ``fps`` of the frames a second."""
+    """Keeps about ``fps`` frames per second."""
     out, due = [], -np.inf
     for frame, truth in frames:
         if frame.time_ns >= due:
@@ -43,7 +44,7 @@ def slowed(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAn
 def out_of_order(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.15, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Delays a random share of the frames by one to three places; their times stay."""
+    """Delays a random fraction of the frames by one to three places. Their timestamps stay the same."""
     random = np.random.default_rng(seed)
     late = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
     order = np.argsort(np.arange(len(frames)) + late + 0.5 * (late > 0), kind="stable")
@@ -51,7 +52,7 @@ def out_of_order(
 
 
 def frozen(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
-    """Repeats the last image under new times from ``start`` to ``stop`` seconds."""
+    """Repeats the last image with new timestamps from ``start`` to ``stop`` seconds."""
     out, held = [], frames[0][0]
     first = frames[0][0].time_ns
     for frame, truth in frames:
@@ -75,7 +76,7 @@ def covered(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> li
 
 
 def holed(frames: Sequence[FrameAndTruth[T]], part: float = 0.4, seed: int = 0) -> list[FrameAndTruth[T]]:
-    """Clears a share of every image: half of it as single pixels, half as patches."""
+    """Clears a fraction of every image: half of it as single pixels, half as patches."""
     random = np.random.default_rng(seed)
     single = 1.0 - np.sqrt(1.0 - part)
     out = []

@@ -1,4 +1,4 @@
-"""A performer in a room before a sensor, rendered frame by frame."""
+"""A performer in a room in front of a sensor, rendered frame by frame."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class SyntheticSettings:
 
 
 class SyntheticStudio:
-    """Renders frames by number: the same settings and number always give the same frame.
+    """Renders frames by number. The same settings and number always give the same frame.
 
     Args:
         profile: the sensor.
-        settings: the choreography, the performer and the sensor's place.
+        settings: the choreography, the performer and the sensor's position.
 
     Raises:
-        InputError: for an unknown choreography, or a width that does not scale the image evenly.
+        InputError: if the choreography is unknown, or the width does not scale the image evenly.
     """
 
     def __init__(self, profile: SensorProfile, settings: SyntheticSettings | None = None) -> None:
@@ -68,15 +68,15 @@ class SyntheticStudio:
 
     @property
     def frames(self) -> int:
-        """The number of frames in one run of the choreography."""
+        """Returns the number of frames in one run of the choreography."""
         return round(self.choreography.duration * self.profile.camera.fps)
 
     def time_ns(self, index: int) -> int:
-        """Returns the sensor's time of a frame, integer nanoseconds."""
+        """Returns the sensor's timestamp of a frame, integer nanoseconds."""
         return round(index * 1_000_000_000 / self.profile.camera.fps)
 
     def figure(self, time: float) -> Figure:
-        """Returns the performer at a time in seconds; the choreography repeats."""
+        """Returns the performer's figure at a time in seconds. The choreography repeats."""
         return self._performer.pose(self.choreography.posture(time % self.choreography.duration))
 
     def body(self, time_ns: int) -> Body:
@@ -84,7 +84,7 @@ class SyntheticStudio:
         return Body(1, self.figure(time_ns * 1e-9).joints, np.ones(20))
 
     def frame(self, index: int) -> DepthFrame:
-        """Returns the sensor's frame of that number."""
+        """Returns the sensor's frame with that number."""
         figure = self.figure(self.time_ns(index) * 1e-9)
         depth, material = self._room.copy(), self._room_material.copy()
         self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
@@ -95,7 +95,7 @@ class SyntheticStudio:
 
 
 def _inverse(rigid: Float) -> Float:
-    """Returns the (4, 4) inverse of a rotation and translation, with a fixed order of additions."""
+    """Returns the (4, 4) inverse of a rigid transform. The order of additions is fixed."""
     inverse = np.eye(4)
     inverse[:3, :3] = rigid[:3, :3].T
     r, t = rigid[:3, :3], rigid[:3, 3]
@@ -104,12 +104,12 @@ def _inverse(rigid: Float) -> Float:
 
 
 def _perfect(depth: Float) -> UInt16:
-    """Returns (H, W) uint16 millimetres of a depth in metres, 0 where there is nothing."""
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
 
 def _checked_width(profile: SensorProfile, width: int) -> int | None:
-    """Returns the width of the images, pixels; None for the profile's own."""
+    """Returns the width of the images, pixels; None for the profile's width."""
     if width == 0:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:

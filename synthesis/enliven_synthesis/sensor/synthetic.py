@@ -1,4 +1,4 @@
-"""A sensor without hardware: a synthetic performer before a camera with a known profile."""
+"""A sensor without hardware: a synthetic performer in front of a camera with a known profile."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 class SyntheticSensor(Sensor):
     """Delivers depth frames of a performer, and the true joints.
 
-    In real time it behaves as a camera: a frame comes when it is due, and a late reader misses frames.
-    Otherwise every frame comes, at once.
+    In real time it behaves like a camera: each frame arrives when it is due, and a slow reader misses frames.
+    Otherwise every frame is delivered without delay.
 
     Args:
         profile: the camera, by name or by the path of its TOML file (see ``firmware_configs/sensors``).
         choreography: "chair", "walk", "wave", "idle" or "wander".
-        seed: fixes everything random.
-        width: pixels across, None for the profile's own.
-        realtime: whether frames come at the profile's rate.
-        loop: whether the choreography repeats, with new noise.
+        seed: determines all random numbers.
+        width: width of the images, pixels; None for the profile's width.
+        realtime: True to deliver frames at the profile's rate.
+        loop: True to repeat the choreography, with new noise.
         more: any other field of :class:`SyntheticSettings`, such as ``camera_height`` or ``noise``.
 
     Raises:
@@ -53,10 +53,10 @@ class SyntheticSensor(Sensor):
         self._started: float | None = None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """Returns the next frame when it is due; None after the last, or once closed.
+        """Returns the next frame when it is due; None after the last frame, or after closing.
 
         Raises:
-            TimeoutError: when it is not due within ``timeout`` seconds.
+            TimeoutError: if it is not due within ``timeout`` seconds.
         """
         if self._realtime and not self._closed:
             self._wait(timeout)
@@ -67,15 +67,15 @@ class SyntheticSensor(Sensor):
         return frame
 
     def truth(self, time_ns: int) -> Body:
-        """Returns the performer at a time of the sensor's clock: (20, 3) true joints, metres, world."""
+        """Returns the performer at a time of the sensor's clock, with (20, 3) true joints, metres, world."""
         return self.studio.body(time_ns)
 
     def close(self) -> None:
-        """End the stream."""
+        """Ends the stream."""
         self._closed = True
 
     def _wait(self, timeout: float | None) -> None:
-        """Sleeps until the next frame is due; skips to the newest one that is due already."""
+        """Sleeps until the next frame is due. If several frames are due, skips to the newest of them."""
         now = time.monotonic()
         if self._started is None:
             self._started = now

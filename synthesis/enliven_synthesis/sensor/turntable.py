@@ -1,4 +1,4 @@
-"""A turntable under the thing that is scanned: it stands, then turns about a level axis evenly."""
+"""A turntable under the scanned object: it stands, then turns about a vertical axis at constant speed."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 
 _STARTS = 0.5
-"""Seconds in which a turntable comes to its speed."""
+"""Time in which the turntable reaches its speed, seconds."""
 
 
 @dataclass(frozen=True)
 class TurntableWay:
-    """The way of a thing on a turntable; no hands are on it.
+    """The path of an object on a turntable. No hands hold it.
 
     Attributes:
-        place: (x, z) metres, world, of the axis.
-        begins: seconds for which it stands at first.
-        period: seconds of a whole turn.
+        place: (x, z) position of the axis, metres, world.
+        begins: time for which it stands at first, seconds.
+        period: duration of a full turn, seconds.
     """
 
     place: tuple[float, float] = (0.0, 0.0)
@@ -30,9 +30,9 @@ class TurntableWay:
     period: float = 12.0
 
     def world_from_thing(self, time: float) -> Float:
-        """Returns the (4, 4) pose of the thing at a time in seconds."""
+        """Returns the (4, 4) pose of the object at a time in seconds."""
         passed = max(time - self.begins, 0.0)
-        # Its speed grows evenly at first.
+        # At first its speed grows linearly.
         even = passed - _STARTS / 2 if passed > _STARTS else passed * passed / (2 * _STARTS)
         pose, axis = np.eye(4), np.array([self.place[0], 0.0, self.place[1]])
         turn = np.array([0.0, 2.0 * math.pi * even / self.period, 0.0])
@@ -41,5 +41,5 @@ class TurntableWay:
         return pose
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns no arms."""
+        """Returns an empty list: no arms are in view."""
         return []

@@ -1,4 +1,4 @@
-"""Random poses of the arms: hanging, out, overhead, folded, on the hips, at the face, or anywhere."""
+"""Random arm poses: hanging, out, overhead, folded, on the hips, at the face, or anywhere."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
     "wave": ((-0.2, 0.4), (0.8, 1.7), (-2.0, -1.2), (0.8, 2.1)),
     "back": ((-0.8, -0.3), (0.1, 0.5), (0.0, 1.2), (0.1, 1.4)),
 }
-"""Ranges of flex, abduct, twist and elbow, radians, as in :class:`enliven_synthesis.body.posture.ArmPose`."""
+"""Ranges of flex, abduct, twist and elbow, radians, with the meaning of
+:class:`enliven_synthesis.body.posture.ArmPose`."""
 _TARGETS: dict[str, tuple[float, float, float]] = {
     "hip": (0.16, -0.48, 0.03),
     "face": (0.04, 0.14, 0.16),
@@ -33,25 +34,27 @@ _TARGETS: dict[str, tuple[float, float, float]] = {
     "small of the back": (0.03, -0.42, -0.17),
     "other shoulder": (-0.16, -0.05, 0.1),
 }
-"""Metres in the chest's frame: places of the left wrist of a person of 1.75 m."""
+"""Positions of the left wrist for a person of 1.75 m, metres, chest's frame."""
 _HOLDS = (*_ANGLES, *_TARGETS)
-"""The names of the ways to hold an arm whatever the other one does."""
+"""Names of the holds that one arm can take independently of the other."""
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
-"""The names of all ways to hold the arms."""
+"""Names of all holds of the arms."""
 _CLOSE = 0.4
-"""Share of the people who hold both arms close before the trunk: performers do, and it is hard to see."""
+"""Fraction of people that hold both arms close in front of the trunk. Performers often do, and it is hard to
+detect."""
 _TRIES = 12
-"""Tries to hold an arm outside trunk and head, before it is held out: enough for nearly every way."""
+"""Number of attempts to find an arm pose outside trunk and head, before the arm is held outward. Nearly every
+hold succeeds."""
 
 _OUTWARD = 0.01
-"""Metres by which arms that are held close come away from the trunk with each try."""
+"""Distance that arms held close move away from the trunk with each attempt, metres."""
 
 
 def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: str | None = None) -> None:
-    """Turns both arms of (16, 3, 3) world_from_limb rotations, in place.
+    """Poses both arms in (16, 3, 3) world_from_limb rotations, in place.
 
     Args:
-        hold: a name of :data:`HOLDS` for both arms; None: random, often the same for both.
+        hold: a name of :data:`HOLDS` for both arms; None draws one at random, often the same for both.
     """
     if hold in CLOSE_HOLDS or (hold is None and rng.random() < _CLOSE):
         _hold_close(performer, rotations, rng, hold)
@@ -68,7 +71,7 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
 
 
 def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: str | None) -> None:
-    """Holds both arms close before the trunk, in place; one that cannot is held out."""
+    """Holds both arms close in front of the trunk, in place. An arm for which this fails is held outward."""
     for n in range(_TRIES):
         for side, wrist in enumerate(close_wrists(performer, rng, hold, n * _OUTWARD)):
             _place_arm(rotations, rng, *reach_close(performer, rotations, wrist, side), side)
@@ -80,14 +83,14 @@ def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: st
 
 
 def _hold(rng: Generator) -> str:
-    """Returns a random way to hold an arm; "anywhere" has a share of a quarter."""
+    """Returns a random hold of an arm. "anywhere" has a probability of a quarter."""
     if rng.random() < 0.25:
         return "anywhere"
     return _HOLDS[int(rng.integers(len(_HOLDS)))]
 
 
 def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str, side: int) -> None:
-    """Turns upper arm, forearm and hand of one side; 0 is the left."""
+    """Rotates upper arm, forearm and hand of one side; 0 is the left."""
     chest, sign = rotations[Limb.CHEST], 1.0 - 2.0 * side
     if name in _TARGETS:
         upper, elbow = _reach(performer, chest, rng, _TARGETS[name], side)
@@ -102,7 +105,8 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
 
 
 def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, side: int) -> None:
-    """Writes upper arm, forearm with its bend in radians, and a random hand into the rotations."""
+    """Writes the rotations of the upper arm, the forearm with its bend in radians, and a randomly rotated
+    hand."""
     sign = 1.0 - 2.0 * side
     fore = upper @ about_x(-elbow)
     palm = about_y(-sign * rng.uniform(-0.8, 1.6)) @ about_z(-sign * rng.normal(0, 0.3))
@@ -114,16 +118,16 @@ def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, sid
 def _reach(
     performer: Performer, chest: Float, rng: Generator, target: tuple[float, float, float], side: int
 ) -> tuple[Float, float]:
-    """Returns (3, 3) the upper arm and the elbow's bend, radians, that bring the wrist near a target."""
+    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, that bring the wrist near a target."""
     sign = np.array([1.0 - 2.0 * side, 1.0, 1.0])
     wanted = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
-    # The elbow points down, outward and back, as it does in most people most of the time.
+    # The elbow points down, outward and back, as for most people most of the time.
     out = np.array([0.7 * sign[0], -0.7, -0.35]) + rng.normal(0, 0.3, 3)
     return reach(performer, chest, wanted, out, side)
 
 
 def _inside_trunk(performer: Performer, rotations: Float, side: int) -> bool:
-    """Returns whether forearm or hand are within the trunk or the head."""
+    """Returns True if the forearm or the hand is inside the trunk or the head."""
     s = performer.scale
     chest = rotations[Limb.CHEST]
     sign, down = np.array([1.0 - 2.0 * side, 1.0, 1.0]), np.array([0.0, -1.0, 0.0])

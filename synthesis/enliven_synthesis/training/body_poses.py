@@ -1,7 +1,7 @@
 """Random plausible postures: people stand, walk, crouch, kneel, sit, bend, lunge, crawl, lie and leap.
 
-Angles are radians. A posture is the world orientation of every limb of the synthetic performer; the feet (or
-knees, hands, seat) touch the floor.
+Angles are in radians. A posture consists of the world orientation of every limb of the synthetic performer.
+The feet (or knees, hands, seat) touch the floor.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from enliven_synthesis.training.arm_poses import random_arms
 
 @dataclass(frozen=True)
 class LegPose:
-    """The angles of one leg against the facing of the pelvis.
+    """The angles of one leg relative to the facing of the pelvis.
 
     Attributes:
-        flex: the thigh forward (backward where negative).
-        abduct: the thigh outward.
-        twist: the thigh about its length, the toes outward.
-        knee: the bend of the knee.
-        ankle: the toes lifted; pointed where negative.
+        flex: rotation of the thigh forward (negative: backward).
+        abduct: rotation of the thigh outward.
+        twist: rotation of the thigh about its length, which turns the toes outward.
+        knee: bend of the knee.
+        ankle: rotation that lifts the toes (negative: points them).
     """
 
     flex: float
@@ -39,7 +39,8 @@ class LegPose:
 
 @dataclass(frozen=True)
 class TrunkAndLegs:
-    """The angles of legs and trunk in a posture: pitch and roll of the pelvis, bend and lean of the spine."""
+    """The angles of legs and trunk in a posture: pitch and roll of the pelvis, forward and sideways bend of
+    the spine."""
 
     left: LegPose
     right: LegPose
@@ -50,7 +51,7 @@ class TrunkAndLegs:
 
 
 def _planted(flex: float, knee: float, rng: Generator, spread: float = 0.14) -> LegPose:
-    """Returns a leg with a level sole: the ankle makes up for thigh and shank."""
+    """Returns a leg with a level sole: the ankle compensates for thigh and shank."""
     return LegPose(flex, abs(rng.normal(0.04, spread)), rng.normal(0.12, 0.2), knee, knee - flex)
 
 
@@ -119,7 +120,7 @@ def _sit(rng: Generator) -> TrunkAndLegs:
 
 
 def _sit_down(rng: Generator) -> TrunkAndLegs:
-    """Sits down or rises: the trunk leans forward over bent knees, as balance asks."""
+    """Returns a person sitting down or getting up: the trunk leans forward over bent knees for balance."""
     knee = rng.uniform(0.7, 1.7)
     legs = [_planted(0.8 * knee + rng.normal(0, 0.1), knee + rng.normal(0, 0.1), rng, 0.15) for _ in range(2)]
     return TrunkAndLegs(legs[0], legs[1], rng.uniform(0.2, 0.8), rng.normal(0, 0.05), rng.uniform(0.0, 0.6),
@@ -127,7 +128,7 @@ def _sit_down(rng: Generator) -> TrunkAndLegs:
 
 
 def _bow(rng: Generator) -> TrunkAndLegs:
-    """Bends to the floor, more or less."""
+    """Returns a person bending towards the floor by a random amount."""
     depth = rng.uniform(0.4, 1.0)
     legs = []
     for _ in range(2):
@@ -166,7 +167,7 @@ def _sideways_lunge(rng: Generator) -> TrunkAndLegs:
 
 
 def _on_all_fours(rng: Generator) -> TrunkAndLegs:
-    """Crawls, or rises from the floor."""
+    """Returns a person crawling, or getting up from the floor."""
     legs = [_kneeling_leg(rng) for _ in range(2)]
     legs = [
         LegPose(leg.flex + rng.uniform(-0.2, 0.5), leg.abduct, leg.twist, leg.knee, leg.ankle) for leg in legs
@@ -176,7 +177,7 @@ def _on_all_fours(rng: Generator) -> TrunkAndLegs:
 
 
 def _lie(rng: Generator) -> TrunkAndLegs:
-    """Lies on the back or the belly, or falls there."""
+    """Returns a person lying on the back or the belly, or falling into such a pose."""
     on_back = rng.random() < 0.5
     legs = [
         LegPose(rng.uniform(-0.1, 1.2) if on_back else rng.normal(0.0, 0.15), abs(rng.normal(0.1, 0.2)),
@@ -190,7 +191,7 @@ def _lie(rng: Generator) -> TrunkAndLegs:
 
 
 def _leap(rng: Generator) -> TrunkAndLegs:
-    """Holds the legs anywhere, as in the air or in a dance."""
+    """Returns random legs, as in the air or in a dance."""
     legs = [
         LegPose(rng.uniform(-0.7, 1.9), rng.uniform(-0.1, 0.9), rng.normal(0.1, 0.3), rng.uniform(0.0, 2.2),
             rng.normal(-0.2, 0.3))
@@ -201,7 +202,7 @@ def _leap(rng: Generator) -> TrunkAndLegs:
 
 
 def _high_leg(rng: Generator) -> TrunkAndLegs:
-    """Raises a leg to the side or ahead, as far as dancers do; the trunk leans away from it."""
+    """Returns a leg raised sideways or forward, as high as dancers can. The trunk leans away from it."""
     knee = abs(rng.normal(0.05, 0.1))
     ground = _planted(0.5 * knee, knee, rng, 0.06)
     aside = rng.uniform(0.3, 1.7)
@@ -230,20 +231,21 @@ _FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
     "lie": (0.02, _lie),
     "leap": (0.05, _leap),
 }
-"""Every family with its share of the postures: usual ones often, rare ones often enough to be learnt."""
+"""Every family with its probability. Usual postures are frequent, and rare ones frequent enough to be
+learnt."""
 FAMILIES = tuple(_FAMILIES)
-"""The names of all families."""
+"""Names of all families."""
 
 
 def random_figure(
     performer: Performer, rng: Generator, yaw: float, family: str | None = None, arms: str | None = None
 ) -> Figure:
-    """Returns a performer in a random posture over the world's origin, touching the floor.
+    """Returns a performer in a random posture above the world's origin, touching the floor.
 
     Args:
-        yaw: radians about +Y that the pelvis faces, 0 for +Z.
-        family: a name of :data:`FAMILIES`; None: random, by the shares.
-        arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None: random.
+        yaw: facing of the pelvis, radians about +Y; 0 is +Z.
+        family: a name of :data:`FAMILIES`; None draws one by its probability.
+        arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None draws one at random.
     """
     if family is None:
         shares = np.array([share for share, _ in _FAMILIES.values()])
@@ -260,12 +262,12 @@ def random_figure(
 
 
 def _hangs(family: str, rng: Generator) -> bool:
-    """Returns whether the arms hang, as they do when a person reaches for the floor."""
+    """Returns True if the arms hang, as they do when a person reaches for the floor."""
     return family == "bow" and rng.random() < 0.4
 
 
 def _turn_trunk(rotations: Float, heading: Float, pose: TrunkAndLegs, rng: Generator) -> None:
-    """Turns pelvis, belly, chest and head."""
+    """Rotates pelvis, belly, chest and head."""
     pelvis = heading @ about_x(pose.pitch) @ about_z(-pose.roll)
     yaw = rng.normal(0, 0.2)
     bend = about_y(yaw / 2) @ about_x(pose.bend / 2) @ about_z(-pose.lean / 2)
@@ -276,7 +278,7 @@ def _turn_trunk(rotations: Float, heading: Float, pose: TrunkAndLegs, rng: Gener
 
 
 def _turn_leg(rotations: Float, heading: Float, leg: LegPose, side: int) -> None:
-    """Turns one leg; ``side`` 0 is the left."""
+    """Rotates one leg; ``side`` 0 is the left."""
     sign = 1.0 - 2.0 * side
     thigh = heading @ about_z(sign * leg.abduct) @ about_x(-leg.flex) @ about_y(sign * leg.twist)
     shank = thigh @ about_x(leg.knee)
@@ -285,11 +287,11 @@ def _turn_leg(rotations: Float, heading: Float, leg: LegPose, side: int) -> None
 
 
 _SOLE = np.array([[0.0, -0.08, -0.06], [0.0, -0.08, 0.15], [0.0, -0.06, 0.19]])
-"""Metres in the foot's frame: heel, ball and toe-cap of a sole, for a person of 1.75 m."""
+"""Heel, ball and toe-cap of a sole for a person of 1.75 m, metres, foot's frame."""
 
 
 def _lowest(figure: Figure, scale: float) -> float:
-    """Returns the height of the lowest of soles, knees, hands and seat, metres."""
+    """Returns the height of the lowest point of soles, knees, hands and seat, metres."""
     low = []
     for limb in (Limb.FOOT_LEFT, Limb.FOOT_RIGHT):
         frame = figure.frames[limb]

@@ -1,7 +1,8 @@
-"""Random poses of both arms close before the trunk or towards the sensor, and everything between two of them.
+"""Random poses of both arms close in front of the trunk or towards the sensor, and all poses in between.
 
-Folded, akimbo, on the belly, at the chin, in a boxer's guard, on the lap, a runner's, towards the lens: in
-depth these limbs stand only centimetres proud of the body behind them, so the network has to see many.
+The holds are: folded, hands on hips, on the belly, at the chin, in a boxer's guard, on the lap, a runner's,
+towards the lens. In a depth image these limbs are only centimetres in front of the body, so the network needs
+many examples.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from enliven_synthesis.body import Performer, reach
 
 @dataclass(frozen=True)
 class WristPlace:
-    """Where a wrist is held: the left one, or the right one mirrored, of a person of 1.75 m.
+    """The position of a wrist for a person of 1.75 m: the left one, or the right one mirrored.
 
     Attributes:
-        place: metres in the chest's frame: outward, up, ahead.
-        elbow: the direction in which the elbow points, chest's frame: outward, up, ahead.
+        place: position in the chest's frame, metres: outward, up, ahead.
+        elbow: direction in which the elbow points, chest's frame: outward, up, ahead.
     """
 
     place: tuple[float, float, float]
@@ -40,8 +41,8 @@ _POINTING = WristPlace((0.12, -0.08, 0.50))
 _BELLY = WristPlace((0.01, -0.35, 0.20))
 _RUN_AHEAD = WristPlace((0.06, -0.18, 0.27), (0.4, -0.6, -0.8))
 _RUN_BEHIND = WristPlace((0.15, -0.34, 0.04), (0.4, 0.0, -1.0))
-"""Wrists of arms that hang, are akimbo, at the chin, in a guard, strike, lie on the lap, are bent, point
-ahead, lie on the belly, and swing in a run."""
+"""Wrists of these arm poses, in order: hanging, on the hips, at the chin, in a guard, striking, on the lap,
+bent, pointing ahead, on the belly, and swinging in a run."""
 
 _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
     "folded": (WristPlace((-0.12, -0.20, 0.20)), WristPlace((-0.10, -0.26, 0.165))),
@@ -59,27 +60,28 @@ _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
     "one hand at the chest": (WristPlace((-0.03, -0.12, 0.19)), _HANGING),
     "hanging": (_HANGING, _HANGING),
 }  # fmt: skip
-"""Every way with the places of both wrists; which arm has the first is drawn."""
+"""Every hold with the positions of both wrists. Which arm gets the first one is drawn at random."""
 CLOSE_HOLDS = tuple(_HOLDS)
-"""The names of all ways to hold both arms close."""
+"""Names of all ways to hold both arms close."""
 _PURE = 0.6
-"""Share of the poses that are one of the ways; the others are on the way from one to another."""
+"""Fraction of the poses that are exactly one of the holds. The others are interpolated between two."""
 _SPREAD = 0.04
-"""Metres: standard deviation of a wrist's place along each axis, about half a hand."""
+"""Standard deviation of a wrist's position along each axis, metres. About half a hand."""
 _SHIFT = 0.06
-"""Metres: standard deviation of the height of both wrists together: people fold their arms high or low."""
+"""Standard deviation of the common height of both wrists, metres. People fold their arms at different
+heights."""
 _ELBOW_SPREAD = 0.3
 """Standard deviation of the elbow's direction along each axis."""
 
 
 def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, ahead: float = 0.0) -> Float:
-    """Returns (2, 6) the places of both wrists, metres, and the directions of both elbows, chest's frame.
+    """Returns (2, 6) positions of both wrists, metres, and directions of both elbows, chest's frame.
 
-    Both are of the arm's own side: outward, up, ahead. The left arm is first.
+    The axes are those of the arm's own side: outward, up, ahead. The left arm is first.
 
     Args:
-        hold: a name of :data:`CLOSE_HOLDS`; None: random, or between two of them.
-        ahead: metres by which both wrists are farther from the trunk, for a person of 1.75 m.
+        hold: a name of :data:`CLOSE_HOLDS`; None draws one at random, or a pose between two of them.
+        ahead: additional distance of both wrists from the trunk, metres, for a person of 1.75 m.
     """
     made = _of(hold or _drawn(rng), rng)
     if hold is None and rng.random() > _PURE:
@@ -95,7 +97,7 @@ def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, 
 
 
 def reach_close(performer: Performer, rotations: Float, wrist: Float, side: int) -> tuple[Float, float]:
-    """Returns (3, 3) the upper arm and the elbow's bend, radians, of one row of :func:`close_wrists`.
+    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, for one row of :func:`close_wrists`.
 
     Args:
         rotations: (16, 3, 3) world_from_limb.
@@ -110,6 +112,7 @@ def _drawn(rng: Generator) -> str:
 
 
 def _of(hold: str, rng: Generator) -> Float:
-    """Returns (2, 6) places and directions of a way, the arms exchanged in half of the draws."""
+    """Returns (2, 6) wrist positions and elbow directions of a hold. In half of the draws the arms are
+    exchanged."""
     both = np.array([[*wrist.place, *wrist.elbow] for wrist in _HOLDS[hold]])
     return both[::-1].copy() if rng.random() < 0.5 else both

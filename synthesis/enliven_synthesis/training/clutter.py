@@ -1,6 +1,7 @@
-"""Random clutter that is no person: furniture, pillars, stacks, racks with a coat on them, pieces of walls.
+"""Random clutter without people: furniture, pillars, stacks, coat racks, pieces of walls.
 
-A tracker hands over any group of pixels that may be a person; the network must tell when it is none.
+The tracker passes every blob of pixels that may be a person to the network, so the network must recognise
+blobs that are not people.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from enliven.arrays import Bool, Float
 from enliven_synthesis.body import about_x, about_y, about_z
 
 _LEG = 0.025
-"""Metres: half the thickness of a table's leg, of ordinary furniture."""
+"""Half the thickness of a table leg of ordinary furniture, metres."""
 _PATCHY = (3.0, 14.0)
-"""Pixels: range of the deviation of the Gaussian that smooths the outline of a piece of wall."""
+"""Range of the standard deviation, in pixels, of the Gaussian that smooths the outline of a piece of wall."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,9 @@ class ClutterSolid:
 
     Attributes:
         centre: (3,) metres, world frame.
-        half: (3,) metres, half the sides.
+        half: (3,) half the side lengths, metres.
         turn: (3, 3) world_from_solid.
-        round: whether the solid is the ellipsoid.
+        round: True if the solid is the ellipsoid.
     """
 
     centre: Float
@@ -37,7 +38,8 @@ class ClutterSolid:
     round: bool = False
 
     def entry(self, eye: Float, direction: Float) -> Float:
-        """Returns (h, w) multiples of (h, w, 3) ``direction`` at which rays from the eye enter, else inf."""
+        """Returns the (h, w) ray parameters at which rays from the eye along (h, w, 3) ``direction`` enter
+        the solid, else inf."""
         start = (eye - self.centre) @ self.turn / self.half
         along = direction @ self.turn / self.half
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -46,23 +48,23 @@ class ClutterSolid:
 
 
 def _in_cube(start: Float, along: Float) -> tuple[Float, Float]:
-    """Returns where rays enter and leave the cube from -1 to 1."""
+    """Returns the parameters at which rays enter and leave the cube from -1 to 1."""
     one, other = (-1.0 - start) / along, (1.0 - start) / along
     return np.nanmax(np.minimum(one, other), -1), np.nanmin(np.maximum(one, other), -1)
 
 
 def _in_ball(start: Float, along: Float) -> tuple[Float, Float]:
-    """Returns where rays enter and leave the unit ball; NaN where they miss it."""
+    """Returns the parameters at which rays enter and leave the unit ball; NaN if they miss it."""
     a, b = (along**2).sum(-1), (along * start).sum(-1)
     root = np.sqrt(b**2 - a * ((start**2).sum() - 1.0))
     return (-b - root) / a, (-b + root) / a
 
 
 def random_clutter(place: Float, rng: Generator) -> list[ClutterSolid]:
-    """Returns the solids of random furniture or the like that stands on the floor.
+    """Returns the solids of a random object, such as furniture, that stands on the floor.
 
     Args:
-        place: (2,) metres, x and z.
+        place: (2,) position x and z, metres.
     """
     made = (_stack, _pillar, _table, _rack)[int(rng.integers(4))](rng)
     heading, middle = about_y(rng.uniform(-np.pi, np.pi)), np.array([place[0], 0.0, place[1]])
@@ -75,7 +77,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> C
 
 
 def _stack(rng: Generator) -> list[ClutterSolid]:
-    """Returns boxes and ellipsoids on and beside each other."""
+    """Returns boxes and ellipsoids on top of and next to each other."""
     wide, tall, made = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
     for n in range(int(rng.integers(1, 7))):
         half = rng.uniform(0.04, 0.4, 3)
@@ -93,7 +95,7 @@ def _pillar(rng: Generator) -> list[ClutterSolid]:
 
 
 def _table(rng: Generator) -> list[ClutterSolid]:
-    """Returns a table, a stool or a chair, sometimes with something on it."""
+    """Returns a table, a stool or a chair, sometimes with an object on it."""
     x, y, z = rng.uniform(0.18, 0.8), rng.uniform(0.3, 1.1), rng.uniform(0.18, 0.5)
     made = [_box((-x, y - 0.04, -z), (x, y, z))]
     for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
@@ -110,7 +112,7 @@ def _table(rng: Generator) -> list[ClutterSolid]:
 
 
 def _rack(rng: Generator) -> list[ClutterSolid]:
-    """Returns a pole with arms, a lamp or a coat: a plant, a rack, a tripod."""
+    """Returns a pole with arms, a lamp or a coat, like a plant, a coat rack or a tripod."""
     tall = rng.uniform(0.8, 2.1)
     pole = rng.uniform(0.01, 0.05)
     made = [_box((-pole, 0.0, -pole), (pole, tall, pole))]
@@ -125,10 +127,11 @@ def _rack(rng: Generator) -> list[ClutterSolid]:
 
 
 def piece_of_wall(shape: tuple[int, int], middle: Float, size: Float, rng: Generator) -> Bool:
-    """Returns (h, w) pixels within a random outline: a piece of a wall that is not known as background.
+    """Returns (h, w) pixels within a random outline: a piece of a wall that is missing from the background
+    model.
 
     Args:
-        middle, size: (2,) pixels, row and column of its middle, and its rough size.
+        middle, size: (2,) row and column of its middle, and its approximate size, pixels.
     """
     v, u = np.indices(shape)
     down, right = (v - middle[0]) / (0.5 * size[0] + 1.0), (u - middle[1]) / (0.5 * size[1] + 1.0)

@@ -1,4 +1,4 @@
-"""The data set of training samples on disk: rendered once on all cores, then drawn from at random."""
+"""The data set of training samples on disk. It is rendered once on all cores, then sampled at random."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
 
 SHARD = 2000
-"""Samples rendered in one go from one random generator: the number of processes does not change them."""
+"""Number of samples rendered from one random generator. It makes the samples independent of the number of
+processes."""
 _STREAM = 77
-"""Number that sets the random generators of samples apart from others with the same seed."""
+"""Number that separates the random generators of samples from others with the same seed."""
 _COMPLETE = "complete.txt"
-"""The file that is written last: an interrupted data set is not learnt from."""
+"""Name of the file that is written last. Without it the data set is incomplete and is not used."""
 _ARRAYS = {
     "image": (np.float16, (CHANNELS, ROWS, COLUMNS)),
     "parts": (np.uint8, (LABEL_ROWS, LABEL_COLUMNS)),
@@ -31,7 +32,7 @@ _ARRAYS = {
 }
 """Each array of the data set, with the type and the shape of one sample."""
 OTHER_SIDE = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
-"""(256,) the part on the other side of the body for each label."""
+"""(256,) The label of the mirrored body part for each label."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Batch:
 
     Attributes:
         image: (N, 4, 80, 64) channels of the crop.
-        parts: (N, 40, 32) the part of the body at each label, or the label of the background.
+        parts: (N, 40, 32) the body part at each label cell, or the background label.
         joints: (N, 20, 3) metres, crop coordinates.
         facing: (N,) radians; NaN in samples without a person.
         cell: (N,) metres of a cell of the crop.
@@ -54,22 +55,22 @@ class Batch:
 
     @property
     def is_person(self) -> Bool:
-        """(N,) whether a sample shows a person."""
+        """Returns (N,) True for samples that show a person."""
         return np.isfinite(self.facing)
 
 
 class Dataset:
-    """Training samples in a folder, read as they are needed.
+    """Training samples in a folder, read on demand.
 
     Attributes:
-        arrays: the arrays by name, mapped from disk; what is written into them is not kept.
+        arrays: the arrays by name, memory-mapped copy-on-write: changes are not saved.
     """
 
     def __init__(self, folder: Path) -> None:
         """Opens a data set.
 
         Raises:
-            InputError: where there is none, where its rendering was interrupted, or where it is damaged.
+            InputError: if the data set is missing, its rendering was interrupted, or it is damaged.
         """
         if not (folder / _COMPLETE).exists():
             raise InputError(
@@ -87,7 +88,7 @@ class Dataset:
         return len(self.arrays["cell"])
 
     def batch(self, which: AnyArray) -> Batch:
-        """Returns the samples with (N,) numbers, in rising order."""
+        """Returns the samples with the given numbers (N,), which must be ascending."""
         drawn = {name: np.array(array[np.sort(which)]) for name, array in self.arrays.items()}
         image = drawn["image"].astype(np.float32)
         return Batch(image, drawn["parts"], drawn["joints"], drawn["facing"], drawn["cell"])
@@ -96,11 +97,11 @@ class Dataset:
 def render_dataset(
     folder: Path, count: int, frontal: float, seed: int, rendered: Callable[[int], object] = lambda _: None
 ) -> Dataset:
-    """Renders ``count`` samples into a folder, on all cores, and returns the data set.
+    """Renders ``count`` samples into a folder on all cores, and returns the data set.
 
     Args:
-        frontal: share of the people who face the sensor.
-        rendered: called with the number of further samples when a shard is rendered.
+        frontal: fraction of people that face the sensor.
+        rendered: called after each shard with the number of its samples.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, (kind, shape) in _ARRAYS.items():
@@ -117,7 +118,7 @@ def render_dataset(
 
 
 def _render_shard(folder: Path, first: int, last: int, frontal: float, seed: int) -> int:
-    """Renders the samples from ``first`` up to ``last``; returns their number."""
+    """Renders the samples from ``first`` up to, but not including, ``last``. Returns their number."""
     arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in _ARRAYS}
     renderer, rng = PersonRenderer(), np.random.default_rng([seed, _STREAM, first])
     for n in range(first, last):

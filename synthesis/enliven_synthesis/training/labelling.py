@@ -1,4 +1,4 @@
-"""Labels each rendered pixel with the part of the body that it shows, for training."""
+"""Labels each rendered pixel with the visible body part, for training."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from enliven_edge.tracking.estimator import PARTS, BodyPart
 from enliven_synthesis.body import PIECES, Figure
 
 _TRUNK_MIDDLE = 0.04
-"""Metres above the spine joint at which the chest ends and the belly begins, for a person of 1.75 m."""
+"""Height above the spine joint of the border between belly and chest, metres, for a person of 1.75 m."""
 
 
 def _part_of_limb() -> Int:
-    """Returns (16,) the part of every limb; -1 for the limbs of the trunk."""
+    """Returns (16,) the body part of every limb; -1 for the limbs of the trunk."""
     parts = np.full(len(Limb), -1)
     parts[Limb.SKULL] = BodyPart.HEAD
     parts[Limb.UPPER_ARM_LEFT :] = np.arange(BodyPart.UPPER_ARM_LEFT, PARTS)
@@ -22,19 +22,19 @@ def _part_of_limb() -> Int:
 
 
 _LIMB = np.array([piece.limb for piece in PIECES])
-"""(P,) the limb of every piece of the body."""
+"""(P,) The limb of every piece of the body."""
 _PART = _part_of_limb()[_LIMB]
-"""(P,) the part of every piece; -1 for pieces of the trunk."""
+"""(P,) The body part of every piece; -1 for pieces of the trunk."""
 
 
 def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> UInt8:
-    """Returns (M,) the part at each surface point.
+    """Returns (M,) the body part at each surface point.
 
     Args:
-        pieces: (M,) the index of the piece of the body at each point.
+        pieces: (M,) index of the body piece at each point.
         points: (M, 3) metres, world frame.
         figure: the person's figure.
-        scale: the person's stature over the reference's.
+        scale: the person's stature relative to the reference.
     """
     labels: AnyArray = _PART[pieces].copy()
     trunk = labels < 0

@@ -1,7 +1,8 @@
-"""Renders synthetic people before the known sensors, with the part of the body at every pixel.
+"""Renders synthetic people in front of the supported sensors, with the body part at every pixel.
 
-Images have about the size at which the tracker works, and each sensor's own faults. Pixels that a tracker's
-view of a person lacks are removed: feet in the floor band, hidden parts, parts outside the image.
+Images have about the resolution at which the tracker works, and each sensor's own faults. Pixels that the
+tracker would not assign to a person are removed: feet in the floor band, occluded parts, parts outside the
+image.
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ from enliven_synthesis.training.clutter import piece_of_wall, random_clutter
 from enliven_synthesis.training.labelling import label_pixels
 
 SENSORS = ("kinect1", "kinect2", "oak-d", "oak-d-lite", "realsense-d415", "tof")
-"""The profiles of the sensors that people are rendered before, one of each kind."""
+"""Profiles of the sensors that people are rendered for, one of each kind."""
 WIDTH = 200
-"""Pixels across the images: about the size at which the tracker works."""
+"""Width of the images, pixels. About the width at which the tracker works."""
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
-"""(P,) the numbers of the pieces, drawn in the place of materials."""
+"""(P,) Numbers of the pieces. The renderer writes them instead of materials."""
 _WALLS = 0.35
-"""Share of the clutter that is pieces of a wall; the rest is furniture and the like."""
+"""Fraction of the clutter that is pieces of a wall. The rest is furniture and similar objects."""
 _SUNK = 0.08
-"""Share of the images in which feet or shanks are lost in a floor that was learnt too high."""
+"""Fraction of images in which feet or shanks are lost because the background model's floor is too high."""
 _STRAY = 0.12
-"""Metres from the true surface beyond which a tracker most often leaves a measurement out."""
+"""Distance from the true surface beyond which the tracker usually discards a measurement, metres."""
 
 
 @dataclass(frozen=True)
 class RenderedPerson:
-    """One person, or clutter in the place of one, as a sensor sees it.
+    """A sensor's view of one person, or of clutter in place of a person.
 
     Attributes:
         z: (h, w) float32 metres along the optical axis at the person's pixels, 0 elsewhere.
-        around: (h, w) float32 metres at all pixels, with what hides the person.
-        label: (h, w) the part of the body, or the label of the background.
+        around: (h, w) float32 metres at all pixels, including occluders.
+        label: (h, w) the body part, or the background label.
         camera: (4,) fx, fy, cx, cy.
         world_from_camera: (4, 4) pose of the sensor.
         figure: the true figure; None for clutter.
@@ -57,7 +58,7 @@ class RenderedPerson:
 
 
 class PersonRenderer:
-    """Renders people and clutter; keeps arrays that depend on the sensors only."""
+    """Renders people and clutter. Caches the arrays that depend only on the sensors."""
 
     def __init__(self) -> None:
         self._cameras = []
@@ -74,12 +75,14 @@ class PersonRenderer:
     def render_person(
         self, rng: Generator, family: str | None = None, arms: str | None = None, frontal: float = 0.0
     ) -> RenderedPerson:
-        """Renders a random person in a random posture from a random place, with at least 60 pixels.
+        """Renders a random person in a random posture from a random viewpoint, with at least 60 visible
+        pixels.
 
         Args:
-            family: a name of :data:`enliven_synthesis.training.body_poses.FAMILIES`; None: random.
-            arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None: random.
-            frontal: share of the people who face the sensor; the others face anywhere.
+            family: a name of :data:`enliven_synthesis.training.body_poses.FAMILIES`; None draws one at
+                random.
+            arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None draws one at random.
+            frontal: fraction of people that face the sensor. The others face a random direction.
         """
         while True:
             made = self._try(rng, family, arms, frontal)
@@ -87,7 +90,7 @@ class PersonRenderer:
                 return made
 
     def render_clutter(self, rng: Generator) -> RenderedPerson:
-        """Renders clutter in the place of a person, with at least 60 pixels."""
+        """Renders clutter in place of a person, with at least 60 visible pixels."""
         while True:
             _, figure, sensor, pose = self._placed(rng, None, None, 0.0)
             made = _partly_hidden(self.render_clutter_at(figure, sensor, pose, rng), rng)
@@ -100,7 +103,7 @@ class PersonRenderer:
     def _placed(
         self, rng: Generator, family: str | None, arms: str | None, frontal: float
     ) -> tuple[Performer, Figure, int, Float]:
-        """Returns a person, the number of a sensor, and the (4, 4) pose from which it sees the person."""
+        """Returns a person, the number of a sensor, and the sensor's (4, 4) pose."""
         performer = Performer(random_build(rng))
         yaw = rng.normal(0.0, 0.7) if rng.random() < frontal else rng.uniform(-np.pi, np.pi)
         figure = random_figure(performer, rng, yaw, family, arms)
@@ -112,7 +115,7 @@ class PersonRenderer:
     def render_figure(
         self, performer: Performer, figure: Figure, sensor: int, pose: Float, rng: Generator
     ) -> RenderedPerson:
-        """Renders a figure before a sensor of :data:`SENSORS` with the (4, 4) ``pose``."""
+        """Renders a figure for a sensor of :data:`SENSORS` with the (4, 4) ``pose``."""
         _, ray, renderer, _, _ = self._cameras[sensor]
         sdf = BodyAnatomy(performer).place(figure, np.linalg.inv(pose).astype(np.float64))
         depth, piece = _background(ray, pose, figure, rng), np.full(ray.shape[:2], NOBODY, np.uint8)
@@ -130,7 +133,7 @@ class PersonRenderer:
         )
 
     def render_clutter_at(self, instead: Figure, sensor: int, pose: Float, rng: Generator) -> RenderedPerson:
-        """Renders clutter in the place of a figure; sensor and pose as in :meth:`render_figure`."""
+        """Renders clutter in place of a figure; sensor and pose as in :meth:`render_figure`."""
         _, ray, _, _, _ = self._cameras[sensor]
         depth = _background(ray, pose, instead, rng)
         if rng.random() < _WALLS:
@@ -159,7 +162,8 @@ class PersonRenderer:
     def _measured(
         self, depth: Float, stuff: UInt8, mask: Bool, sensor: int, pose: Float, rng: Generator
     ) -> RenderedPerson:
-        """Adds the sensor's and the tracker's faults to (h, w) metres, materials and the person's mask."""
+        """Adds the faults of sensor and tracker to (h, w) depth in metres, materials, and the person's
+        mask."""
         _, ray, _, noise, _ = self._cameras[sensor]
         z = noise.corrupt(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
@@ -171,15 +175,15 @@ class PersonRenderer:
 
 
 def _floor_band(rng: Generator) -> float:
-    """Returns the metres above the floor below which a tracker takes nothing for the person.
+    """Returns the height above the floor, metres, below which the tracker assigns no pixels to the person.
 
-    It is more where the room was learnt while the person stood there.
+    It is larger if the background was learnt while the person stood there.
     """
     return float(rng.uniform(0.07, 0.3) if rng.random() < _SUNK else rng.choice([-1.0, 0.03, 0.05, 0.07]))
 
 
 def _partly_hidden(made: RenderedPerson, rng: Generator) -> RenderedPerson:
-    """Hides a part of the person in some of the images."""
+    """Hides a part of the person in some of the images (occlusion)."""
     hidden = _hidden(made.z > 0, rng)
     return dataclasses.replace(
         made,
@@ -190,7 +194,7 @@ def _partly_hidden(made: RenderedPerson, rng: Generator) -> RenderedPerson:
 
 
 def random_build(rng: Generator) -> Proportions:
-    """Returns a random build, from a child's to a tall and stout adult's."""
+    """Returns a random build, from a child's to that of a tall, stout adult."""
     height = rng.normal(1.72, 0.1) if rng.random() < 0.85 else rng.uniform(1.1, 1.6)
     return Proportions(
         float(np.clip(height, 1.05, 2.05)),
@@ -203,10 +207,10 @@ def random_build(rng: Generator) -> Proportions:
 
 
 def _camera_pose(figure: Figure, camera: Intrinsics, near: float, far: float, rng: Generator) -> Float:
-    """Returns the (4, 4) pose of a sensor that sees all of the person, or sometimes a part."""
+    """Returns the (4, 4) pose of a sensor that sees the whole person, or sometimes a part."""
     low, high = figure.joints.min(0), figure.joints.max(0)
     middle = 0.5 * (low + high)
-    if rng.random() < 0.25:  # close, at the upper body
+    if rng.random() < 0.25:  # a close-up of the upper body
         distance = rng.uniform(near, max(near + 0.3, 1.4))
         aim = figure.joints[int(rng.choice([0, 1, 2, 3]))] + rng.normal(0, 0.1, 3)
     else:
@@ -242,13 +246,13 @@ def _background(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Floa
 
 
 def _hider(z: Float32, rng: Generator) -> float:
-    """Returns the metres to the thing that hides a person; 0 where it is not measured."""
+    """Returns the depth of the object that occludes a person, metres; 0 if it is not measured."""
     seen = z[z > 0]
     return 0.0 if len(seen) == 0 or rng.random() < 0.3 else float(seen.min()) * rng.uniform(0.5, 0.95)
 
 
 def _hidden(seen: Bool, rng: Generator) -> Bool:
-    """Returns (h, w) the hidden pixels: in one image of five by a thing, in some by missing depth."""
+    """Returns (h, w) the occluded pixels: in one image of five by an object, in some by missing depth."""
     hidden = np.zeros(seen.shape, bool)
     rows, columns = np.nonzero(seen)
     if len(rows) == 0:
@@ -257,9 +261,9 @@ def _hidden(seen: Bool, rng: Generator) -> Bool:
         top, left = rng.integers(rows.min(), rows.max() + 1), rng.integers(columns.min(), columns.max() + 1)
         tall, wide = np.ptp(rows) + 1, np.ptp(columns) + 1
         kind = rng.random()
-        if kind < 0.4:  # a table: everything below
+        if kind < 0.4:  # a table: hides everything below
             hidden[max(top, rows.min() + tall // 3) :] = True
-        elif kind < 0.7:  # another person, a pillar: everything to one side
+        elif kind < 0.7:  # another person or a pillar: hides everything to one side
             side = rng.random() < 0.5
             hidden[:, : left - wide // 4] = side
             hidden[:, left + wide // 4 :] = not side

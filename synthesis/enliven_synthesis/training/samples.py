@@ -1,8 +1,8 @@
 """Training samples: crops of synthetic people with the ground truth.
 
-They have people of all builds in all postures before all sensors, and the faults of a tracker's masks: the
-middle is a little off, a limb is given to another person, a piece of another thing or of the wall is taken
-in.
+They contain people of all builds in all postures in front of all sensors, with the typical faults of a
+tracker's masks. The centre is slightly off, a limb is assigned to another person, or a piece of another
+object or of the wall is included.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from enliven_edge.tracking.estimator import COLUMNS, NOBODY, ROWS, BodyPart, Cro
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
-"""Rows and columns of the part labels: half the crop's, as the network has them."""
+"""Rows and columns of the part labels: half the crop's resolution, the network's output resolution."""
 _MISPLACED = np.array([0.05, 0.05, 0.06, 0.06])
-"""Standard deviations of a crop's errors: its place, three in metres, and the logarithm of its size; like a
-tracker's."""
+"""Standard deviations of a crop's errors, similar to a tracker's: three of its position, in metres, and one
+of the logarithm of its size."""
 _FLOOR_OFF = 0.02
-"""Metres: standard deviation of the error of the floor's height, like a tracker's."""
+"""Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
 _IN_THE_AIR = 0.1
-"""Share of the samples in which people jump, or stand on something."""
+"""Fraction of samples in which people jump, or stand on an object."""
 _HIGHEST = 0.6
-"""Metres that people jump, or stand above the floor, at most: a high jump, or a chair."""
+"""Maximum height at which people jump, or stand above the floor, metres: a high jump, or a chair."""
 _LOST = (
     BodyPart.HAND_LEFT,
     BodyPart.FOREARM_LEFT,
@@ -37,28 +37,29 @@ _LOST = (
     BodyPart.SHANK_LEFT,
     BodyPart.HEAD,
 )
-"""The parts, of the left side or the head, that a tracker may lose."""
+"""Body parts, of the left side or the head, that a tracker may lose."""
 _CLUTTER = 0.12
-"""Share of the samples that show no person: one in eight."""
+"""Fraction of samples without a person: one in eight."""
 _LOSES = 0.1
-"""Share of the samples in which a limb is lost."""
+"""Fraction of samples in which a limb is lost."""
 _TAKES_IN = 0.1
-"""Share of the samples in which a piece of another thing is taken for the person."""
+"""Fraction of samples in which a piece of another object is assigned to the person."""
 _TAKES_IN_WALL = 0.12
-"""Share of the samples in which the wall beside the person is: close to it there is no step in depth."""
+"""Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
+to it, depth has no step there."""
 _BEHIND = (0.0, 0.6)
-"""Metres that such a wall is behind the person's middle, least and most."""
+"""Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
-"""Metres a pixel: standard deviation of the slope of such a wall, some 30 degrees."""
+"""Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
 _LEFT_BESIDE = 0.3
-"""Share of the samples without a person that show what is left of the wall beside one: cut out by a person's
-outline, it has a person's sides and height."""
+"""Fraction of the samples without a person that show the rest of a wall next to a person. It is cut out by
+the person's outline, so it has the side and the height of a person."""
 _STRAIGHT = 0.6
-"""Share of these that end at a straight edge, such as a door's, on the other side."""
+"""Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _FEWEST = 60
-"""Pixels of such a piece of wall at least: a tracker doesn't look at fewer."""
+"""Minimum number of pixels of such a piece of wall. The tracker ignores smaller blobs."""
 _SHREDS = 0.03
-"""Share of the samples in which depth is measured only in small discs."""
+"""Fraction of samples in which depth is measured only in small discs."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,11 @@ class TrainingSample:
     """One crop with its ground truth.
 
     Attributes:
-        image: (4, 80, 64) float32, as of :class:`Crop`.
-        cell: metres of a cell.
+        image: (4, 80, 64) float32, channels as in :class:`Crop`.
+        cell: size of a cell, metres.
         joints: (20, 3) float32 metres, crop coordinates, ordered by :class:`enliven.person.body.Joint`.
-        facing: radians, as of :func:`facing_in_plan`; NaN without a person, where joints are 0.
-        parts: (40, 32) uint8 the part at every second cell, or the label of the background.
+        facing: radians, as returned by :func:`facing_in_plan`; NaN without a person (joints are then 0).
+        parts: (40, 32) uint8 the body part at every second cell, or the background label.
     """
 
     image: Float32
@@ -81,7 +82,7 @@ class TrainingSample:
 
 
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
-    """Renders a random sample; ``frontal`` is the share of the people who face the sensor."""
+    """Renders a random sample; ``frontal`` is the fraction of people that face the sensor."""
     clutter = rng.random() < _CLUTTER
     beside = clutter and rng.random() < _LEFT_BESIDE
     if beside or not clutter:
@@ -142,7 +143,7 @@ def _shreds(mask: Bool, rng: Generator) -> Bool:
 
 
 def _taken_in(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
-    """Adds a slanted piece of another thing to the depth and to the person's mask, both (h, w)."""
+    """Adds a slanted piece of another object to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
     i = int(rng.integers(len(rows)))
     sides = (int(np.ptp(rows)) + 5, int(np.ptp(columns)) + 5)
@@ -162,12 +163,12 @@ def _taken_in(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
 
 
 def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
-    """Adds the wall beside the person to the depth and to the person's mask, both (h, w)."""
+    """Adds the wall next to the person to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
     i = int(rng.integers(len(rows)))
     v, u = np.indices(mask.shape)
     down, right = v - rows[i], u - columns[i]
-    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # from the horizontal
+    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # angle from the horizontal
     reach = rng.uniform(0.03, 0.4) * (float(np.ptp(rows)) + 5.0)
     piece = (right * np.cos(direction) + down * np.sin(direction) > 0) & ~mask
     piece &= distance_transform_edt(~mask) < reach
@@ -179,12 +180,12 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
 
 
 def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
-    """Adds the wall beside the person to the depth, (h, w); returns it with the pixels of that wall alone."""
+    """Adds the wall next to the person to the depth, (h, w). Returns it with a mask of that wall alone."""
     out, taken = _with_wall(z, mask, rng)
     piece = taken & ~mask
     if piece.any() and rng.random() < _STRAIGHT:
         v, u = np.indices(mask.shape)
-        lean = rng.normal(0.0, 0.05)  # of the edge, columns a row
+        lean = rng.normal(0.0, 0.05)  # slope of the edge, columns per row
         at = u + lean * (v - 0.5 * len(mask))
         beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
         piece &= beyond if rng.random() < 0.5 else ~beyond
@@ -192,7 +193,7 @@ def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]
 
 
 def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
-    """Returns (40, 32) the part in the middle of every two by two cells."""
+    """Returns (40, 32) the body part at the centre of every block of 2 x 2 cells."""
     i, j = np.mgrid[:LABEL_ROWS, :LABEL_COLUMNS]
     flat = np.stack([(j + 0.5 - LABEL_COLUMNS / 2), (i + 0.5 - LABEL_ROWS / 2)], -1) * (2 * crop.cell)
     x, y = np.moveaxis((flat / crop.depth + crop.centre) @ crop.axes, -1, 0)

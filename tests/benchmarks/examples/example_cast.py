@@ -1,7 +1,8 @@
-"""A puppet's session as an animator states it: where the control points are, and what each key pose does.
+"""A puppet's session in an animator's terms: positions of the control points, and the directions of each key
+pose.
 
-project = staged(ACTS["cactus"])                # a project with the puppet, its key poses and its take
-text = session_of(ACTS["cactus"], project)      # the same as a session file (TOML)
+project = staged(ACTS["cactus"])                # a project with the puppet, its key poses and its take text =
+session_of(ACTS["cactus"], project)      # the same as a session file (TOML)
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ from enliven.takes.files import read_take
 DATA = Path(os.environ.setdefault("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SESSIONS = Path(__file__).parent / "example_sessions"
 MIDDLE = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-"""Whose left is the mirror image of its right is mirrored here."""
+"""Sagittal plane: control points on the left are mirrored to the right."""
 _MOST_VERTICES = 3_000_000
 _TENTH_MM = 4
-"""Decimals of metres that key poses are kept with: a session says the same on every machine."""
+"""Decimals of key poses, metres. Rounding makes a session identical on every machine."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A control point: on the vertex nearest to a place (3,), metres, paired with a joint."""
+    """A control point on the vertex nearest to a position (3,), metres, paired with a joint."""
 
     name: str
     near: tuple[float, float, float]
@@ -50,7 +51,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Key:
-    """A key pose: what the performer does at a time of the take, and what the puppet is to do then."""
+    """A key pose: the performer's pose at a time of the take, and the puppet's directions for it."""
 
     seconds: float
     sees: str
@@ -59,7 +60,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Shown:
-    """A piece of the take as it is filmed: from where to where in seconds, how fast, and from which side.
+    """A piece of the take as it is filmed: start and end in seconds, speed, and camera direction.
 
     Attributes:
         azimuth: degrees from the puppet's front towards its left.
@@ -73,21 +74,21 @@ class Shown:
 
 @dataclass(frozen=True)
 class Act:
-    """Who plays what, and how it was directed.
+    """A character, its take, and its directions.
 
     Attributes:
-        title: of the film.
+        title: title of the film.
         mesh, take: files of the data.
         height: metres.
         up, turned: the file's own axis that points up, and degrees about it then, so that it looks to +Z.
         points: control points.
-        limbs: what directions call them.
+        limbs: limbs by the names used in directions.
         keys: the key poses.
-        mirrored: whether each key pose is shown mirrored as well.
+        mirrored: True to add the mirror image of each key pose.
         shown: the film.
         colour: sRGB.
-        of: another act whose session this one plays; empty for its own.
-        finer: metres; the mesh is refined until no edge is longer, but for 0.
+        of: name of another act; this act plays its session; empty for its own.
+        finer: maximum edge length after refining the mesh, metres; 0 does not refine.
     """
 
     title: str
@@ -111,17 +112,17 @@ class Act:
 
     @property
     def mesh_table(self) -> MeshTable:
-        """Where the session has its mesh from."""
+        """Returns the session's mesh table."""
         return MeshTable(f"$ENLIVEN_DATA/{self.mesh}", self.height, self.up, self.turned)
 
     @property
     def missing(self) -> list[Path]:
-        """Files of the data that are not there."""
+        """Returns the data files that are missing."""
         return [DATA / file for file in (self.mesh, self.take) if not (DATA / file).is_file()]
 
 
 def staged(act: Act, keys: int | None = None) -> Project:
-    """The project of an act, with its first key poses or all of them."""
+    """Returns the project of an act, with its first ``keys`` key poses or all of them."""
     mesh = fitted(load_mesh(DATA / act.mesh).mesh, act.mesh_table)
     take = read_take(DATA / act.take)[0]
     figure, points = figure_of(act, mesh)
@@ -144,7 +145,7 @@ def staged(act: Act, keys: int | None = None) -> Project:
 
 
 def figure_of(act: Act, mesh: Mesh) -> tuple[Figure, tuple[ControlPoint, ...]]:
-    """Who is directed, and the control points."""
+    """Returns the figure that is directed, and its control points."""
     used = np.unique(mesh.faces)
     held = used[cKDTree(mesh.vertices[used]).query([point.near for point in act.points])[1]]
     points = [
@@ -157,24 +158,24 @@ def figure_of(act: Act, mesh: Mesh) -> tuple[Figure, tuple[ControlPoint, ...]]:
 
 
 def session_of(act: Act, project: Project) -> str:
-    """The text of the session."""
+    """Returns the text of the session."""
     puppet = next(iter(project.puppets.values()))
     takes = {name: TakeTable(f"$ENLIVEN_DATA/{act.take}") for name in project.takes}
     return session_text(puppet, act.mesh_table, takes)
 
 
 def stored(name: str) -> Session:
-    """The session that is kept in the repository, as whoever opens it has it."""
+    """Returns the session stored in the repository."""
     return read_session(SESSIONS / f"{name}.toml")
 
 
 def playing(name: str, act: Act) -> Project:
-    """The project that an act plays: its stored session, on a finer mesh where it says so."""
+    """Returns the project that an act plays: its stored session, on a finer mesh if the act asks for it."""
     project = stored(act.of or name).project
     if act.finer <= 0.0:
         return project
     puppet = next(iter(project.puppets.values()))
-    # Refining keeps the numbers of the vertices that were there.
+    # Refining keeps the numbers of existing vertices.
     mesh = refine(puppet.mesh, act.finer, _MOST_VERTICES)
     return project.with_characters(puppet.with_changes(mesh=mesh))
 

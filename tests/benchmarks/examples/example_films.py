@@ -1,12 +1,13 @@
-"""Films of meshes that act by a few example poses, into out/examples, with what is measured of each.
+"""Films of meshes that act by a few example poses, written to out/examples, with measurements of each.
 
-    python tests/benchmarks/examples/example_films.py                all of them
-    python tests/benchmarks/examples/example_films.py cactus trex    those with one of the words in the name
-    python tests/benchmarks/examples/example_films.py --sessions     the sessions anew, from the directions
-    python tests/benchmarks/examples/example_films.py --measure      no films, only what is measured
+    python tests/benchmarks/examples/example_films.py                all films
+    python tests/benchmarks/examples/example_films.py cactus trex    films with one of the words in the name
+    python tests/benchmarks/examples/example_films.py --sessions     regenerates the sessions from the
+    directions
+    python tests/benchmarks/examples/example_films.py --measure      no films, only measurements
 
-The sessions in example_sessions are what example_acts.py directs; meshes and motions are real ones, by
-others, which are looked for in ENLIVEN_DATA.
+The sessions in example_sessions are generated from example_acts.py. Meshes and motions are real third-party
+data in the folder ENLIVEN_DATA.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ RATE = 30.0
 
 
 def main(arguments: list[str]) -> int:
-    """Film the acts that are named, or all."""
+    """Films the named acts, or all."""
     words = [word for word in arguments if not word.startswith("--")]
     acts = {name: act for name, act in ACTS.items() if not words or any(word in name for word in words)}
     if not acts:
@@ -55,7 +56,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _filmed(name: str, act: Act, film: bool) -> str:
-    """The film of an act from its stored session; what was measured."""
+    """Films an act from its stored session. Returns the measurements."""
     project = playing(name, act)
     ruler = Ruler(project)
     plays = [Play(act, project, shown, RATE) for shown in act.shown]

@@ -1,4 +1,4 @@
-"""How a puppet fares: what key poses are missed by, sliding, volume, faces that cross, jitter, times."""
+"""Quality measures of a puppet: key pose error, sliding, volume, intersecting faces, jitter, times."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.meshes.mesh import Mesh, weld
 
 _EVERY = 10
-"""Pictures from one in which volume and crossing faces are looked at to the next."""
+"""Volume and intersecting faces are measured in every tenth frame."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """What was found.
+    """The measurements.
 
     Attributes:
-        solve_s: seconds for the trajectories and the way in the world of the whole take.
-        surface_ms: median milliseconds of the surface in a picture.
-        missed_mm: how far a control point is from its key pose at the key pose's time, at most.
-        slide_mm: how far an anchor moves over the floor while it is one, at most, between frames too.
-        volume: (2,) least and most, over the volume at rest; NaN for an open mesh.
-        crossing: (2,) faces that pass through one another and do not at rest: mean and most, of all.
-        jitter: root mean square acceleration of the control points over the performer's, in sizes of each.
-        hands: correlation of the heights of what is paired with hands; NaN where there are none.
+        solve_s: seconds for the trajectories and the locomotion of the whole take.
+        surface_ms: median milliseconds of the surface per frame.
+        missed_mm: largest distance of a control point from its key pose at the key pose's time.
+        slide_mm: largest distance that an anchor slides over the floor, also between frames.
+        volume: (2,) minimum and maximum, relative to the volume at rest; NaN for an open mesh.
+        crossing: (2,) fraction of faces that intersect but do not at rest: mean and maximum.
+        jitter: root mean square acceleration of the control points relative to the performer's, each relative
+            to its size.
+        hands: correlation of the heights of hands and the points paired with them; NaN without such points.
     """
 
     solve_s: float
@@ -57,7 +58,7 @@ class Measures:
 
 
 class Ruler:
-    """Sees a film shot by shot, and keeps no more of it than numbers: surfaces are large."""
+    """Measures a film shot by shot and stores only numbers, since surfaces are large."""
 
     def __init__(self, project: Project) -> None:
         self._project, self._puppet = project, next(iter(project.puppets.values()))
@@ -67,7 +68,7 @@ class Ruler:
         self._asked = SelfIntersection(self._puppet.mesh)
 
     def see(self, shot: Shot) -> None:
-        """One shot more."""
+        """Adds a shot."""
         if len(self._times) % _EVERY == 0:
             self._volumes.append(volumes(self._puppet.mesh, [shot.local]))
             faces = self._asked.newly_crossing(shot.local)
@@ -75,7 +76,7 @@ class Ruler:
         self._times.append(shot.solve_ms)
 
     def measures(self) -> Measures:
-        """What was found."""
+        """Returns the measurements."""
         project, puppet = self._project, self._puppet
         begun = time.perf_counter()
         motion = motion_of(_fresh(project, puppet), puppet, 0)
@@ -92,7 +93,8 @@ class Ruler:
 
 
 def missed(puppet: Puppet, motion: PuppetMotion) -> float:
-    """Metres, at most, from key poses at their times; feet that are planted are elsewhere."""
+    """Returns the largest distance from key poses at their times, metres. Planted feet are excluded, since
+    they are elsewhere."""
     kept = [k for k, point in enumerate(puppet.points) if not (point.foot and puppet.locomotion.plant)]
     frames = [round(pose.time / motion.step) for pose in puppet.poses]
     away = [(motion.places[f] - pose.places)[kept] for f, pose in zip(frames, puppet.poses, strict=True)]
@@ -100,7 +102,7 @@ def missed(puppet: Puppet, motion: PuppetMotion) -> float:
 
 
 def slide(motion: PuppetMotion, parts: int = 4) -> float:
-    """Metres, at most, that an anchor moves over the floor from when it takes over until it gives way."""
+    """Returns the largest distance that an anchor moves over the floor while it is the anchor, metres."""
     most = 0.0
     changes = np.flatnonzero(np.diff(motion.anchors)) + 1
     for frames in np.split(np.arange(motion.frames), changes):
@@ -114,7 +116,7 @@ def slide(motion: PuppetMotion, parts: int = 4) -> float:
 
 
 def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
-    """Least and most volume over that at rest; NaN where the mesh, welded, is not closed."""
+    """Returns the minimum and maximum volume relative to rest; NaN if the welded mesh is not closed."""
     welded, of = weld(mesh)
     faces = of[mesh.faces]
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
@@ -128,21 +130,23 @@ def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
 
 
 def crossings(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
-    """Faces that cross and do not at rest, as a part of all: mean and most."""
+    """Returns the fraction of faces that intersect but do not at rest: mean and maximum."""
     asked = SelfIntersection(mesh)
     found = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
     return float(found.mean()), float(found.max())
 
 
 def jitter(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
-    """How much more suddenly control points move than their joints, both in sizes of what moves."""
+    """Returns the acceleration of control points relative to that of their joints, each relative to its
+    size."""
     poses = performed(project.takes[puppet.layers[0].take], [point.joint for point in puppet.points]).poses
     moves = [_sudden(motion.places), _sudden(poses)]
     return moves[0] / moves[1]
 
 
 def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
-    """Correlation of the heights of hands and of what is paired with them, the lowest of all pairs."""
+    """Returns the correlation of the heights of hands and of the points paired with them, the lowest of all
+    pairs."""
     rows = [k for k, point in enumerate(puppet.points) if point.joint.endswith(("Hand", "Wrist"))]
     if not rows:
         return float("nan")
@@ -151,13 +155,14 @@ def hands(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:
 
 
 def _fresh(project: Project, puppet: Puppet) -> Project:
-    """The same project with takes of its own, so that nothing is remembered; once to warm up."""
+    """Returns the same project with copies of its takes, so that no cached results are used. Runs once to
+    warm up."""
     motion_of(project, puppet, 0)
     return replace(project, takes={name: replace(take) for name, take in project.takes.items()})
 
 
 def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
-    """(3,) metres, a control point in the world."""
+    """Returns (3,) position of a control point in the world, metres."""
     yaw, root = motion.way_at(frame)
     x, y, z = motion.places_at(frame)[point]
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -165,7 +170,8 @@ def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
 
 
 def _sudden(places: Float) -> float:
-    """Root mean square second differences of (F, P, 3) from frame 5 on, over how far the points move."""
+    """Returns the root mean square second difference of (F, P, 3) from frame 5 on, relative to the extent of
+    the motion."""
     moves = places[5:] - places[5:].mean(0)
     return float(np.sqrt((np.diff(moves, 2, axis=0) ** 2).mean() / (moves**2).mean()))
 

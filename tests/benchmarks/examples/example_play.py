@@ -1,4 +1,4 @@
-"""Plays a puppet off-line: for each picture the performer, the control points and the solved surface."""
+"""Plays a puppet offline. Each frame has the performer, the control points and the solved surface."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from enliven.takes.capture_roles import find_roles
 from enliven_edge.importing.motion_capture import bodies_of
 
 _STEADY = 0.6
-"""Seconds over which the camera's way is smoothed."""
+"""Time over which the camera path is smoothed, seconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One moment.
+    """One frame.
 
     Attributes:
-        seconds: of the take.
+        seconds: time in the take.
         local: (V, 3) metres, the surface in the mesh's frame.
         vertices: (V, 3) metres, in the world.
-        pose: of the puppet's character.
+        pose: pose of the puppet's character.
         body: the performer.
-        solve_ms: how long the surface took; of the first moment how long it took to settle.
+        solve_ms: time for the surface; in the first frame, time until it converged.
     """
 
     seconds: float
@@ -52,7 +52,7 @@ class Shot:
 
 
 class Play:
-    """A piece of an act as it is played, at a rate of pictures a second."""
+    """A piece of an act, played at a frame rate."""
 
     def __init__(self, act: Act, project: Project, shown: Shown, rate: float) -> None:
         self.act, self.project, self.shown = act, project, shown
@@ -63,14 +63,15 @@ class Play:
 
     @cached_property
     def character(self) -> Character:
-        """As it is drawn: only its control points are marked, in the colour of the act."""
+        """Returns the character to draw. Only its control points are marked, in the colour of the act."""
         plain = character_of_puppet(self.puppet)
         colours = np.tile(np.array(self.act.colour, np.uint8), (len(plain.vertices), 1))
         return replace(plain, colours=colours, edges=np.zeros((0, 2), np.int32))
 
     @cached_property
     def bodies(self) -> tuple[Float, Float]:
-        """(F, 20, 3) metres and (F, 20, 4) of the performer, who looks to +Z at first as puppets do."""
+        """Returns (F, 20, 3) metres and (F, 20, 4) rotations of the performer, which faces +Z at first, as
+        puppets do."""
         path = DATA / self.act.take
         capture = read_expmap(path) if path.suffix == ".txt" else read_bvh(path)
         joints, turns = bodies_of(capture, find_roles(capture))
@@ -80,13 +81,13 @@ class Play:
         return rotate(whole, joints), multiply(whole, turns)
 
     def surface(self) -> PuppetSurface:
-        """A fresh surface."""
+        """Returns a new surface."""
         points = self.puppet.points
         held, weights = [point.vertex for point in points], [point.weight for point in points]
         return PuppetSurface(self.puppet.mesh, held, weights, self.puppet.surface)
 
     def shots(self) -> Iterator[Shot]:
-        """All moments in turn, the surface warm from one to the next."""
+        """Yields all frames in turn. Each surface starts from the previous one (warm start)."""
         surface = self.surface()
         for number, seconds in enumerate(self.times):
             state = state_of(self.project, self.puppet, seconds)
@@ -99,14 +100,15 @@ class Play:
             )
 
     def body(self, seconds: float) -> Body:
-        """The performer at a time of the take."""
+        """Returns the performer at a time of the take."""
         joints, turns = self.bodies
         frame = min(round(seconds / self._step), len(joints) - 1)
         return Body(0, joints[frame], np.ones(J), turns[frame])
 
     @cached_property
     def ways(self) -> tuple[Float, Float]:
-        """(N, 3) each: what the cameras of puppet and performer follow, smooth, on the floor."""
+        """Returns two smooth paths on the floor, (N, 3) each, which the cameras of puppet and performer
+        follow."""
         states = [state_of(self.project, self.puppet, seconds) for seconds in self.times]
         puppet = np.array([in_world(self.puppet, state, state.places).mean(0) for state in states])
         joints = self.bodies[0]
@@ -120,5 +122,5 @@ class Play:
 
 
 def _smooth(way: Float, sigma: float) -> Float:
-    """(N, 3) smoothed in time, with y 0."""
+    """Returns (N, 3) smoothed in time, with y 0."""
     return np.asarray(gaussian_filter1d(way, sigma, axis=0, mode="nearest") * [1.0, 0.0, 1.0])

@@ -1,10 +1,10 @@
-"""Directions to an actor, as functions on the places of control points.
+"""Directions to an actor, as functions of the positions of control points.
 
     figure = Figure(names, rest, limbs)
     places = figure.posed(turn("right arm", 50, "up"), bend(8, "left"), squash(0.9))
 
-A direction takes places (P, 3), metres in the mesh's frame (+Y up, looking to +Z, its left at +X), and gives
-places. They are followed in their order: limbs first, then the trunk, which takes the limbs along.
+A direction takes positions (P, 3), metres in the mesh's frame (+Y up, facing +Z, its left at +X), and returns
+positions. Directions are applied in order: limbs first, then the trunk, which moves the limbs, too.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ _SIDES = {
 
 @dataclass(frozen=True)
 class Limb:
-    """Control points that move together, from the trunk outwards, and what they turn about.
+    """Control points that move together, from the trunk outwards, and their pivot.
 
     Attributes:
         points: names.
-        pivot: a place (3,) at rest, metres, or the name of a control point, wherever that is then.
+        pivot: a position (3,) at rest, metres, or the name of a control point, whose current position is
+            used.
     """
 
     points: tuple[str, ...]
@@ -44,12 +45,13 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Who is directed.
+    """The actor.
 
     Attributes:
         names: (P,) of the control points.
         rest: (P, 3) metres.
-        limbs: by what a director calls them; a control point by itself may be called by its own name.
+        limbs: limbs by the names used in directions. A single control point may also be called by its own
+            name.
         feet: names of the control points that stay where they are when the trunk moves.
         height: metres.
     """
@@ -61,26 +63,26 @@ class Figure:
     height: float
 
     def posed(self, *directions: Direction) -> Float:
-        """(P, 3) metres, after all directions were followed from rest."""
+        """Returns (P, 3) metres, after applying all directions to the rest position."""
         places = self.rest.copy()
         for direction in directions:
             places = direction(self, places)
         return places
 
     def rows(self, limb: str) -> list[int]:
-        """The control points of a limb, from the trunk outwards."""
+        """Returns the control points of a limb, from the trunk outwards."""
         points = self.limbs[limb].points if limb in self.limbs else (limb,)
         return [self.names.index(point) for point in points]
 
     def pivot(self, limb: str, places: Float) -> Float:
-        """(3,) what a limb turns about; for a control point by itself the trunk beside it."""
+        """Returns (3,) the pivot of a limb; for a single control point a point of the trunk next to it."""
         if limb not in self.limbs:
             return self.rest[self.names.index(limb)] * [0.0, 1.0, 0.0]
         pivot = self.limbs[limb].pivot
         return places[self.names.index(pivot)] if isinstance(pivot, str) else np.array(pivot)
 
     def side(self, limb: str, side: Side) -> Float:
-        """(3,) a direction; out and in are a limb's own."""
+        """Returns (3,) a direction; "out" and "in" depend on the limb."""
         if side in ("out", "in"):
             left = self.rest[self.rows(limb)[-1], 0] >= 0.0
             side = "left" if left == (side == "out") else "right"
@@ -88,7 +90,7 @@ class Figure:
 
     @property
     def stays(self) -> Bool:
-        """(P,) whether it is a foot."""
+        """Returns (P,) True for feet."""
         return np.array([name in self.feet for name in self.names])
 
 
@@ -96,7 +98,7 @@ Direction = Callable[[Figure, Float], Float]
 
 
 def turn(limb: str, degrees: float, side: Side) -> Direction:
-    """A limb turns about its pivot towards a side; stiffly."""
+    """Rotates a limb rigidly about its pivot towards a side."""
 
     def follow(figure: Figure, places: Float) -> Float:
         rows, pivot = figure.rows(limb), figure.pivot(limb, places)
@@ -106,7 +108,8 @@ def turn(limb: str, degrees: float, side: Side) -> Direction:
 
 
 def curl(limb: str, degrees: float, side: Side) -> Direction:
-    """A limb curls towards a side: each of its points turns about the one before, so much in all."""
+    """Curls a limb towards a side: each of its points rotates about the point before, ``degrees`` in
+    total."""
 
     def follow(figure: Figure, places: Float) -> Float:
         rows, pivot, to = figure.rows(limb), figure.pivot(limb, places), figure.side(limb, side)
@@ -120,7 +123,7 @@ def curl(limb: str, degrees: float, side: Side) -> Direction:
 
 
 def reach(limb: str, *, up: float = 0.0, front: float = 0.0, out: float = 0.0) -> Direction:
-    """The end of a limb moves by parts of the height; what is nearer to the trunk by less."""
+    """Moves the end of a limb by fractions of the height. Points nearer to the trunk move less."""
 
     def follow(figure: Figure, places: Float) -> Float:
         rows = figure.rows(limb)
@@ -135,9 +138,9 @@ def reach(limb: str, *, up: float = 0.0, front: float = 0.0, out: float = 0.0) -
 def put(
     limb: str, *, left: float | None = None, up: float | None = None, front: float | None = None
 ) -> Direction:
-    """The end of a limb goes to a place, in parts of the height, and the limb comes along.
+    """Moves the end of a limb to a position, in fractions of the height, and the limb with it.
 
-    Places are counted from the middle of the floor; what is not said stays as it is.
+    Positions are relative to the middle of the floor. Coordinates that are not given do not change.
     """
 
     def follow(figure: Figure, places: Float) -> Float:
@@ -155,7 +158,7 @@ def put(
 
 
 def lengthen(limb: str, factor: float) -> Direction:
-    """A limb gets so many times as long, from its pivot on."""
+    """Scales the length of a limb by ``factor``, from its pivot."""
 
     def follow(figure: Figure, places: Float) -> Float:
         rows, pivot = figure.rows(limb), figure.pivot(limb, places)
@@ -167,7 +170,7 @@ def lengthen(limb: str, factor: float) -> Direction:
 
 
 def bend(degrees: float, side: Side) -> Direction:
-    """The trunk bends towards a side, the more the higher; the feet stay."""
+    """Bends the trunk towards a side, increasingly with height. The feet stay."""
 
     def follow(figure: Figure, places: Float) -> Float:
         axis = np.cross(_SIDES["up"], figure.side(figure.names[0], side))
@@ -178,7 +181,7 @@ def bend(degrees: float, side: Side) -> Direction:
 
 
 def twist(degrees: float) -> Direction:
-    """The trunk turns to its left about the upright, the more the higher; the feet stay."""
+    """Rotates the trunk to its left about the vertical, increasingly with height. The feet stay."""
 
     def follow(figure: Figure, places: Float) -> Float:
         angles = np.radians(degrees) * np.where(figure.stays, 0.0, figure.rest[:, 1] / figure.height)
@@ -188,7 +191,7 @@ def twist(degrees: float) -> Direction:
 
 
 def shift(*, up: float = 0.0, front: float = 0.0, left: float = 0.0) -> Direction:
-    """All but the feet moves by parts of the height: crouching is up < 0."""
+    """Moves everything except the feet by fractions of the height. Crouching is up < 0."""
 
     def follow(figure: Figure, places: Float) -> Float:
         way = figure.height * np.array([left, up, front])
@@ -198,7 +201,7 @@ def shift(*, up: float = 0.0, front: float = 0.0, left: float = 0.0) -> Directio
 
 
 def squash(factor: float) -> Direction:
-    """So many times as tall, and as much wider as keeps the volume; above 1 it is stretched."""
+    """Scales the height by ``factor``, and the width so that the volume is kept. Above 1 it stretches."""
 
     def follow(figure: Figure, places: Float) -> Float:
         wider = 1.0 / np.sqrt(factor)
@@ -208,7 +211,7 @@ def squash(factor: float) -> Direction:
 
 
 def _turned(places: Float, rows: list[int], about: Float, arm: Float, to: Float, degrees: float) -> Float:
-    """The rows turned about a place, so that what points along ``arm`` turns towards ``to``."""
+    """Returns the rows rotated about a point, so that the direction ``arm`` turns towards ``to``."""
     axis = np.cross(arm, to)
     length = np.linalg.norm(axis)
     moved = places.copy()

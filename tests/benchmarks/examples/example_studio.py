@@ -1,4 +1,4 @@
-"""Draws a played act: on the left the performer, on the right the puppet, beside it its key poses."""
+"""Draws a played act: the performer on the left, the puppet on the right, and its key poses next to it."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 6.0
 _TILES, _TILE_WIDTH = 24, 480
 MOST_KEYS = 4
 _PERFORMER = 0.30
-"""Share of the picture's width that the performer has."""
+"""Fraction of the image's width used for the performer."""
 _INK, _QUIET = (0.95, 0.96, 0.98, 0.95), (0.80, 0.83, 0.88, 0.85)
 _ABOVE = math.radians(9)
 
 
 class Panel:
-    """A part of the picture with a renderer and a camera of its own."""
+    """A part of the image with its own renderer and camera."""
 
     def __init__(self, renderer: Renderer, canvas: Canvas) -> None:
         self.renderer, self.canvas = renderer, canvas
@@ -41,7 +41,7 @@ class Panel:
         return self.renderer.size
 
     def view(self, middle: Float, half: Float, azimuth: float) -> CameraView:
-        """A camera that has a box around a place on the floor in its picture."""
+        """Returns a camera with an image that contains a box around a position on the floor."""
         aspect = self.size[0] / self.size[1]
         camera = OrbitCamera()
         camera.face(azimuth, _ABOVE)
@@ -52,7 +52,7 @@ class Panel:
     def draw(
         self, scene: Scene, view: CameraView, texts: list[tuple[float, float, str, int, float]]
     ) -> UInt8:
-        """(H, W, 3): a scene, and lines of text (x, y, text, size, align)."""
+        """Returns an image (H, W, 3) of a scene with lines of text (x, y, text, size, align)."""
         self.renderer.draw(scene, view)
         with self.canvas.over(self.renderer.picture.resolved):
             for x, y, text, size, align in texts:
@@ -65,7 +65,7 @@ class Studio:
     """The two panels, for all films.
 
     Args:
-        size: of the picture, pixels.
+        size: size of the image, pixels.
     """
 
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
@@ -79,7 +79,8 @@ class Studio:
         self._left, self._right, self._thumb = (Panel(Renderer(ctx, one), Canvas(ctx)) for one in sizes)
 
     def film(self, plays: list[Play], path: Path, see: Callable[[Shot], None]) -> int:
-        """The film and its contact sheet; the number of pictures. ``see`` is told each shot."""
+        """Writes the film and its contact sheet. Returns the number of frames. ``see`` is called with each
+        shot."""
         tiles: list[Tile] = []
         every = -(-sum(len(play.times) for play in plays) // _TILES)
         with FilmWriter(path.with_suffix(".mp4"), self.size, RATE, BIT_RATE) as writer:
@@ -97,7 +98,7 @@ class Studio:
         return writer.count
 
     def picture(self, play: Play, number: int, shot: Shot, strip: UInt8 | None) -> UInt8:
-        """(H, W, 3) one moment."""
+        """Returns an image (H, W, 3) of one frame."""
         azimuth = math.radians(play.shown.azimuth)
         puppet, performer = (way[number] for way in play.ways)
         margin, line = 1.1 * self._text, 1.35 * self._text
@@ -127,7 +128,7 @@ class Studio:
         return np.hstack([left, right, column])
 
     def strip(self, play: Play) -> UInt8:
-        """(h, w, 3) the key poses, one below the other."""
+        """Returns an image (h, w, 3) of the key poses, one below the other."""
         half, pictures = 0.9 * half_of(play), []
         azimuth = math.radians(play.shown.azimuth)
         surface = play.surface()
@@ -146,14 +147,14 @@ class Studio:
 
 
 def half_of(play: Play) -> Float:
-    """(3,) half of the box that the camera has in its picture."""
+    """Returns (3,) half the size of the box that the camera shows."""
     low, high = play.puppet.mesh.bounds
     reach = 1.15 * max(high[0] - low[0], high[2] - low[2]) / 2
     return np.array([reach, max(0.64 * play.act.height, 0.3 * reach), 0.6 * reach])
 
 
 def _pace(play: Play, shot: Shot) -> str:
-    """The time of the take, and how fast it plays where it is not as fast as it was."""
+    """Returns the time in the take, and the speed if it is not 1."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
     return time_text(shot.seconds) + slow
 

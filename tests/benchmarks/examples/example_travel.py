@@ -3,9 +3,9 @@
     for result in travels():        # one for each mesh and performance
         print(result)
 
-Some swim, some stand on two legs, some on many. They are suggested as `enliven examples new` suggests them.
-In each key pose a control point moves from rest as its joint moves from its median place, in the puppet's
-size. So nothing is tuned to a mesh.
+Some puppets swim, some stand on two legs, some on many. Their control points are those suggested by `enliven
+examples new`. In each key pose a control point moves from rest as its joint moves from its median position,
+scaled to the puppet's size. So nothing is tuned to a mesh.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from enliven.takes.files import read_take
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", str(Path(__file__).parents[4] / "shared" / "data")))
 SECONDS = 60.0
-"""How long each puppet is played at least: its take is looped as often as that takes."""
+"""Minimum time that each puppet is played, seconds. Its take is looped as often as needed."""
 MESHES = {
     "fish": MeshTable("meshes/cinolib/blub_triangulated.obj", 0.8),
     "shark": MeshTable("meshes/partickle/shark.obj", 0.6),
@@ -53,24 +53,24 @@ STAYS = {
     "traffic": "cmu_expmap/train_directing_traffic_4.txt",
     "waves": "bvh/bandai_namco/dataset-2_wave-both-hands_normal_001.bvh",
 }
-"""Performances of somebody who stays in their place."""
+"""Performances in which the person stays in place."""
 GOES = {
     "walks": "cmu_expmap/test_walking_1.txt",
     "strolls": "bvh/bandai_namco/dataset-1_walk_normal_001.bvh",
     "boxes": "bvh/cmu_mirrors/Boxing_Toes.bvh",
     "leaps": "bvh/cmu_mirrors/01_01.bvh",
 }
-"""Performances of somebody who goes somewhere."""
+"""Performances in which the person moves to another place."""
 
 
 @dataclass(frozen=True)
 class Travelled:
-    """How a puppet travelled.
+    """The travel of a puppet.
 
     Attributes:
         mesh, take: names of :data:`MESHES`, :data:`STAYS` and :data:`GOES`.
-        offset: metres on the floor from the performer's scaled path, at the end of the last round.
-        slide: centimetres a second by which anchors move over the floor, the mean of all frames in contact.
+        offset: distance on the floor from the performer's scaled path, at the end of the last loop, metres.
+        slide: mean sliding speed of anchors over all frames in contact, centimetres per second.
         pairs: the joints of its control points, feet with a star.
     """
 
@@ -86,7 +86,7 @@ class Travelled:
 
 
 def travels() -> Iterator[Travelled]:
-    """Every mesh in every performance of which the files are there."""
+    """Yields every mesh in every performance, if their files exist."""
     for mesh, table in MESHES.items():
         for take, file in {**STAYS, **GOES}.items():
             if (DATA / table.file).is_file() and (DATA / file).is_file():
@@ -94,7 +94,7 @@ def travels() -> Iterator[Travelled]:
 
 
 def travelled(mesh: str, take: str) -> Travelled:
-    """How a mesh travels in a performance."""
+    """Returns the travel of a mesh in a performance."""
     project = posed(mesh_named(mesh), clip_named(take))
     puppet = project.puppets["it"]
     motion = motion_of(project, puppet, 0)
@@ -103,7 +103,7 @@ def travelled(mesh: str, take: str) -> Travelled:
 
 
 def posed(mesh: Mesh, clip: Clip) -> Project:
-    """A suggested puppet "it" that plays a clip in a loop, each point posed as its joint goes."""
+    """Returns a suggested puppet "it" that plays a clip in a loop, with each point posed like its joint."""
     project = suggested_puppet(Project().with_takes(clip), mesh, clip.id, "it")
     puppet = project.puppets["it"]
     size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
@@ -120,19 +120,19 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
 
 @lru_cache
 def mesh_named(name: str) -> Mesh:
-    """One of :data:`MESHES`, upright and in its size."""
+    """Returns one of :data:`MESHES`, upright and scaled."""
     table = MESHES[name]
     return fitted(load_mesh(DATA / table.file)[0], table)
 
 
 @lru_cache
 def clip_named(name: str) -> Clip:
-    """One of :data:`STAYS` or :data:`GOES`."""
+    """Returns one of :data:`STAYS` or :data:`GOES`."""
     return read_take(DATA / {**STAYS, **GOES}[name])[0]
 
 
 def slide(motion: PuppetMotion) -> float:
-    """Centimetres a second by which anchors move over the floor, the mean of all frames in contact."""
+    """Returns the mean sliding speed of anchors over all frames in contact, centimetres per second."""
     world = turned_about_y(motion.places, motion.yaw[:, None]) + motion.root[:, None]
     frames = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))
     anchors = motion.anchors[frames + 1]
@@ -141,7 +141,7 @@ def slide(motion: PuppetMotion) -> float:
 
 
 def _offset(motion: PuppetMotion) -> float:
-    """Metres from the performer's path, which goes on from round to round."""
+    """Returns the distance from the performer's path, which continues from loop to loop, metres."""
     rounds = int(np.ceil(SECONDS / ((motion.frames - 1) * motion.step))) - 1
     turn, path = float(motion.yaw[-1]), motion.path[-1]
     for _ in range(rounds):

@@ -1,6 +1,7 @@
-"""An artist's first ten minutes with a cactus, in the studio's real window; each action sees the one before.
+"""An artist's first ten minutes with a cactus, in the studio's real window. Each action uses the result of
+the one before.
 
-The mesh ships with the project. The take is made here: a performer directs traffic, ducks and jumps.
+The mesh ships with the project. The take is generated here: a performer directs traffic, ducks and jumps.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ _LENGTHS = {
     "SPINE": 0.22, "SHOULDER_CENTER": 0.30, "HEAD": 0.22, "SHOULDER": 0.19, "ELBOW": 0.28, "WRIST": 0.25,
     "HAND": 0.08, "HIP": 0.13, "KNEE": 0.42, "ANKLE": 0.40, "FOOT": 0.15,
 }  # fmt: skip
-"""Metres of an adult's bones, by the joint that each ends at."""
+"""Lengths of an adult's bones, metres, by the joint at the end of each bone."""
 
 
 @dataclass(frozen=True)
 class _Moment:
-    """The performer's pose at a second: directions of upper arm and forearm, both sides as of a left arm."""
+    """The performer's pose at a second: directions of upper arm and forearm, both given for a left arm."""
 
     second: float
     left: tuple[Way, Way]
@@ -91,7 +92,7 @@ _MOMENTS = (
 
 
 def write_take(path: Path) -> None:
-    """The recording: the bodies, as if a sensor had tracked them."""
+    """Writes the recording of bodies in the format of a tracked sensor."""
     count = round(_MOMENTS[-1].second * RATE) + 1
     with Recorder(path) as recorder:
         for frame in range(count):
@@ -100,7 +101,7 @@ def write_take(path: Path) -> None:
 
 
 def _joints(second: float) -> Float:
-    """The joints (20, 3) in metres of a performer who faces +Z."""
+    """Returns the joints (20, 3), metres, of a performer that faces +Z."""
     times = [moment.second for moment in _MOMENTS]
     after = min(int(np.searchsorted(times, second, "right")), len(times) - 1)
     a, b = _MOMENTS[after - 1], _MOMENTS[after]
@@ -135,7 +136,7 @@ def _joints(second: float) -> Float:
 
 
 def cactus(workspace: Workspace, folder: Path) -> Actions:
-    """Opens mesh and take, puts and pairs control points, poses four examples, adjusts them, and exports."""
+    """Opens mesh and take, adds and pairs control points, poses four examples, adjusts them, and exports."""
     folder = folder / "my models"
     folder.mkdir()
     save_mesh(load_sample("cactus"), folder / f"{CACTUS}.ply")
@@ -207,7 +208,7 @@ def cactus(workspace: Workspace, folder: Path) -> Actions:
 
 
 def _opened(name: str, folder: Path) -> Actions:
-    """Opens a file in the dialogue."""
+    """Opens a file in the dialog."""
     yield Key("ctrl+o")
     yield Do(lambda workspace: workspace.browser.enter(folder))
     yield Wait(0.4)
@@ -218,7 +219,7 @@ def _opened(name: str, folder: Path) -> Actions:
 
 
 def _points(workspace: Workspace) -> Actions:
-    """Puts control points on head, hands and elbows, as suggested, and on the pot; on both sides."""
+    """Adds control points to head, hands and elbows, as suggested, and to the pot; on both sides."""
     mesh = workspace.editor.project.puppets[CACTUS].mesh
     for at in ((0.0, 1.33, 0.06), (0.44, 1.07, 0.0), (0.40, 0.66, 0.06), (0.15, 0.02, 0.17)):
         vertex = int(np.linalg.norm(mesh.vertices - at, axis=1).argmin())
@@ -228,7 +229,7 @@ def _points(workspace: Workspace) -> Actions:
 
 
 def _posed(workspace: Workspace) -> Actions:
-    """Poses the moment that is suggested first as the performer stands: the arms, then the head."""
+    """Poses the first suggested moment like the performer: the arms, then the head."""
     yield Click(Widget("suggested 1"))
     yield Wait(0.9)
     puppet, key = workspace.puppets.puppet, workspace.puppets.key
@@ -247,7 +248,7 @@ def _posed(workspace: Workspace) -> Actions:
 
 
 def _role(joint: str) -> str:
-    """Returns the part that a control point stands for: "left hand", "left elbow", "head", or none."""
+    """Returns the body part of a control point: "left hand", "left elbow", "head", or an empty string."""
     for part, words in (("hand", ("hand", "wrist")), ("elbow", ("elbow",)), ("head", ("head",))):
         if any(word in joint for word in words):
             side = "left " if "left" in joint else "right " if "right" in joint else ""
@@ -256,7 +257,7 @@ def _role(joint: str) -> str:
 
 
 def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
-    """Returns the places (3,) in metres to which an artist would drag head, elbows and hands for a pose."""
+    """Returns the positions (3,), metres, to which an artist would drag head, elbows and hands for a pose."""
     joints = workspace.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
@@ -271,7 +272,7 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
         shoulder = np.array([sign * 0.13 + 0.5 * lean, 0.66 - 0.3 * max(rest - tall, 0.0), 0.0])
         elbow = shoulder + 0.30 * (0.65 * upper + 0.55 * np.array([sign, 0.0, 0.0]))
         hand = elbow + 0.40 * fore
-        # Not into the trunk: a drag moves it in the plane of the picture.
+        # Not into the trunk, since a drag moves the point in the image plane.
         hand[0] = sign * max(sign * hand[0], 0.32)
         found[f"{side} elbow"], found[f"{side} hand"] = elbow, hand
     return found

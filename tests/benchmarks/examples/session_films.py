@@ -1,11 +1,12 @@
-"""The sessions of AniMesh's figures, played by the studio's own tools in its window, as films.
+"""The sessions of AniMesh's figures, played with the studio's own tools in its window, as films.
 
-    make session-films                      all of them, into out/sessions
-    make session-films ONLY="squid"         some of them
-    python tests/benchmarks/examples/session_films.py --check     without window and film, as fast as it goes
-    python tests/benchmarks/examples/session_films.py --small possessed     plainer, to try a session
+    make session-films                      all films, into out/sessions
+    make session-films ONLY="squid"         some of the films
+    python tests/benchmarks/examples/session_films.py --check     without window and film, at full speed
+    python tests/benchmarks/examples/session_films.py --small possessed     simpler graphics, to test a
+    session
 
-Every motion and every part is made here: parts are sketched, motions are the studio's library.
+No external data is used: parts are sketched, and motions come from the studio's library.
 """
 
 from __future__ import annotations
@@ -58,13 +59,14 @@ OUT = Path(__file__).parents[3] / "out" / "sessions"
 Actions = Iterator[Action]
 SIZE = StudioSettings(width=1200, height=740)
 LARGE = StudioSettings(width=1360, height=820)
-"""Of sessions with a puppet: the performer is shown beside it."""
+"""Window size of sessions with a puppet, in which the performer is shown next to it."""
 _PLAIN = RenderSettings(shadow_size=64, contact_size=32, samples=1)
-"""Shadows and edges of pictures that are looked at for what happens alone."""
+"""Shadow and antialiasing settings for sessions in which only the behaviour matters."""
 
 
 def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float = 0.0) -> tuple[Place, ...]:
-    """A stroke around points (N, 2), metres in the plane z = 0, moved and turned by degrees."""
+    """Returns a stroke around points (N, 2), metres in the plane z = 0, moved, and rotated by ``turned``
+    degrees."""
     angle = np.radians(turned)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     places = points @ turn + at
@@ -74,7 +76,7 @@ def outline(points: Float, at: tuple[float, float] = (0.0, 0.0), turned: float =
 
 
 def sketch(name: str, points: tuple[Place, ...], seconds: float = 1.8) -> Actions:
-    """Draw a part and give it a name."""
+    """Draws a part and names it."""
     yield Key("s")
     yield Drag(points, seconds)
     yield Wait(0.3)
@@ -82,7 +84,7 @@ def sketch(name: str, points: tuple[Place, ...], seconds: float = 1.8) -> Action
 
 
 def mapped(take: str, joints: tuple[int, int], shape: str, ends: tuple[int, int]) -> Actions:
-    """Map a chain of a take onto a chain of a shape by clicking both."""
+    """Maps a chain of a take onto a chain of a shape by clicking both."""
     yield Key("m")
     yield Click(Widget("takes"))
     yield Click(Widget(f"pick {take}"))
@@ -94,7 +96,7 @@ def mapped(take: str, joints: tuple[int, int], shape: str, ends: tuple[int, int]
 
 
 def watch(seconds: float) -> Actions:
-    """Play for a while, then go back to the start."""
+    """Plays for a while, then returns to the start."""
     yield Key("space")
     yield Wait(seconds)
     yield Key("space")
@@ -102,14 +104,14 @@ def watch(seconds: float) -> Actions:
 
 
 def merged(shape: str, place: JointPlace | OnBone) -> Actions:
-    """Drag a shape's root onto a node, or a place on a bone, of another."""
+    """Drags a shape's root onto a node, or a position on a bone, of another shape."""
     yield Key("g")
     yield Drag((JointPlace(shape, 0), place), 1.1)
     yield Wait(0.3)
 
 
 def figure_6() -> Actions:
-    """(a) to (i): one bone, two nodes, a copy turned by half, merged, cut, merged elsewhere."""
+    """Plays (a) to (i): one bone, two nodes, a copy rotated by 180 degrees, merged, cut, merged elsewhere."""
     pill = limb(np.array([[0.0, 0.0], [0.0, 0.72]]), np.array([0.08, 0.065]))
     yield Key("1")
     yield Wait(0.6)
@@ -154,7 +156,7 @@ def figure_6() -> Actions:
 
 
 def squid() -> Actions:
-    """One tentacle sketched and animated, copied, turned, and merged to a mantle."""
+    """Sketches and animates a tentacle, copies and rotates it, and merges the copies to a mantle."""
     yield Key("1")
     yield Wait(0.6)
     yield Say("Sketch one tentacle")
@@ -201,7 +203,8 @@ def squid() -> Actions:
 
 
 def mantis() -> Actions:
-    """Torso and arm sketched; motion onto the arm; copied; a leg, copied, and cut for the back legs."""
+    """Sketches torso and arm; maps motion onto the arm and copies it; a leg is copied, and cut for the back
+    legs."""
     yield Key("1")
     yield Wait(0.6)
     yield Say("Sketch the torso")
@@ -253,21 +256,22 @@ def mantis() -> Actions:
 
 
 def framed() -> Actions:
-    """Everything in the picture, from the front."""
+    """Shows everything in the view, from the front."""
     yield Key("f")
     yield Key("1")
     yield Wait(0.6)
 
 
 def turned(part: str, degrees: float) -> Actions:
-    """Turn a part about the upright: Shift-drag its root."""
+    """Rotates a part about the vertical: Shift-drags its root."""
     yield Key("r")
     root = JointPlace(part, 0)
     yield Drag((root, Near(root, math.radians(degrees) / 0.01, 0)), 0.7, shift=True)
 
 
 def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float) -> Actions:
-    """Copy a part, turn the two apart about the upright, merge the copy at a place and it at a node."""
+    """Copies a part, rotates the two apart about the vertical, merges the copy at a position and the part at
+    a node."""
     yield Key("q")
     yield Click(JointPlace(part, 0))
     yield Key("ctrl+d")
@@ -279,7 +283,7 @@ def pair(part: str, place: OnBone | JointPlace, node: JointPlace, degrees: float
 
 
 def cactus(workspace: Workspace, folder: Path) -> Actions:
-    """A mesh without a skeleton, made to act by four example poses."""
+    """Makes a mesh without a skeleton act by four example poses."""
     from session_cactus import cactus as made
 
     yield from made(workspace, folder)
@@ -289,14 +293,14 @@ SESSIONS: dict[str, Callable[[], Actions]] = {"figure6": figure_6, "squid": squi
 
 
 def interleaved(workspace: Workspace, folder: Path) -> Actions:
-    """A creature is sketched, performed, performed over, cut and merged while it plays, performed again."""
+    """Sketches a creature, performs it, overdubs, cuts and merges it while it plays, and performs again."""
     from session_interleaved import interleaved as sitting
 
     yield from sitting(workspace, folder)
 
 
 def possessed(workspace: Workspace, folder: Path) -> Actions:
-    """A chair is possessed, performed over, merged with a puppet while both play, performed again."""
+    """Possesses a chair, overdubs, merges it with a puppet while both play, and performs again."""
     from session_possessed import possessed as sitting
 
     yield from sitting(workspace, folder)
@@ -307,13 +311,13 @@ FILMED: dict[str, Callable[[Workspace, Path], Actions]] = {
     "interleaved": interleaved,
     "possessed": possessed,
 }
-"""Sessions that need the window: they look at what is on the screen."""
+"""Sessions that need the window, since they read positions on the screen."""
 PACES = {"interleaved": STEP / 0.25, "possessed": STEP / 0.25}
-"""Seconds that a picture takes at least, of sessions with an edge, which plays by the clock on the wall."""
+"""Minimum time of a frame, seconds, in sessions with an edge, which plays in real time."""
 
 
 def main(arguments: list[str]) -> int:
-    """Film the sessions that are named, or all."""
+    """Films the named sessions, or all."""
     check = "--check" in arguments
     known = [*SESSIONS, *([] if check else FILMED)]
     names = [name for name in arguments if not name.startswith("-")] or known
@@ -344,7 +348,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _under_xvfb(arguments: list[str]) -> int:
-    """The same on a screen of Xvfb's."""
+    """Runs the same command on an Xvfb screen."""
     if shutil.which("xvfb-run") is None:
         print("There is no display, and no xvfb-run to make one: apt install xvfb", file=sys.stderr)
         return 4

@@ -1,8 +1,8 @@
 """Performing, modelling and animating interleaved: one person, one creature, one run of the real window.
 
-A performer whose bodies were recorded plays through the real program of an edge. Twice the poses choose limbs
-of a sketched creature; what they do is recorded, the second time over the first; an arm is cut off and merged
-elsewhere while all plays; and the person performs on what came of it.
+A recorded performer plays through the real edge program. Twice the poses select limbs of a sketched creature.
+Their motion is recorded, the second time as an overdub. An arm is cut off and merged elsewhere while
+everything plays, and the person performs with the result.
 """
 
 from __future__ import annotations
@@ -41,15 +41,16 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
 PACE = 0.25
-"""Seconds of a performer in a second of the clock on the wall: every picture of the film is drawn in time."""
+"""Seconds of performance per second of real time. At this speed every frame of the film is drawn in time."""
 _PATIENCE = 4000
-"""Pictures in which anything has happened, the edge's start and its kernels included."""
+"""Maximum number of frames to wait for anything, including the edge's start and the compilation of its
+kernels."""
 _LEVEL = 0.4
-"""Rise of an arm over its run below which it is aside of the head."""
+"""Maximum slope (rise over run) of an arm that does not hide the head."""
 
 
 def creature() -> Float:
-    """The outline (N, 2), metres, of a creature with two arms, two legs and a head."""
+    """Returns the outline (N, 2), metres, of a creature with two arms, two legs and a head."""
     limbs = (
         (((0.0, 0.62), (0.0, 0.95)), (0.2, 0.17)),
         (((0.1, 0.95), (0.42, 1.05), (0.72, 1.2)), (0.075, 0.06, 0.045)),
@@ -67,10 +68,10 @@ def creature() -> Float:
 
 
 def until(done: Callable[[], object], what: str) -> Actions:
-    """Waits for something, picture by picture.
+    """Waits for a condition, frame by frame.
 
     Raises:
-        TimeoutError: where it does not come.
+        TimeoutError: if it does not become true.
     """
     for _ in range(_PATIENCE):
         if done():
@@ -80,7 +81,7 @@ def until(done: Callable[[], object], what: str) -> Actions:
 
 
 def interleaved(workspace: Workspace, folder: Path) -> Actions:
-    """The whole sitting."""
+    """Runs the whole session."""
     write_performer(folder / "person.mcap")
     edge = RealEdge("--recording", str(folder / "person.mcap"), "--loop", "--speed", str(PACE))
     with contextlib.closing(edge):
@@ -128,7 +129,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
 
 
 def joined(workspace: Workspace, edge: RealEdge) -> Actions:
-    """Goes to where a person stands before a camera."""
+    """Connects the window to the edge with a person in view."""
     perform = workspace.perform
     yield Say("Somebody stands before a camera: go there")
     yield Key("ctrl+1")
@@ -140,7 +141,8 @@ def joined(workspace: Workspace, edge: RealEdge) -> Actions:
 
 
 def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) -> Actions:
-    """Steps into a character with parts of the body, by their key, and records; it must have moved."""
+    """Possesses a character with parts of the body, by their key, and records. The recording must contain
+    motion."""
     perform, editor = workspace.perform, workspace.editor
     yield Key("r")
     yield Key(parts)
@@ -157,7 +159,7 @@ def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) 
 
 
 def _remodelled(workspace: Workspace) -> Actions:
-    """An arm is cut off and merged onto the head while everything plays."""
+    """Cuts off an arm and merges it onto the head while everything plays."""
     editor = workspace.editor
     yield Key("ctrl+2")
     yield Key("f")
@@ -181,7 +183,8 @@ def _remodelled(workspace: Workspace) -> Actions:
 
 
 def aside(shape: str, joint: str, editor: Editor) -> bool:
-    """Whether the bone that ends at a joint is seen level, so that a stroke across it meets nothing else."""
+    """Returns True if the bone that ends at a joint is level on the screen, so that a stroke across it
+    crosses nothing else."""
     standing = editor.posed(shape)
     number = standing.character.handles.index(joint)
     ends = np.array([standing.on_bone(number, along) for along in (0.0, 1.0)])
@@ -190,7 +193,8 @@ def aside(shape: str, joint: str, editor: Editor) -> bool:
 
 
 def across(shape: str, joint: str, editor: Editor) -> tuple[Place, Place]:
-    """A short stroke square to the bone that ends at a joint, as it is seen now."""
+    """Returns a short stroke perpendicular to the bone that ends at a joint, at its current position on the
+    screen."""
     middle = OnBone(shape, joint, 0.6)
     standing = editor.posed(shape)
     number = standing.character.handles.index(joint)
@@ -201,7 +205,7 @@ def across(shape: str, joint: str, editor: Editor) -> tuple[Place, Place]:
 
 
 def typed(text: str) -> Actions:
-    """Types into the field that has the focus, and Enter."""
+    """Types into the focused field, then presses Enter."""
     for letter in text:
         yield Do(lambda _, letter=letter: imgui.get_io().add_input_characters_utf8(letter))
     yield Key("enter")

@@ -1,7 +1,8 @@
-"""A chair is possessed, performed over, given a cactus for a back while both play, and performed again.
+"""A chair is possessed, overdubbed, merged with a cactus as its back while both play, and performed again.
 
-The performer of the interleaved sitting, and the real program of an edge. The chair has no skeleton, and the
-cactus moves by example poses: what comes of the two is a mesh with nodes, which plays all that both did.
+It uses the performer of the interleaved session, and the real edge program. The chair has no skeleton, and
+the cactus moves by example poses. The result of the merge is a mesh with nodes that plays the motions of
+both.
 """
 
 from __future__ import annotations
@@ -24,21 +25,21 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 Actions = Iterator[Action]
 _SEAT = 0.53
-"""Share of the chair's height at which it is cut: over its seat, and under the rests for the arms."""
+"""Height of the cut, as a fraction of the chair's height: above its seat, and below the armrests."""
 _MIDDLE = 0.12
-"""Metres around the middle of the seat in which its top is looked for: the pot's radius."""
+"""Radius around the middle of the seat in which its top is searched, metres: the pot's radius."""
 _ASIDE = 0.2
-"""Metres beside the seat's middle where the cactus is held before it is let go on it."""
+"""Distance from the seat's middle at which the cactus is held before it is dropped, metres."""
 _OVER = 12.0
-"""Pixels over its rim at which the pot is taken hold of: at the rim itself the pointer may miss it."""
+"""Distance above the pot's rim at which it is grabbed, pixels. At the rim itself the pointer may miss it."""
 _NEAR = 0.015
-"""Metres within which a thing is where it was to be carried."""
+"""An object has arrived if it is within this distance of its target, metres."""
 _SUNK = 0.06
-"""Metres by which the cactus's pot stands in the seat: two surfaces that only touch have no union."""
+"""Depth to which the pot stands inside the seat, metres. Surfaces that only touch have no union."""
 
 
 def possessed(workspace: Workspace, folder: Path) -> Actions:
-    """The whole sitting."""
+    """Runs the whole session."""
     write_performer(folder / "person.mcap")
     edge = RealEdge("--recording", str(folder / "person.mcap"), "--loop", "--speed", str(PACE))
     with contextlib.closing(edge):
@@ -90,7 +91,7 @@ def _cactus(workspace: Workspace) -> None:
 
 
 def _seated(workspace: Workspace) -> Actions:
-    """The chair's back is cut off while all plays, and the cactus merged onto its seat."""
+    """Cuts off the chair's back while everything plays, and merges the cactus onto its seat."""
     editor = workspace.editor
     yield Say("Cut the back off while both play")
     if not editor.playing:
@@ -130,9 +131,10 @@ def _seated(workspace: Workspace) -> Actions:
 
 
 def _carried(editor: Editor, view: str, target: Float) -> Actions:
-    """Drags the cactus in a view until its lowest place is at a place, but for the depth of that view.
+    """Drags the cactus in a view until its lowest point is at a target, except in the view's depth.
 
-    The pointer holds the surface before that place, which is nearer to the eye, so that one drag falls short.
+    The pointer grabs the surface in front of that point, which is nearer to the camera, so one drag is too
+    short.
     """
     across = np.array([0.0, 1.0, 1.0]) if view == "3" else np.array([1.0, 1.0, 0.0])
     yield Key(view)
@@ -148,12 +150,12 @@ def _carried(editor: Editor, view: str, target: Float) -> Actions:
 
 
 def _over(*places: Float) -> tuple[Near, ...]:
-    """A drag of the cactus by its pot: over places (3,), metres, that its foot has."""
+    """Returns a drag of the cactus by its pot that moves its foot over the positions (3,), metres."""
     return tuple(Near(Spot(*map(float, place)), 0.0, -_OVER) for place in places)
 
 
 def seat_top(editor: Editor) -> Float:
-    """(3,) metres, the top of the middle of the seat as it is seen now."""
+    """Returns (3,) the top of the middle of the seat at its current position, metres."""
     vertices = editor.posed("chair").vertices
     middle = (vertices.min(0) + vertices.max(0)) / 2
     around = np.abs(vertices[:, [0, 2]] - middle[[0, 2]]).max(1) < _MIDDLE
@@ -161,17 +163,17 @@ def seat_top(editor: Editor) -> Float:
 
 
 def chair(editor: Editor) -> GraphShape:
-    """The possessed chair."""
+    """Returns the possessed chair."""
     return editor.project.graph("chair")
 
 
 def extent(editor: Editor, name: str) -> tuple[Float, Float]:
-    """(3,) and (3,) metres, the corners of a character's box as it is seen now."""
+    """Returns the corners, (3,) and (3,) metres, of a character's current bounding box."""
     vertices = editor.posed(name).vertices
     return vertices.min(0), vertices.max(0)
 
 
 def lowest(editor: Editor, name: str) -> Float:
-    """(3,) metres, the middle of what a character stands on, as it is seen now."""
+    """Returns (3,) the middle of a character's current contact area with the floor, metres."""
     vertices = editor.posed(name).vertices
     return np.asarray(vertices[vertices[:, 1] < vertices[:, 1].min() + _NEAR].mean(0))

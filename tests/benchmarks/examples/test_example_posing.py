@@ -1,4 +1,4 @@
-"""Directions do what they say, stored sessions are small and few, and without data one is told so."""
+"""Tests that directions work, that stored sessions are small and few, and that missing data is reported."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ SIDES = st.sampled_from(["up", "down", "left", "right", "front", "back", "out", 
 
 
 @given(ANGLES, SIDES)
-def test_a_limb_that_turns_keeps_its_lengths_and_the_rest_its_place(degrees, side):
+def test_turn_keeps_limb_lengths_and_other_points(degrees, side):
     places = FIGURE.posed(turn("left arm", degrees, side))
     np.testing.assert_array_equal(np.delete(places, [3, 4], 0), np.delete(REST, [3, 4], 0))
     np.testing.assert_allclose(np.linalg.norm(places[3] - [0.1, 1.2, 0]), 0.4)
     np.testing.assert_allclose(np.linalg.norm(places[4] - places[3]), 0.4)
 
 
-def test_sides_are_those_of_the_figure():
+def test_sides_are_relative_to_the_figure():
     assert FIGURE.posed(turn("left arm", 90, "up"))[4] == pytest.approx([0.1, 2.0, 0])
     assert FIGURE.posed(turn("left arm", 90, "front"))[4] == pytest.approx([0.1, 1.2, 0.8])
     assert FIGURE.posed(turn("right hand", 90, "up"))[5] == pytest.approx([0, 2.1, 0])
@@ -48,26 +48,26 @@ def test_sides_are_those_of_the_figure():
     )
 
 
-def test_a_pivot_may_be_a_control_point_where_it_is_then():
+def test_pivot_follows_its_control_point():
     places = FIGURE.posed(turn("left arm", 90, "up"), turn("forearm", 90, "out"))
     assert places[3] == pytest.approx([0.1, 1.6, 0])
     assert places[4] == pytest.approx([0.5, 1.6, 0])
 
 
 @given(ANGLES)
-def test_what_curls_keeps_the_distance_of_its_points(degrees):
+def test_curl_keeps_distances_between_points(degrees):
     places = FIGURE.posed(curl("left arm", degrees, "up"))
     np.testing.assert_allclose(np.linalg.norm(places[4] - places[3]), 0.4)
 
 
 @given(st.floats(0.3, 3.0), ANGLES, SIDES.filter(lambda side: side not in ("up", "down")))
-def test_feet_stay_whatever_the_trunk_does(factor, degrees, side):
+def test_feet_stay_when_the_trunk_moves(factor, degrees, side):
     places = FIGURE.posed(squash(factor), bend(degrees, side), twist(degrees), shift(up=factor, left=0.2))
     np.testing.assert_array_equal(places[:2], REST[:2])
 
 
 @given(st.floats(0.3, 3.0))
-def test_a_squash_keeps_the_volume(factor):
+def test_squash_keeps_the_volume(factor):
     places = FIGURE.posed(squash(factor))[2:] / np.where(REST[2:] == 0, 1, REST[2:])
     wide = 1 / np.sqrt(factor)
     np.testing.assert_allclose(places[0, 1] * wide * wide, 1.0)
@@ -75,13 +75,13 @@ def test_a_squash_keeps_the_volume(factor):
     np.testing.assert_allclose(FIGURE.posed(lengthen("left arm", factor))[4, 0], 0.1 + 0.8 * factor)
 
 
-def test_what_is_put_is_there_and_the_limb_comes_along():
+def test_put_moves_the_end_and_the_limb():
     places = FIGURE.posed(put("left arm", up=0.9, front=0.2))
     assert places[4] == pytest.approx([0.9, 1.8, 0.4])
     np.testing.assert_allclose(places[3] - REST[3], places[4] - REST[4])
 
 
-def test_each_stored_session_has_at_most_four_key_poses_and_is_small():
+def test_stored_sessions_are_small_with_at_most_four_key_poses():
     paths = sorted((HERE / "example_sessions").glob("*.toml"))
     assert [path.stem for path in paths] == ["alligator", "armadillo", "cactus", "trex"]
     for path in paths:
@@ -95,7 +95,7 @@ def test_each_stored_session_has_at_most_four_key_poses_and_is_small():
 @pytest.mark.parametrize(
     ("word", "said", "code"), [("cactus", "Set ENLIVEN_DATA", 1), ("dodo", "Known: cactus", 2)]
 )
-def test_who_has_no_data_or_names_no_film_is_told(tmp_path, word, said, code):
+def test_missing_data_or_unknown_film_is_reported(tmp_path, word, said, code):
     place = {**os.environ, "ENLIVEN_DATA": str(tmp_path)}
     ran = subprocess.run(
         [sys.executable, HERE / "example_films.py", word], env=place, capture_output=True, text=True

@@ -1,4 +1,4 @@
-"""Ten random creatures in fast motion: how near each frame comes to the minimum, and how long it takes."""
+"""Ten random creatures in fast motion: the gap of each frame to the minimum, and its time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 CREATURES = 10
 FRAMES = 60
 COMPARED = 6
-"""Every so many frames the reference is solved too: it needs half a second for one."""
+"""The reference is solved in every sixth frame, since it needs half a second."""
 FLAT = 0.05
-"""The determinant below which the reference has turned a node inside out, which is no answer for a mesh."""
+"""Minimum determinant of a node in the reference. Below it the node is turned inside out, which is invalid
+for a mesh."""
 NOTHING = 1e-3
-"""An energy below which parts of it mean nothing."""
+"""Energy below which relative gaps are meaningless."""
 REPEATS = 5
 WARM = 3
-"""Frames after the hold that are left out."""
+"""Frames after the attachment that are left out."""
 
 
 @dataclass
@@ -33,8 +34,8 @@ class CreatureRun:
 
     Attributes:
         frame_ms: milliseconds of each frame.
-        gaps: of each frame that was compared, the share of the minimum by which it ended above it.
-        said: of the same, whether the frame said that it is at its minimum.
+        gaps: for each compared frame, its excess over the minimum, relative to the minimum.
+        said: for the same frames, True if the solver reported convergence.
     """
 
     frame_ms: Float
@@ -44,12 +45,13 @@ class CreatureRun:
 
 @cache
 def creatures(nodes: int) -> list[Creature]:
-    """The ten of one size."""
+    """Returns the ten creatures of one size."""
     return [random_creature(seed, nodes, FRAMES) for seed in range(CREATURES)]
 
 
 def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
-    """The least time of each frame in several passes; gaps to a plain Gauss-Newton from the answers."""
+    """Returns the shortest time of each frame in several passes, and the gaps to a plain Gauss-Newton started
+    from the answers."""
     times, gaps, said = [], [], []
     for creature in creatures(nodes):
         solver = EmbeddedSolver(creature.graph, creature.points, EmbeddedSettings(budget_ms=budget_ms))
@@ -72,7 +74,7 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
 
 
 def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:
-    """The share of the minimum by which the frame is above it, or nothing where there is no such answer."""
+    """Returns the frame's relative excess over the minimum; an empty list if there is no valid minimum."""
     peer.aim(targets)
     x, least, _ = peer.solve(peer.pack(solver.state()), lambda energy: False)
     turned = np.linalg.det(x[: 9 * len(solver.graph.positions)].reshape(-1, 3, 3)).min() < FLAT

@@ -1,4 +1,4 @@
-"""A chair worn by a person who walks and jumps, captured by others: targets for the deformation solver."""
+"""Targets for the deformation solver: a chair attached to a motion-captured person that walks and jumps."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" 
 MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")
 RATE = 30.0
 _REACH = 0.3
-"""Metres; then every sample and joint of the body holds, 324 constraints."""
+"""Attachment distance, metres, at which every sample and joint of the body is attached: 324 constraints."""
 _EASE = 10
 """Frames from standing to the first posture of a motion."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A graph, what holds it, and where the points go.
+    """A graph, its point constraints, and their targets.
 
     Attributes:
-        targets: (F, L, 3) metres, frames at 30 a second; in the first, the points are where they rest.
+        targets: (F, L, 3) metres, frames at 30 a second; in the first frame, the points are at rest.
     """
 
     graph: DeformationGraph
@@ -42,7 +42,7 @@ class Problem:
 
 @cache
 def joints_of(name: str) -> Float:
-    """(F, 20, 3) metres: the motion at 30 frames a second, begun over the origin."""
+    """Returns (F, 20, 3) metres: the motion at 30 frames per second, starting above the origin."""
     motion = Captured(Performer(), read_expmap(DATA / name))
     # The first row of these files is a T-pose.
     times = np.arange(1, int(motion.duration * RATE)) / RATE
@@ -52,7 +52,8 @@ def joints_of(name: str) -> Float:
 
 @cache
 def problem(nodes: int) -> list[Problem]:
-    """One for each motion; the performer takes hold as the jumper stands before the jump."""
+    """Returns one problem for each motion. The performer is attached in the jumper's standing pose before the
+    jump."""
     graph = DeformationGraph.build(load_sample("chair"), nodes=nodes)
     standing = joints_of(MOTIONS[1])[0]
     held = attach(graph, standing, np.ones(20), settings=AttachmentSettings(reach=_REACH))
@@ -66,10 +67,10 @@ def problem(nodes: int) -> list[Problem]:
 
 
 def as_live(solver: EmbeddedSolver) -> None:
-    """Waits as long as a sensor would until the solver's second thread is done with the last frame.
+    """Waits until the solver's background thread is done with the last frame, as between two sensor frames.
 
-    Thirty times a second it has long been so; one frame right after the other would wait for it, and share
-    the caches with it.
+    At 30 frames per second that thread finishes in time. Without the pause, each frame would wait for it, and
+    share the caches with it.
     """
     under_way = solver._matrix._under_way
     if under_way is not None:

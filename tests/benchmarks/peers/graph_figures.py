@@ -1,10 +1,10 @@
-"""What a graph and its weights cost on a mesh of a million vertices, and of five million faces.
+"""The cost of a deformation graph and its weights on a mesh of a million vertices, and of five million faces.
 
-The mesh is a sphere with folds (a bent, closed surface of one shell) as a regular grid: no file is needed.
-The peer does the same job with ready parts on the same mesh, as Sumner's plain graph is usually built:
-trimesh samples 80 points a node over the area, a greedy Poisson disk keeps the nodes (scipy's kd-tree), and
-scipy's kd-tree finds the five nearest nodes of every vertex for the linear weights. It knows nothing of the
-surface: no geodesics, no orientation, no joints between parts.
+The mesh is a regular grid of a sphere with folds (a bent, closed surface of one shell), so no file is needed.
+The peer builds Sumner's plain graph on the same mesh from standard libraries: trimesh samples 80 points per
+node over the area, a greedy Poisson disk keeps the nodes (scipy's kd-tree), and scipy's kd-tree finds the
+five nearest nodes of every vertex for the linear weights. It ignores the surface: no geodesics, no
+orientation, no joints between parts.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ NODES, RUNS = 128, 5
 
 
 def figures() -> Iterator[Figure]:
-    """``embedded.graph_s_1m`` and what five million faces need."""
+    """Yields ``embedded.graph_s_1m`` and the figures of five million faces."""
     mesh = folded_sphere(1_000_000)
     ours = _median(lambda: character_from(mesh, DeformationGraph.build(mesh, NODES), "mesh"))
     theirs = _median(lambda: plain(mesh))
     yield Figure(
         "embedded.graph_s_1m", ours, "s", "trimesh sampling + scipy kd-tree, Euclidean", theirs / ours
     )
-    # In a process of its own: how much memory was needed is a process's largest ever.
+    # It runs in a separate process, since peak memory is measured per process.
     with ProcessPoolExecutor(1, get_context("spawn")) as alone:
         seconds, peak_mib = alone.submit(_large).result()
     yield Figure("embedded.graph_s_5m_faces", seconds, "s")
@@ -43,7 +43,8 @@ def figures() -> Iterator[Figure]:
 
 
 def _large() -> tuple[float, float]:
-    """Seconds for five million faces, and the most MiB that the process had, the mesh's own 115 included."""
+    """Returns the seconds for five million faces, and the process' peak memory in MiB, including 115 for the
+    mesh."""
     small = folded_sphere(2000)
     character_from(small, DeformationGraph.build(small, NODES), "warm")
     large = folded_sphere(2_500_000)
@@ -53,7 +54,7 @@ def _large() -> tuple[float, float]:
 
 
 def folded_sphere(vertices: int) -> Mesh:
-    """A closed surface of about so many vertices, 1.75 m tall, with five deep folds along it."""
+    """Returns a closed surface of about ``vertices`` vertices, 1.75 m tall, with five deep folds along it."""
     rings = max(int(np.sqrt(vertices / 2)), 3)
     around = 2 * rings
     up, turn = np.meshgrid(
@@ -76,7 +77,7 @@ def folded_sphere(vertices: int) -> Mesh:
 
 
 def plain(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The peer: nodes (N, 3), edges (E, 2), and each vertex's nodes and weights (V, 4)."""
+    """Builds the peer's graph: nodes (N, 3), edges (E, 2), and each vertex's nodes and weights (V, 4)."""
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     darts, _ = trimesh.sample.sample_surface(whole, 80 * NODES, seed=0)
     radius = 0.75 * np.sqrt(whole.area / NODES)
@@ -99,7 +100,7 @@ def plain(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _median(job: Callable[[], object]) -> float:
-    """Seconds, after one run that compiles."""
+    """Returns the median seconds, after one run that compiles."""
     job()
     took = []
     for _ in range(RUNS):
@@ -110,7 +111,7 @@ def _median(job: Callable[[], object]) -> float:
 
 
 def _peak_mib() -> float:
-    """The largest memory that this process ever had; getrusage would tell its parent's too."""
+    """Returns this process' peak memory. getrusage would include its parent's."""
     status = Path("/proc/self/status")
     if status.exists():
         (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM"))

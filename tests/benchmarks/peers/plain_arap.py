@@ -1,4 +1,4 @@
-"""A made mesh for the deformation's benchmark: a ball, or a bean where it is drawn long."""
+"""A generated mesh for the deformation benchmarks: a ball, or a bean if it is elongated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.meshes.mesh import Mesh
 
 
 def bean(count: int, tall: float = 1.7) -> Mesh:
-    """An ellipsoid of ``count`` evenly spread vertices, 1 m wide, ``tall`` metres tall."""
+    """Returns an ellipsoid of ``count`` evenly spread vertices, 1 m wide, ``tall`` metres tall."""
     k = np.arange(count) + 0.5
     height, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - height * height)

@@ -1,8 +1,8 @@
-"""Retargeting as animation add-ons in Python do it: frame by frame, bone by bone, constraint by constraint.
+"""Retargeting in the way of Python animation add-ons: frame by frame, bone by bone, constraint by constraint.
 
 Every bone's constraint reads the posed source at the two ends of its interval, blends the neighbouring source
-bones there, and applies the difference to the target; then the bone is placed on its parent. Small NumPy
-arrays, no compiled code of ours.
+bones there, and applies the difference to the target; then the bone is placed on its parent. It uses small
+NumPy arrays, and no compiled code of ours.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from enliven.motion.layers.travel import travel_scale
 
 
 def evaluated(project: Project, shape_id: str, times: np.ndarray) -> np.ndarray:
-    """(T, N, 3) the joints of a shape at ``times`` (T,), for layers of weight 1 played once."""
+    """Returns (T, N, 3) the joints of a shape at ``times`` (T,), for layers of weight 1 played once."""
     shape = project.shape(shape_id)
     return np.array([_frame(project, shape, float(t)) for t in times])
 
@@ -49,7 +49,8 @@ def _frame(project, shape, seconds):
 
 
 def _posed(clip, layer, seconds):
-    """The source at a moment: arc length at the joints of its chain, turns there, and where its root is."""
+    """Returns the source at a moment: arc length at the joints of its chain, rotations there, and the root's
+    position."""
     frame = min(max((seconds - layer.offset) * layer.speed / clip.step, 0.0), len(clip.turns) - 1.0)
     low = min(int(frame), len(clip.turns) - 2)
     part = frame - low
@@ -72,7 +73,7 @@ def _posed(clip, layer, seconds):
 
 
 def _at(posed, s):
-    """The turning accumulated up to arc length ``s``."""
+    """Returns the rotation accumulated up to arc length ``s``."""
     arc, knots, _ = posed
     k = min(int(np.searchsorted(arc, s, side="right")) - 1, len(arc) - 2)
     return _slerp(knots[k], knots[k + 1], (s - arc[k]) / (arc[k + 1] - arc[k]))

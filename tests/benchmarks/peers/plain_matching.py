@@ -1,4 +1,4 @@
-"""The peer: matching as one would write it with networkx, one graph, subset and permutation at a time."""
+"""The peer: a simple matcher with networkx, one graph, subset and permutation at a time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 
 
 def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
-    """Root joint and abstract branch vectors of every sub-tree of AniMesh 4.1; joints have a "pos"."""
+    """Returns the root joint and abstract branch vectors of every sub-tree of AniMesh 4.1. Joints have a
+    "pos"."""
     graph = graph.copy()
     at = dict(graph.nodes(data="pos"))
     length = dict.fromkeys(graph, 0.0)
@@ -51,7 +52,7 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
 def ranked(
     found: list[tuple[int, list[np.ndarray]]], source: np.ndarray, axes: np.ndarray, blur: float
 ) -> list[tuple[float, int]]:
-    """Score and root of every choice of as many branches as the source has; the best first."""
+    """Returns score and root of every choice of as many branches as the source has, sorted by score."""
 
     def direction(vector: np.ndarray) -> np.ndarray:
         seen = axes @ vector

@@ -1,4 +1,4 @@
-"""The actors of the films that need more than a mesh's name: a person's own scan, and a horse for two."""
+"""Actors of the films that need more than a mesh's name: a person's own scan, and a horse for two people."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ _STEP_NS = 33_333_333
 
 
 def actor_of(mesh: Mesh, nodes: int = 128, settings: ActorSettings | None = None) -> EmbeddedActor:
-    """An actor that stands in the world as the mesh is."""
+    """Returns an actor that stands in the mesh's modelled position."""
     graph = DeformationGraph.build(mesh, nodes=nodes)
     fixed = replace(settings or ActorSettings(), place="fixed")
     return EmbeddedActor(character_from(mesh, graph, mesh.name), graph, fixed)
 
 
 def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:
-    """The scan of a person in the world in which their joints were read, on the same floor."""
+    """Returns the scan of a person in the world frame of their recorded joints, on the same floor."""
     with table.open() as file:
         rows = {row[0]: np.array(row[1:4], float) for row in csv.reader(file) if row[0] != "Joints"}
     level = level_from_tilted(math.radians(float(rows["Degree"][0])))
@@ -47,10 +47,11 @@ def scan_in_world(pcd: Path, table: Path, body: Body) -> Mesh:
 
 
 def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFrame]:
-    """What somebody did, done by another: from their own posture, in their own size.
+    """Returns one person's motion retargeted to another, from the other's own posture and in the other's
+    size.
 
-    Each bone swings from where it points as the other's has swung since their first frame; so at the first
-    frame the posture is their own.
+    Each bone rotates from its own direction as the source's bone has since the first frame. So the first
+    frame shows the target's own posture.
     """
     first = frames[0].bodies[0]
     made = []
@@ -71,13 +72,13 @@ def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFram
 
 
 def held_still(body: Body, seconds: float) -> list[BodyFrame]:
-    """One moment, for a while."""
+    """Returns one body repeated for ``seconds``."""
     count = round(seconds * 1e9 / _STEP_NS)
     return [BodyFrame([body], n * _STEP_NS, "still") for n in range(count)]
 
 
 def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
-    """What the project's own performer does, every joint seen."""
+    """Returns a motion of the project's own performer, with every joint visible."""
     performer = Performer()
     plan = exercise(moves) if moves in exercise_names() else choreography(moves)
     made = []
@@ -89,7 +90,7 @@ def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
 
 
 def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame]:
-    """The pieces from second to second, one after the other without a pause."""
+    """Returns the pieces, given as (start, end) in seconds, one after the other without a pause."""
     made: list[BodyFrame] = []
     for start, stop in pieces:
         inside = [f for f in frames if start <= (f.time_ns - frames[0].time_ns) * 1e-9 <= stop]
@@ -99,7 +100,7 @@ def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame
 
 
 def shared_by(path: Path, bodies: list[Body]) -> Mesh:
-    """A mesh from a file, as large and so placed that these people stand in it, wherever they stand."""
+    """Returns a mesh from a file, scaled and placed so that these people stand in it."""
     middle = np.mean([body.joints[Joint.HIP_CENTER] for body in bodies], axis=0) * [1.0, 0.0, 1.0]
     figures = [body.joints - middle for body in bodies]
     plain = load_mesh(path).mesh

@@ -1,12 +1,11 @@
-"""Films of meshes that real people possess, into out/possess, with what is measured of each.
+"""Films of meshes that real people possess, written to out/possess, with measurements of each.
 
-    python tests/benchmarks/possession/possess_films.py                all of them
-    python tests/benchmarks/possession/possess_films.py horse lamp     those with one of the words in the name
+    python tests/benchmarks/possession/possess_films.py                all films
+    python tests/benchmarks/possession/possess_films.py horse lamp     films with one of the words in the name
     python tests/benchmarks/possession/possess_films.py --sheets       contact sheets only: much quicker
 
-The skeleton that drives the mesh stands in it while it takes hold, and then steps out to its side. Where the
-recordings of ENLIVEN_DATA are missing, what the project's own performer does is filmed on the chair and the
-lamp.
+The skeleton that drives the mesh stands inside it while it is attached, and then moves to its side. If the
+recordings of ENLIVEN_DATA are missing, the project's own performer drives the chair and the lamp.
 """
 
 from __future__ import annotations
@@ -42,12 +41,12 @@ OUT = Path(__file__).parents[3] / "out" / "possess"
 
 @dataclass(frozen=True)
 class Film:
-    """Who drives what, and how they take hold.
+    """A mesh, its performers, and their attachment.
 
     Attributes:
-        title: what stands in the picture.
-        made: the body frames and the actor.
-        acts: who takes hold when.
+        title: text in the image.
+        made: function that returns the body frames and the actor.
+        acts: the times of attachment, and the performers.
     """
 
     title: str
@@ -56,7 +55,7 @@ class Film:
 
 
 def read(pattern: str) -> list[BodyFrame]:
-    """A recording of joints, by whichever reader knows it."""
+    """Reads a recording of joints, with the reader for its format."""
     paths = find_files([str(DATA / pattern)])
     return [frame for frame in find_reader(paths).read(paths) if isinstance(frame, BodyFrame)]
 
@@ -64,7 +63,7 @@ def read(pattern: str) -> list[BodyFrame]:
 LIFT, TWO = "skeletons/js6450_kinect2_json/1person_lift*", "skeletons/kinect_multitrack/Study_24*"
 WING, WAVE = (f"skeletons/ms_labanotation_kinect2/Ges0{name}*" for name in ("6", "1"))
 RAISED = ActorSettings(floor=FloorSettings(use="raised"))
-"""Legs of wood do not bend where they would sink into the floor: the mesh is lifted."""
+"""Wooden legs cannot bend when they would sink into the floor, so the mesh is lifted instead."""
 STROLL = "bvh/bandai_namco/dataset-1_walk_musical_001.bvh"
 HORSE = "meshes/libigl/horse_quad.obj"
 CHAIR = "gltf/quaternius_static/house_interior_pack_Chair_1.glb"
@@ -73,18 +72,18 @@ TRUNK = "legs + torso"
 
 
 def real_films() -> dict[str, Film]:
-    """By name, those that need the real recordings."""
+    """Returns, by name, the films that need the real recordings."""
     wide = replace(RAISED, enough=0.7)
     return {
         "chair": Film("The chair, by a Kinect's skeleton", _of("chair", LIFT), (Act(0.45),)),
-        # From where the feet pass each other: in mid-stride the legs are not where a chair's are.
+        # It starts when the feet pass each other. In mid-stride the legs are not where a chair's legs are.
         "chair-walk": Film(
             "The chair walks, by motion capture", _of("chair", STROLL, (0.6, 9.0)), (Act(0.0, TRUNK),)
         ),
-        # Its legs stand farther apart than a person's: more of each leg's bones must find them.
+        # Its legs are farther apart than a person's, so more points of each leg's bones must be attached.
         "real-chair": Film("A chair from a game", _of(CHAIR, LIFT, settings=wide), (Act(0.45, TRUNK),)),
         "horse": Film("A horse, by one Kinect's skeleton", _of(HORSE, LIFT), (Act(0.45, TRUNK),)),
-        # The sensor saw the right arm of this person in their thigh; so it holds nothing.
+        # The sensor placed this person's right arm inside their thigh, so that arm is not attached.
         "scan": Film(
             "Half a scan of a person, by their own joints", _scan, (Act(0.6, f"{TRUNK} + left arm"),)
         ),
@@ -104,7 +103,7 @@ LAMP_PARTS = "hip and right arm"
 
 
 def films() -> dict[str, Film]:
-    """By name, those that can be made here."""
+    """Returns, by name, the films that can be made on this machine."""
     made = {
         "made-chair": Film("The chair, by the project's own performer", _made("chair", "chair"), (Act(1.0),)),
         "made-lamp": Film(
@@ -120,7 +119,7 @@ def _of(
     piece: tuple[float, float] | None = None,
     settings: ActorSettings = RAISED,
 ) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
-    """A mesh by name or file, and a recording or a piece of it."""
+    """Returns a function that loads a mesh by name or file, and a recording or a piece of it."""
 
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         frames = read(recording)
@@ -131,7 +130,8 @@ def _of(
 
 
 def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
-    """A woman of the project's ten bodies in a T-pose, and a recording of another pose."""
+    """Returns a function that loads a woman of the project's ten bodies in a T-pose, and a recording of
+    another pose."""
 
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         mesh = BODIES["t woman"]().mesh
@@ -141,12 +141,12 @@ def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list
 
 
 def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
-    """A mesh of the project's own, and its own performer."""
+    """Returns a function that creates one of the project's own meshes, and its own performer."""
     return lambda: (danced(moves), cast(mesh, settings=RAISED))
 
 
 def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
-    """The person's own joints for a moment; then what others did, done by this person."""
+    """Returns the person's own joints for a moment, then other people's motions retargeted to this person."""
     own = read(f"{SCAN}.csv")[0].bodies[0]
     frames = held_still(own, 1.2)
     for other in (
@@ -159,7 +159,8 @@ def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
 
 
 def _two() -> tuple[list[BodyFrame], EmbeddedActor]:
-    """Two people beside each other, first the one walks, then the other; the horse under both."""
+    """Returns two people next to each other, of whom first one walks, then the other; a horse is under
+    both."""
     frames = cut(read(TWO), (1.2, 7.9), (17.2, 26.6))
     bodies = sorted(frames[0].bodies, key=lambda body: body.id)
     mesh = shared_by(DATA / HORSE, bodies)

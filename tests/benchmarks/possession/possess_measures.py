@@ -1,4 +1,5 @@
-"""How a mesh fares in a take: stretch, inverted triangles, volume, torn shells, jumps, feet in the floor."""
+"""Quality measures of a mesh in a take: stretch, inverted triangles, volume, gaps between shells, jumps, feet
+in the floor."""
 
 from __future__ import annotations
 
@@ -16,23 +17,23 @@ from enliven.meshes.kernels import shells
 from enliven.meshes.mesh import Mesh, weld
 
 _TOUCHING = 0.02
-"""Metres, as modelled at 1.75 m: shells nearer than this are taken to hang together."""
+"""Shells closer than this, metres at a height of 1.75 m, are taken to be connected."""
 _SECONDS_OF_HOLD = 0.7
 
 
 @dataclass(frozen=True)
 class Measures:
-    """What was found; the worst frame where it is not said otherwise.
+    """The measurements; those of the worst frame unless stated otherwise.
 
     Attributes:
-        stretch_95, stretch_100: an edge's length over its length at rest; 95 of 100 edges have less, all.
-        squeeze_5: likewise the shortest: 5 of 100 edges have less.
-        inverted: share of the triangles that face away from where their nodes turn them.
-        volume: (2,) the least and the most over the volume at rest; NaN for an open mesh.
-        gap: metres by which shells that touch at rest come apart.
-        hold_speed: metres a second of the fastest node while somebody takes hold.
-        hold_push: the same, over what the fastest joint of the performers does.
-        lowest: metres above the floor of the lowest vertex.
+        stretch_95, stretch_100: edge length relative to rest: 95th percentile and maximum.
+        squeeze_5: edge length relative to rest: 5th percentile.
+        inverted: fraction of triangles whose normal opposes the one rotated by their nodes.
+        volume: (2,) minimum and maximum relative to the volume at rest; NaN for an open mesh.
+        gap: largest gap between shells that touch at rest, metres.
+        hold_speed: speed of the fastest node during attachment, metres per second.
+        hold_push: the same, minus the speed of the performers' fastest joint.
+        lowest: height of the lowest vertex above the floor, metres.
     """
 
     stretch_95: float
@@ -58,7 +59,7 @@ class Measures:
 
 
 def measure(take: Take, every: int = 3) -> Measures:
-    """Looks at every ``every``-th shot from the first hold on."""
+    """Measures every ``every``-th shot from the first attachment on."""
     character = take.character
     ruler = _Ruler(character)
     begin = take.held_ns[0] if take.held_ns else 0
@@ -123,7 +124,7 @@ class _Ruler:
 
     @property
     def kept(self) -> Float:
-        """Edges that are long enough to have a ratio."""
+        """Returns the edges that are long enough for a meaningful ratio."""
         return np.asarray(self.lengths > 0.2 * np.median(self.lengths))
 
     def _lengths(self, vertices: Float) -> Float:
@@ -136,7 +137,7 @@ def _volume(vertices: Float, faces: Int) -> float:
 
 
 def _touching_pairs(vertices: Float, faces: Int) -> Int:
-    """(P, 2) for each two shells that nearly touch, the vertices where they are nearest."""
+    """Returns (P, 2) the closest vertices of every two shells that nearly touch."""
     shell = shells(faces, len(vertices))
     pairs = []
     for one in np.unique(shell):
@@ -153,7 +154,8 @@ def _touching_pairs(vertices: Float, faces: Int) -> Int:
 
 
 def _hold_speed(take: Take) -> tuple[float, float]:
-    """Metres a second of the fastest node while somebody takes hold, and what of it no joint does."""
+    """Returns the speed of the fastest node during attachment, metres per second, and its excess over that of
+    the joints."""
     fastest, push = 0.0, 0.0
     for before, after in zip(take.shots, take.shots[1:], strict=False):
         seconds = (after.time_ns - before.time_ns) * 1e-9

@@ -1,4 +1,4 @@
-"""Draws a take on the viewer's own renderer: the performers step out of the mesh and stand beside it."""
+"""Draws a take with the viewer's own renderer. The performers step out of the mesh and stand next to it."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 SIZE, RATE, BIT_RATE = (1280, 720), 30.0, 5.0
 _TEXT = 18
 _RIGHT = np.array([math.cos(math.radians(32)), 0.0, -math.sin(math.radians(32))])
-"""To the right in the picture of the film's camera."""
+"""The right direction in the image of the film's camera."""
 _STEP_OUT, _STEPPING, _ASIDE = 1.2, 1.0, 0.75
-"""Seconds in the mesh after taking hold, seconds of stepping out, and how far in heights."""
+"""Seconds inside the mesh after attachment, seconds of stepping out, and the distance as a multiple of the
+height."""
 _TILES, _COLUMNS, _TILE_WIDTH = 12, 4, 480
 
 
@@ -39,7 +40,7 @@ class Studio:
         self._canvas = Canvas(self.renderer.ctx)
 
     def film(self, take: Take, path: Path, title: str) -> int:
-        """The film and its contact sheet; the number of pictures."""
+        """Writes the film and its contact sheet. Returns the number of frames."""
         times = _times(take)
         tiles = set(np.linspace(0.03 * len(times), 0.97 * len(times), _TILES).astype(int).tolist())
         kept = []
@@ -54,7 +55,7 @@ class Studio:
         return len(times)
 
     def sheet(self, take: Take, path: Path, title: str, count: int = _TILES) -> None:
-        """The contact sheet alone, of ``count`` moments; the camera goes all the way."""
+        """Writes only the contact sheet, of ``count`` moments. The camera follows its whole path."""
         times = _times(take)
         tiles = set(np.linspace(0.03 * len(times), 0.97 * len(times), count).astype(int).tolist())
         kept, camera = [], FilmCamera()
@@ -77,7 +78,8 @@ class Studio:
         return self.labelled(self.renderer, title, f"{time_text(second)}  ·  {word}")
 
     def labelled(self, renderer: Renderer, title: str, below: str) -> UInt8:
-        """The last picture of a renderer of this context, with words at its top left and bottom right."""
+        """Returns the last image of a renderer of this context, with text at its top left and bottom
+        right."""
         width, height = self.size
         places = ((28, 28, title, 0.0), (width - 28, height - 46, below, 1.0))
         with self._canvas.over(renderer.picture.resolved):
@@ -87,7 +89,7 @@ class Studio:
         return renderer.pixels()
 
     def _scene(self, take: Take, time_ns: int) -> Scene:
-        """What is to be seen at a time: the nearest shot, its bodies stepping out of the mesh."""
+        """Returns the scene at a time: the nearest shot, with its bodies stepping out of the mesh."""
         shot = _shot_at(take, time_ns)
         since = _since(take, time_ns)
         share = min(max((since - _STEP_OUT) / _STEPPING, 0.0), 1.0)
@@ -97,17 +99,17 @@ class Studio:
             take.character.id, shot.cues.nodes.astype(np.int32), shot.cues.strengths.astype(np.float32)
         )
         actor = SceneCharacter(take.character, shot.pose, cues)
-        # Beside it, the performer makes nothing transparent, and what is held need glow no more.
+        # Next to the mesh, the performer does not make it transparent, and attached parts need not glow.
         return Scene((actor,), bodies, SceneStyle(body=1.0, reveal=1.0 - share, cues=1.0 - share))
 
 
 def _aside(body: Body, share: float) -> Body:
-    """The body, so much of the way out of the mesh."""
+    """Returns the body, moved out of the mesh by a fraction of the way."""
     return replace(body, joints=body.joints + share * _ASIDE * body.height * _RIGHT)
 
 
 def _since(take: Take, time_ns: int) -> float:
-    """Seconds since the first hold; negative before."""
+    """Returns the seconds since the first attachment; negative before."""
     return (time_ns - take.held_ns[0]) * 1e-9 if take.held_ns else -1.0
 
 

@@ -1,4 +1,5 @@
-"""What bodies do to a mesh, without sockets: the edge's own output and stage, frame by frame, kept."""
+"""Runs bodies through the edge's own output and stage, frame by frame, without sockets, and stores the
+result."""
 
 from __future__ import annotations
 
@@ -17,12 +18,12 @@ from enliven_edge.tracking.settings import TrackerSettings
 
 @dataclass(frozen=True)
 class Act:
-    """Somebody takes hold.
+    """A request to attach a performer.
 
     Attributes:
-        seconds: after the take's first frame.
-        parts: what of the body.
-        body: the performer's id; None for whoever is first in view.
+        seconds: time after the take's first frame.
+        parts: parts of the body.
+        body: the performer's ID; None for the first one in view.
         mode: "alone", "join" or "extend".
     """
 
@@ -34,7 +35,7 @@ class Act:
 
 @dataclass(frozen=True)
 class Shot:
-    """One frame's outcome."""
+    """The result of one frame."""
 
     time_ns: int
     bodies: list[Body]
@@ -44,10 +45,10 @@ class Shot:
 
 @dataclass
 class Take:
-    """A character and what was done with it.
+    """A character and its performance.
 
     Attributes:
-        held_ns: when each act was carried out.
+        held_ns: time at which each act was executed.
     """
 
     character: Character
@@ -61,7 +62,7 @@ def perform(
     acts: Sequence[Act],
     tracker: TrackerSettings | None = None,
 ) -> Take:
-    """Every frame's way through the edge."""
+    """Runs every frame through the edge."""
     output, stage, name = Output(tracker), Stage([actor]), actor.character.id
     take, waiting = Take(actor.character), sorted(acts, key=lambda act: act.seconds)
     for frame in frames:

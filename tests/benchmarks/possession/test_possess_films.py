@@ -1,4 +1,4 @@
-"""What is measured of driven meshes: the rulers tell the truth, and the shipped meshes fare well."""
+"""Tests that the measures of driven meshes are correct, and that the shipped meshes stay within bounds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SECOND = 1_000_000_000
 
 
 def boxes(apart: float = 0.01) -> Character:
-    """Two unit cubes above each other, a transform each."""
+    """Returns two unit cubes above each other, one transform each."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
     faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
                       [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]], np.int32)  # fmt: skip
@@ -38,7 +38,7 @@ def boxes(apart: float = 0.01) -> Character:
 
 
 def taken(character: Character, *changes) -> Measures:
-    """Measured of shots a tenth of a second apart; each change is (linear, shift) by node."""
+    """Returns the measures of shots 0.1 s apart. Each change is (linear, shift) by node."""
     take = Take(character, [], [0])
     for n, (linear, shift) in enumerate(changes):
         rest = character.rest_pose(n * SECOND // 10)
@@ -52,7 +52,7 @@ def taken(character: Character, *changes) -> Measures:
 STILL = ([np.eye(3)] * 2, [[0, 0, 0]] * 2)
 
 
-def test_a_mesh_at_rest_is_whole() -> None:
+def test_rest_pose_has_no_deformation() -> None:
     found = taken(boxes(), STILL)
     assert found.stretch_100 == pytest.approx(1.0)
     assert found.squeeze_5 == pytest.approx(1.0)
@@ -62,22 +62,22 @@ def test_a_mesh_at_rest_is_whole() -> None:
     assert found.lowest == pytest.approx(0.0)
 
 
-def test_stretch_and_volume_are_those_of_the_boxes() -> None:
+def test_stretch_and_volume_of_scaled_boxes() -> None:
     found = taken(boxes(), STILL, ([np.diag([1, 1, 2]), np.eye(3)], [[0, 0, 0]] * 2))
-    # Of the mesh's own size, the middle of its transforms', nothing is said.
+    # Nothing is measured about the mesh's own size, the middle of its transforms.
     size = (2 ** (1 / 3) + 1) / 2
     assert found.stretch_100 == pytest.approx(2.0 / size)
     assert found.volume[1] == pytest.approx(1.5 / size**3)
 
 
-def test_shells_that_part_leave_a_gap_and_speed_is_seen() -> None:
+def test_parting_shells_give_gap_and_speed() -> None:
     found = taken(boxes(), STILL, ([np.eye(3)] * 2, [[0, 0, 0], [0, 0.3, 0]]))
     assert found.gap == pytest.approx(0.3, abs=1e-3)
     assert found.hold_speed == pytest.approx(3.0, rel=1e-3)
     assert found.hold_push == pytest.approx(3.0, rel=1e-3)
 
 
-def test_a_box_turned_inside_out_is_seen() -> None:
+def test_inverted_box_is_detected() -> None:
     """Corners that cross over face away from where their transforms turn them."""
     character = boxes()
     character.skin.indices[[1, 3, 5, 7], 0] = 1
@@ -95,9 +95,9 @@ def driven() -> dict[str, Measures]:
 
 
 @pytest.mark.parametrize("mesh", ["chair", "lamp"])
-def test_the_shipped_meshes_fare_well(driven, mesh) -> None:
-    """Seen with the films: the chair 1.59 (its arms flap by 90 degrees), 12.7 for its worst edge, 0.6 %
-    inverted in the armpits, volume 0.93..1.17; the lamp 1.01, 1.6, none, 0.99..1.00."""
+def test_shipped_meshes_stay_within_bounds(driven, mesh) -> None:
+    """Values at the time of filming: the chair 1.59 (its arms flap by 90 degrees), 12.7 for its worst edge,
+    0.6 % inverted in the armpits, volume 0.93..1.17; the lamp 1.01, 1.6, none, 0.99..1.00."""
     found = driven[mesh]
     assert found.stretch_95 < (2.0 if mesh == "chair" else 1.2)
     assert found.squeeze_5 > 0.7
@@ -106,17 +106,17 @@ def test_the_shipped_meshes_fare_well(driven, mesh) -> None:
     assert found.lowest > -0.3
 
 
-def test_the_lamp_stays_in_one_piece(driven) -> None:
+def test_lamp_stays_in_one_piece(driven) -> None:
     assert driven["lamp"].gap < 0.02
 
 
-def test_nothing_leaps_when_somebody_takes_hold(driven) -> None:
-    """The nodes are no faster than the joints and what they carry at an arm's end."""
+def test_attachment_causes_no_jump(driven) -> None:
+    """The nodes are no faster than the joints and the parts at the end of an arm."""
     for found in driven.values():
         assert found.hold_push < 3.0
 
 
-def test_another_persons_moves_begin_in_ones_own_posture() -> None:
+def test_retargeted_motion_starts_in_own_posture() -> None:
     frames = danced("overhead")
     own = danced("kneel")[0].bodies[0]
     made = as_if_by(own, frames, 5 * SECOND)
@@ -131,7 +131,7 @@ def test_another_persons_moves_begin_in_ones_own_posture() -> None:
         assert not raised or joints[Joint.HAND_LEFT, 1] > joints[Joint.SHOULDER_LEFT, 1]
 
 
-def test_pieces_follow_one_another_without_a_pause() -> None:
+def test_cut_pieces_follow_without_pause() -> None:
     frames = danced("overhead")
     made = cut(frames, (1.0, 2.0), (4.0, 5.0))
     times = np.diff([frame.time_ns for frame in made])

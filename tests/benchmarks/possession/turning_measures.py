@@ -1,4 +1,4 @@
-"""Measures how well human-like meshes keep their performer's heading, and where they first appear."""
+"""Measures how well human-like meshes keep their performer's heading, and where they appear first."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ from enliven.possession import ActorSettings
 from enliven_edge.stage.casting import cast_mesh
 
 _HELD_FROM_S = 2.5
-"""Seconds after which the performer takes hold: by then they have turned since they were first seen."""
+"""Time at which the performer is attached, seconds. By then they have turned since they were first
+detected."""
 _NOISE_M = 0.004
-"""Metres: how much a tracked hip shakes."""
+"""Jitter of a tracked hip, metres."""
 
 
 @dataclass(frozen=True)
 class Turning:
-    """Result of one mesh in one film.
+    """The result of one mesh in one film.
 
     Attributes:
-        off_deg: (F,) degrees by which the heading of the mesh's hips, less the performer's, is off its mean.
-        first_m: metres over the floor from the mesh's hips, in the first frame, to where they belong.
+        off_deg: (F,) deviation of the difference between mesh and performer heading from its mean, degrees.
+        first_m: distance on the floor between the mesh's hips in the first frame and their correct position,
+            metres.
     """
 
     off_deg: Float
@@ -33,7 +35,7 @@ class Turning:
 
 
 def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = _NOISE_M) -> Turning:
-    """Lets a made-up person spin before, and in, a mesh that is built as a person."""
+    """Lets a simulated person spin before, and while, possessing a human-like mesh."""
     settings = ActorSettings(how=how, travel=1.0)  # type: ignore[arg-type]
     actor = cast_mesh(mesh, "it", 128, settings)
     film = spinning_people(seed, noise_m=noise_m)

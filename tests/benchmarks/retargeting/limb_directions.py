@@ -1,8 +1,8 @@
-"""How far the limbs of a written GLB point away from the performer's: an evaluation apart from the mapping.
+"""Angles between the limbs of a written GLB and the performer's: an evaluation independent of the mapping.
 
 Positions are read from the files alone: the performer's joints from the motion's reader, the model's nodes by
-forward kinematics on what the GLB holds. Which joint is an elbow is written down here for each convention of
-names; nothing of ``enliven.mapping`` is used. One constant yaw is removed from each pair.
+forward kinematics from the GLB's content. The joint names of elbows and so on are listed here for each naming
+convention; ``enliven.mapping`` is not used. One constant yaw is removed from each pair.
 
     errors = limb_errors(Path("walk.bvh"), glb_bytes, "mixamo")     # {"upper arm": (F * 2,) degrees, ...}
 """
@@ -49,23 +49,24 @@ JOINTS: dict[str, tuple[str, ...]] = {
     "biovision": ("{Left}Shoulder", "{Left}Elbow", "{Left}Wrist", "{Left}Hip", "{Left}Knee", "{Left}Ankle"),
     "mocapnet": ("{l}Shldr|{l}shoulder", "{l}elbow", "{l}hand", "{l}hip", "{l}knee", "{l}foot"),
 }
-"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each convention; alternatives after a bar."""
+"""Shoulder, elbow, wrist, hip, knee and ankle of one side in each naming convention; alternatives after a
+bar."""
 SIDES = (
     {"Left": "Left", "left": "left", "L": "L", "l": "l"},
     {"Left": "Right", "left": "right", "L": "R", "l": "r"},
 )
-"""How the left and the right side are spelled."""
+"""Spellings of the left and the right side."""
 YAWS = np.radians(np.arange(-180.0, 180.0, 0.5))
-"""Turns about +Y that are tried as the constant yaw between the two."""
+"""Rotations about +Y that are tried as the constant yaw between the two."""
 
 
 def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
-    """Returns the angles (F * 2,) in degrees between the limbs of both, for each segment, left and right.
+    """Returns the angles (F * 2,), degrees, between the limbs of both, for each segment, left and right.
 
     Args:
         motion: the file that was retargeted, from its beginning on.
-        glb: what was made of it.
-        model: the model's convention of names.
+        glb: the retargeting result.
+        model: the model's naming convention.
     """
     capture, first = read_motion(motion)
     times, nodes = node_places(glb)
@@ -87,14 +88,14 @@ def limb_errors(motion: Path, glb: bytes, model: str) -> dict[str, np.ndarray]:
 def read_motion(motion: Path) -> tuple[Capture, int]:
     """Returns a motion as its file has it, and the frame at which its take begins.
 
-    A T-pose that was added at the begin is not part of the take.
+    A T-pose that was added at the start is not part of the take.
     """
     capture = read_expmap(motion) if motion.suffix == ".txt" else read_bvh(motion)
     return capture, capture.frames - len(read_take(motion)[0].turns)
 
 
 def find_convention(names: dict[str, int]) -> str:
-    """Returns the first convention with all of its joints there."""
+    """Returns the first naming convention with all joints present."""
     for convention in ("bandai", "cmu", "biovision", "mocapnet"):
         if all(find_name(names, spelled, SIDES[0]) for spelled in JOINTS[convention]):
             return convention
@@ -102,7 +103,7 @@ def find_convention(names: dict[str, int]) -> str:
 
 
 def find_name(names, spelled: str, side: dict[str, str]) -> str:
-    """Returns the first of the alternative names that is there, or an empty string."""
+    """Returns the first alternative name that exists, or an empty string."""
     return next((name for name in spelled.format(**side).split("|") if name in names), "")
 
 
@@ -118,7 +119,7 @@ def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[st
 
 
 def _angles(ours: np.ndarray, theirs: np.ndarray, yaw: float) -> np.ndarray:
-    """Returns (F,) radians between directions, theirs turned by a yaw."""
+    """Returns (F,) angles between directions, radians, after rotating ``theirs`` by a yaw."""
     return np.arccos(np.clip(np.sum(ours * _turned(theirs, yaw), axis=1), -1.0, 1.0))
 
 
@@ -129,15 +130,16 @@ def _turned(vectors: np.ndarray, yaw: float) -> np.ndarray:
 
 
 def _yaw(ours: dict[tuple[str, int], np.ndarray], theirs: dict[tuple[str, int], np.ndarray]) -> float:
-    """Returns the constant turn about +Y that leaves the smallest sum of angles over all segments."""
+    """Returns the constant rotation about +Y that minimises the sum of angles over all segments."""
     one, other = (np.concatenate([some[key] for key in sorted(some)]) for some in (ours, theirs))
     return float(min(YAWS, key=lambda yaw: _angles(one, other, yaw).sum()))
 
 
 def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Returns (T,) seconds and (T, 3) metres of each node of a GLB by name, over its one animation.
+    """Returns (T,) seconds, and (T, 3) positions in metres of each node of a GLB by name, over its only
+    animation.
 
-    A node "A to B" of the exporter begins at joint A; it also counts as A.
+    A node "A to B" of the exporter begins at joint A, so it is also listed as A.
     """
     document = pygltflib.GLTF2.load_from_bytes(glb)
     worlds, places = world_matrices(document), dict[str, np.ndarray]()
@@ -185,13 +187,14 @@ def read_accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.nda
 
 
 def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Returns the values at the times, linear in between; quaternions are near enough to be normalised."""
+    """Returns the values at the times, with linear interpolation. Quaternions are close enough to be
+    normalised."""
     made = np.stack([np.interp(times, keys, column) for column in values.T], axis=1)
     return made / np.linalg.norm(made, axis=1, keepdims=True) if values.shape[1] == 4 else made
 
 
 def _local(node: pygltflib.Node, number: int, tracks: dict, count: int) -> np.ndarray:
-    """Returns (T, 4, 4) a node in its parent."""
+    """Returns (T, 4, 4) transforms of a node relative to its parent."""
     made = np.tile(np.eye(4), (count, 1, 1))
     turn = tracks.get((number, "rotation"), np.tile(node.rotation or [0.0, 0.0, 0.0, 1.0], (count, 1)))
     x, y, z, w = turn.T

@@ -1,6 +1,6 @@
-"""Rigged models made at random, as glTF files: builds, proportions, names, orders, roll angles, scaled roots.
+"""Random rigged models, as glTF files: random builds, proportions, names, orders, roll angles, scaled roots.
 
-path = random_rig(7, folder / "7.gltf")     # a model that nobody tuned on, with a tube for every limb
+path = random_rig(7, folder / "7.gltf")     # a model that nothing was tuned on, with a tube for every limb
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ SIDES = 8
 RINGS = 6
 """Cross-sections of a tube for each bone."""
 BUILDS = ("human", "horse", "insect", "raptor")
-"""What a random model is like: two legs and arms, four legs, six legs, two legs with a level trunk."""
+"""Builds of random models: two legs and arms, four legs, six legs, two legs with a level trunk."""
 WORDS = ("Bone", "jnt", "def", "ctrl", "rig", "b", "Mesh", "node")
-"""Words that names of joints are made of where they say nothing."""
+"""Words for meaningless joint names."""
 
 
 def random_rig(seed: int, path: Path) -> Path:
-    """A model of a random build, written to ``path``; the same for the same seed."""
+    """Writes a model of a random build to ``path``. The same seed gives the same model."""
     random = np.random.default_rng(seed)
     limbs = [_split(seed, limb) for limb in _limbs(random, BUILDS[seed % len(BUILDS)])]
     made, telling = Made(), bool(random.random() < 0.5)
@@ -56,7 +56,7 @@ def random_rig(seed: int, path: Path) -> Path:
 
 
 def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.ndarray]]:
-    """(name, joint of the trunk that it hangs on, places (K, 3) metres) of each limb, the trunk first."""
+    """Returns (name, parent joint in the trunk, positions (K, 3) metres) of each limb, the trunk first."""
 
     def vary(points, by: float = 0.12) -> np.ndarray:
         points = np.array(points, float)
@@ -110,12 +110,13 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
 
 
 def _on(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
-    """(3,) a place that is (x, y, z) metres from another."""
+    """Returns (3,) a point offset by (x, y, z) metres."""
     return place + np.array([x, y, z])
 
 
 def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.ndarray]:
-    """The limb with one bone cut in two now and then, on both sides alike, as rigs with twist bones are."""
+    """Returns the limb, sometimes with one bone cut in two, equally on both sides, like the twist bones of
+    rigs."""
     name, fork, places = limb
     chance = np.random.default_rng([seed, *map(ord, name.split()[-1])])
     if fork >= 0 and chance.random() < 0.4 and name != "Spine":
@@ -125,13 +126,13 @@ def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.n
 
 
 def _tubes(made: Made, limbs, nodes, order, bind) -> None:
-    """One mesh of a closed tube for every limb; at a joint two bones share the surface."""
+    """Adds one mesh with a closed tube for every limb. At a joint, two bones share the surface."""
     vertices, faces, joints, weights = [], [], [], []
     for name, fork, own in limbs:
         keys = [(name, k) for k in range(len(own))]
         places = own
         if name != limbs[0][0]:
-            # A limb begins within the trunk, which moves its first ring.
+            # A limb begins inside the trunk, which moves its first ring.
             keys = [(limbs[0][0], fork % len(limbs[0][2])), *keys]
             places = np.concatenate([limbs[0][2][fork][None], own])
         thick = 0.09 if name in ("Spine", "Neck", "Head") else 0.05

@@ -1,10 +1,12 @@
-"""Films of scans into out/scanning: a camera is carried, the surface grows, it is cut out, and it acts.
+"""Films of scans, written to out/scanning: a camera is carried, the surface grows, the object is cut out, and
+it is possessed.
 
-    python tests/benchmarks/scanning/scan_films.py            all of them
-    python tests/benchmarks/scanning/scan_films.py chair      those with one of the words in the name
+    python tests/benchmarks/scanning/scan_films.py            all films
+    python tests/benchmarks/scanning/scan_films.py chair      films with one of the words in the name
 
-What grows is drawn as the window draws it. Without the recordings of ENLIVEN_DATA only made-up ones are.
-Another film is a function that returns a :class:`Film`, and a line of :func:`films`.
+The growing preview is drawn in the same way as in the window. Without the recordings of ENLIVEN_DATA only
+synthetic films are made. To add a film, write a function that returns a :class:`Film`, and add it to
+:func:`films`.
 """
 
 from __future__ import annotations
@@ -66,30 +68,30 @@ from enliven_viewer.studio.viewport import Lens, Overlay, Selection
 OUT = Path(__file__).parents[3] / "out" / "scanning"
 RATE, BIT_RATE = 30.0, 5.0
 _SHOWN_EVERY = 4
-"""Images of the scan between two looks at what grew."""
+"""Number of images between two updates of the preview."""
 _TURNED = 3.0
-"""Seconds in which what was cut out is shown from all round."""
+"""Time in which the cut-out object is shown from all sides, seconds."""
 _INSET = 300
-"""Pixels across what the camera sees, in a corner of the picture."""
+"""Width of the camera image in a corner of the frame, pixels."""
 _FARTHEST = 3.0
-"""Metres that are black in it."""
+"""Depth that is black in that image, metres."""
 _TILES, _COLUMNS, _TILE_WIDTH = 16, 4, 480
 _NO_NUMBER = 1
-"""The scan's number on the wire that is not there."""
+"""A scan number that does not occur on the wire."""
 
 
 @dataclass(frozen=True)
 class Film:
-    """A scan, and what becomes of it.
+    """A scan, and the use of its result.
 
     Attributes:
-        title: what stands in the picture.
+        title: text in the image.
         frames: the camera's images.
-        settings: of the scanner.
-        keep: what is cut out.
-        bodies: who takes hold of what was made, and its actor; or None.
-        scanner: makes what fuses the images.
-        act: how.
+        settings: settings of the scanner.
+        keep: the part to cut out.
+        bodies: function that returns the performers and the actor of the result; or None.
+        scanner: function that creates the scanner.
+        act: how the actor is possessed.
         colour: sRGB of a mesh without colours.
     """
 
@@ -103,7 +105,8 @@ class Film:
 
 
 def chair() -> Film:
-    """The shipped chair, carried round by a hand, with a Kinect's noise; a recorded person takes it."""
+    """Films the shipped chair, with a hand-held camera and a Kinect's noise. A recorded person possesses
+    it."""
     path = HandheldPath(target=(0.0, 0.6, 0.0), radius=1.5, height=(0.6, 1.7), turns=1.1, seconds=12.0)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, width=320, colour=True)
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
@@ -111,13 +114,13 @@ def chair() -> Film:
 
 
 def _sat_in(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
-    """A recorded person who lifts something, or what the project's own performer does."""
+    """Returns a recorded person that lifts something, or a motion of the project's own performer."""
     bodies = read(LIFT) if DATA.is_dir() else danced("chair")
     return bodies, cast_mesh(made.mesh, "thing", settings=RAISED)
 
 
 def laid() -> Film:
-    """The chair, which hands lay on its back half-way."""
+    """Films the chair, which hands lay on its back half-way."""
     chair, laying = load_sample("chair"), (14.0, 16.0)
     path = FollowingPath(
         target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
@@ -132,7 +135,8 @@ def laid() -> Film:
 
 
 def person() -> Film:
-    """A real person who turns once before a camera that stands still, possessed by another one."""
+    """Films a real person that turns round once in front of a fixed camera; another person possesses the
+    scan."""
     folder = DATA / "depth" / "uva_cv2_person_turn"
     frames = OpenCvDepthReader().read(sorted(folder.iterdir()))
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005, reach=3.5, far=3.5), least_depth=0.01)
@@ -143,11 +147,11 @@ def person() -> Film:
 
 
 def _worn(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
-    """What a recorded person does, done from the posture in which the other one was scanned."""
+    """Returns a recorded person's motion, retargeted to start from the posture of the scanned person."""
     assert made.person is not None
     others, joints = read(WAVE), made.person.joints
     first, known = others[0].bodies[0], np.isfinite(joints).all(1)
-    # Joints that were not in view, of the legs, hang where the other person's are.
+    # Leg joints that were out of view get the positions of the other person's.
     own = np.where(known[:, None], joints, joints[0] + first.joints - first.joints[0])
     up = np.array([0.0, -own[:, 1].min(), 0.0])
     body = Body(first.id, own + up, np.where(known, 1.0, 0.0), stature=1.75)
@@ -158,7 +162,7 @@ def _worn(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
 
 
 def table() -> Film:
-    """The table of a real kitchen, cut out by a box."""
+    """Films the table of a real kitchen, cut out by a box."""
     frames = PosedDepthReader().read(sorted((DATA / "scans" / "sevenscenes_kitchen").iterdir()))
     settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=3.5))
     box = np.array([-1.3, 0.02, -2.9]), np.array([1.0, 1.05, -1.8])
@@ -167,7 +171,7 @@ def table() -> Film:
 
 
 def films() -> dict[str, Callable[[], Film]]:
-    """By name, those that can be made here."""
+    """Returns, by name, the films that can be made on this machine."""
     made: dict[str, Callable[[], Film]] = {"chair": chair, "laid-chair": laid}
     if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
         made["person"] = person
@@ -177,7 +181,7 @@ def films() -> dict[str, Callable[[], Film]]:
 
 
 class Growth:
-    """The surface as a window would have it of the messages of an edge, and where it stands."""
+    """The preview surface as a window builds it from an edge's messages, and its placement."""
 
     def __init__(self) -> None:
         self._sent, self._mesh = GrowingSurface(_NO_NUMBER), GrowingMesh()
@@ -186,7 +190,7 @@ class Growth:
         self.told: Float | None = None
 
     def look(self, scanner: Scanner) -> GrowingPicture | None:
-        """Takes in what grew."""
+        """Adds the newest pieces of the surface."""
         for piece in self._sent.changes(scanner.volumes[0], 10**9):
             self._pieces[str(piece.place)] = piece
         self._mesh.take(self._pieces, _NO_NUMBER)  # type: ignore[arg-type]
@@ -194,7 +198,7 @@ class Growth:
             self.stage_from_scan = self.told
             return self._mesh.picture
         if isinstance(scanner, PersonScanner):
-            # Of a person the largest level plane is shoulders.
+            # The largest level plane of a person would be the shoulders.
             self.stage_from_scan[1, 3] = -surface_of(scanner.volumes[1]).bounds[0, 1]
             return self._mesh.picture
         try:
@@ -206,7 +210,7 @@ class Growth:
 
     @property
     def box(self) -> tuple[Float, Float] | None:
-        """The corners of what was seen, on the stage."""
+        """Returns the corners of the visible surface, on the stage."""
         if self._mesh.picture is None:
             return None
         points = self._mesh.picture.vertices[::20].astype(float)
@@ -224,7 +228,7 @@ class Filming:
         self.camera = FilmCamera()
 
     def pictures(self, film: Film) -> Iterator[UInt8]:
-        """Yields the pictures of a film."""
+        """Yields the frames of a film."""
         scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
         made = finished(scanner, film.keep, 50_000, "thing")
@@ -238,7 +242,7 @@ class Filming:
                 yield self.studio.draw(take, time_ns, self.camera, film.title)
 
     def _scanned(self, film: Film, scanner: Scanner | MovedScanner) -> Iterator[UInt8]:
-        """While it grows; where the thing is put down elsewhere, anew."""
+        """Yields the growing surface. If the object was put down elsewhere, the surface starts again."""
         growth, shown, rests = Growth(), None, 1
         for number, frame in enumerate(film.frames):
             made = scanner.add(frame)
@@ -247,7 +251,7 @@ class Filming:
             if isinstance(scanner, MovedScanner) and len(scanner.rests) > rests:
                 rests, stood = len(scanner.rests), growth.stage_from_scan
                 growth = Growth()
-                # It is shown as it stood first, which the scan knows of it.
+                # It is shown in its first pose, which the scan knows.
                 growth.told = stood @ scanner.rests[-1].object_from_room
             if number % _SHOWN_EVERY == 0 and own.poses:
                 shown = growth.look(own)
@@ -259,7 +263,7 @@ class Filming:
             yield _with_inset(self.studio.labelled(self.viewport.renderer, film.title, below), frame)
 
     def _turned(self, mesh: Mesh, title: str) -> Iterator[UInt8]:
-        """What was cut out, from all round."""
+        """Yields the cut-out object from all sides."""
         seen = np.full(len(mesh.vertices), 255, np.uint8)
         colours = mesh.colours if mesh.colours is not None else np.full((len(seen), 3), 200, np.uint8)
         normals, box = mesh.vertex_normals().astype(np.float32), mesh.bounds
@@ -281,7 +285,7 @@ class Filming:
 
 
 def _with_inset(picture: UInt8, frame: DepthFrame) -> UInt8:
-    """A picture with what the camera sees in a corner."""
+    """Returns an image with the camera image in a corner."""
     if frame.colour is not None:
         seen = frame.colour
     else:
@@ -295,7 +299,7 @@ def _with_inset(picture: UInt8, frame: DepthFrame) -> UInt8:
 
 
 def write_film(name: str, film: Film, filming: Filming) -> int:
-    """Writes a film and its contact sheet; returns the number of pictures."""
+    """Writes a film and its contact sheet. Returns the number of frames."""
     OUT.mkdir(parents=True, exist_ok=True)
     kept: list[UInt8] = []
     with FilmWriter(OUT / f"{name}.mp4", SIZE, RATE, BIT_RATE) as writer:

@@ -1,7 +1,7 @@
 """Fits the tracker's confidence to the tuning set: python tests/benchmarks/tracking/calibrate_confidence.py
 
-Runs the tracker over them, with the network and without, pairs each joint's evidence with whether it was
-within ten centimetres of the truth, and writes the weights of a regularised logistic regression.
+Runs the tracker on it, with and without the network. Labels each joint's evidence by whether the joint was
+within ten centimetres of the truth. Writes the weights of a regularised logistic regression.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ _AGAINST = (
     "spread",
     "apart",
 )
-"""What can only speak for a joint, and what only against it."""
+"""Evidence that can only increase a joint's confidence, and evidence that can only decrease it."""
 _WITHIN = 0.1
-"""Metres: what the confidence is the probability of."""
+"""The confidence is the probability that a joint is within this distance of the truth, metres."""
 
 
 def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> np.ndarray:
-    """(F,) weights by maximum likelihood; features are standardised inside, the constant is not shrunk.
+    """Returns (F,) weights by maximum likelihood. Features are standardised inside; the constant is not
+    regularised.
 
-    What speaks for a joint never speaks against it, nor the other way round: of features that say nearly the
-    same, one would else be set against another, and be wrong wherever they differ for once.
+    The signs of the weights are constrained. Without that, strongly correlated features would get opposite
+    weights, which is wrong in the rare cases in which they differ.
     """
     centre, scale = features.mean(0), np.maximum(features.std(0), 1e-3)
     centre[0], scale[0] = 0.0, 1.0
@@ -67,7 +68,7 @@ def logistic(features: np.ndarray, right: np.ndarray, ridge: float = _RIDGE) -> 
 
 
 def fitted(evidence: np.ndarray, right: np.ndarray) -> dict[str, dict[str, float]]:
-    """The weights of (N, 20, F) evidence and (N, 20) outcomes, by group and name."""
+    """Returns the weights for (N, 20, F) evidence and (N, 20) outcomes, by group and name."""
     table = {}
     for g, group in enumerate(GROUPS):
         of = np.flatnonzero(g == GROUP_OF_JOINT)
@@ -77,7 +78,8 @@ def fitted(evidence: np.ndarray, right: np.ndarray) -> dict[str, dict[str, float
 
 
 def gathered(sequence: Sequence, estimator: bool) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """(20, F) evidence and (20,) outcome of every body in every frame of a sequence; far bodies are false."""
+    """Returns (20, F) evidence and (20,) outcome of every body in every frame of a sequence. Bodies far from
+    all people count as wrong."""
     tracker, evidence, right = Tracker(TrackerSettings(estimator=estimator)), [], []
     for frame, moment in delivered(sequence):
         tracker.track(frame)
@@ -89,7 +91,7 @@ def gathered(sequence: Sequence, estimator: bool) -> tuple[list[np.ndarray], lis
 
 
 def _outcome(person: Person, moment: Moment) -> np.ndarray:
-    """(20,) whether each joint is within ten centimetres of the person whose hips are nearest."""
+    """Returns (20,) True for each joint within ten centimetres of the person with the nearest hips."""
     joints = person.follower.posture.joints()
     true = moment.joints[moment.present]
     if len(true) == 0:

@@ -1,4 +1,4 @@
-"""The scores count what they say: each on made takes whose answer is known."""
+"""Tests of the scores on synthetic takes with known results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SIDES = [0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 16, 17, 18, 19, 12, 13, 14, 15]
 
 @cache
 def joints_of(count: int, aside: float = 0.0, name: str = "overhead") -> np.ndarray:
-    """(F, 20, 3) a performer's true joints."""
+    """Returns (F, 20, 3) a performer's true joints."""
     moves = exercise(name)
     return np.stack([PERFORMER.pose(moves.posture(n / RATE)).joints for n in range(count)]) + np.array(
         [aside, 0, 0]
@@ -38,7 +38,7 @@ def joints_of(count: int, aside: float = 0.0, name: str = "overhead") -> np.ndar
 
 
 def take_of(truth: list[np.ndarray], found: list[np.ndarray | None], ids=None, confidence=0.95) -> Take:
-    """A take of people; ``found`` (F, 20, 3) each, or None where the tracker has nobody."""
+    """Returns a take of people; ``found`` is (F, 20, 3) each, or None if the tracker has no body."""
     count = len(truth[0])
     moments = [
         Moment(
@@ -60,7 +60,7 @@ def take_of(truth: list[np.ndarray], found: list[np.ndarray | None], ids=None, c
     return Take(np.arange(count) / RATE, moments, bodies, np.ones(count, bool), np.zeros(count))
 
 
-def test_a_perfect_tracker_is_perfect() -> None:
+def test_perfect_tracker_has_perfect_scores() -> None:
     truth = [joints_of(90), joints_of(90, 1.2)]
     s = score(take_of(truth, truth[::-1]))
     assert s.within == 1.0 and s.mean_mm == 0.0 and s.missed == 0
@@ -68,7 +68,7 @@ def test_a_perfect_tracker_is_perfect() -> None:
     assert s.trusted(0.9) == 1.0
 
 
-def test_nobody_is_due_in_the_first_half_second() -> None:
+def test_first_half_second_does_not_count_as_missed() -> None:
     truth = [joints_of(60)]
     s = score(take_of(truth, truth))
     assert s.visible.sum() == (60 - 15) * 20
@@ -77,7 +77,7 @@ def test_nobody_is_due_in_the_first_half_second() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(st.sets(st.integers(0, 19), max_size=8), st.floats(0.11, 0.3))
-def test_wrong_joints_are_counted_each(wrong: set[int], by: float) -> None:
+def test_each_wrong_joint_is_counted(wrong: set[int], by: float) -> None:
     truth = joints_of(40)
     found = truth.copy()
     found[:, sorted(wrong)] += [0.0, 0.0, by]
@@ -87,7 +87,7 @@ def test_wrong_joints_are_counted_each(wrong: set[int], by: float) -> None:
     assert s.mean_mm == pytest.approx(1e3 * by * len(wrong) / 20)
 
 
-def test_hidden_joints_do_not_count_but_what_was_said_of_them_does() -> None:
+def test_hidden_joints_count_only_for_confidence() -> None:
     truth = joints_of(40)
     found = truth.copy()
     found[:, 7] += 1.0
@@ -99,14 +99,14 @@ def test_hidden_joints_do_not_count_but_what_was_said_of_them_does() -> None:
     assert s.trusted(0.9) == pytest.approx(0.95)
 
 
-def test_who_is_not_tracked_is_missed() -> None:
+def test_untracked_person_is_missed() -> None:
     truth = [joints_of(60), joints_of(60, 1.5)]
     s = score(take_of(truth, [truth[0], None]))
     assert s.within == pytest.approx(0.5)
     assert s.missed == 45 * 20
 
 
-def test_a_body_far_from_everybody_is_false_and_a_bad_fit_is_not() -> None:
+def test_far_body_is_false_and_bad_fit_is_not() -> None:
     truth = joints_of(60)
     ghost = take_of([truth], [truth, truth - np.array([0, 0, 1.5])])
     assert score(ghost).false == 1
@@ -116,7 +116,7 @@ def test_a_body_far_from_everybody_is_false_and_a_bad_fit_is_not() -> None:
     assert score(take_of([truth], [folded])).false == 0
 
 
-def test_exchanged_identities_are_swaps_and_flicker_is_not() -> None:
+def test_exchanged_identities_count_as_swaps_and_flicker_does_not() -> None:
     truth = [joints_of(90), joints_of(90, 1.2)]
     ids = [np.array([1] * 45 + [2] * 45), np.array([2] * 45 + [1] * 45)]
     assert score(take_of(truth, truth, ids)).identity == 2
@@ -125,23 +125,23 @@ def test_exchanged_identities_are_swaps_and_flicker_is_not() -> None:
     gone = truth[0].copy()
     gone[30:60] = np.nan
     back = [np.array([1] * 45 + [5] * 45), np.full(90, 2)]
-    assert score(take_of(truth, [gone, truth[1]], back)).identity == 1  # came back as somebody else
+    assert score(take_of(truth, [gone, truth[1]], back)).identity == 1  # came back with another identity
 
 
-def test_left_for_right_is_counted_once_a_limb_pair_and_time() -> None:
+def test_mirrored_limbs_count_once_per_pair_and_time() -> None:
     truth = joints_of(120)
     found = truth.copy()
     found[40:60] = found[40:60][:, SIDES]
     found[90:110] = found[90:110][:, SIDES]
     s = score(take_of([truth], [found]))
-    assert 2 <= s.mirrored <= 4  # the arms twice, the legs where they are apart enough
+    assert 2 <= s.mirrored <= 4  # the arms twice, and the legs if they are far enough apart
     found = truth.copy()
     found[50] = found[50][SIDES]
-    assert score(take_of([truth], [found])).mirrored == 0  # one frame
+    assert score(take_of([truth], [found])).mirrored == 0  # only one frame
 
 
 @pytest.mark.parametrize("deviation", [0.002, 0.01])
-def test_jitter_is_what_shakes_not_what_is_off_or_drifts(deviation: float) -> None:
+def test_jitter_ignores_offset_and_drift(deviation: float) -> None:
     truth = joints_of(240, name="still")
     random = np.random.default_rng(2)
     drift = np.linspace(0, 0.05, 240)[:, None, None]
@@ -151,7 +151,7 @@ def test_jitter_is_what_shakes_not_what_is_off_or_drifts(deviation: float) -> No
 
 
 @pytest.mark.parametrize("after", [0, 4, 11])
-def test_recovery_is_timed_from_when_the_lens_is_free(after: int) -> None:
+def test_recovery_time_starts_when_the_lens_is_uncovered(after: int) -> None:
     truth = joints_of(90)
     found = truth.copy()
     found[30 : 60 + after] = np.nan
@@ -162,7 +162,7 @@ def test_recovery_is_timed_from_when_the_lens_is_free(after: int) -> None:
     assert s.visible.sum() == 15 * 20
 
 
-def test_never_recovered_is_never() -> None:
+def test_missing_recovery_is_infinite() -> None:
     truth = joints_of(90)
     lost = truth.copy()
     lost[30:] = np.nan
@@ -171,7 +171,7 @@ def test_never_recovered_is_never() -> None:
     assert score(take_of([truth], [lost]), covered=(1.0, 2.0)).recovery == [float("inf")]
 
 
-def test_confidence_is_held_to_its_word() -> None:
+def test_confidence_is_compared_with_accuracy() -> None:
     truth = joints_of(60)
     found = truth.copy()
     found[:, :10] += 0.4
@@ -180,7 +180,7 @@ def test_confidence_is_held_to_its_word() -> None:
     assert np.isnan(s.trusted(0.9))
 
 
-def test_sums_of_sequences_are_sums() -> None:
+def test_scores_of_sequences_add_up() -> None:
     truth = joints_of(60)
     good, bad = score(take_of([truth], [truth])), score(take_of([truth], [None]))
     good.add(bad)
@@ -188,8 +188,8 @@ def test_sums_of_sequences_are_sums() -> None:
 
 
 @pytest.mark.parametrize("by", [0.0, 0.4, -1.2])
-def test_turns_are_measured_about_the_right_axis(by: float) -> None:
-    """A head that looks aside, a hand that is twisted: degrees; a hand that points elsewhere is not."""
+def test_turn_errors_are_measured_about_the_right_axis(by: float) -> None:
+    """A turned head and a twisted hand give degrees; a hand that points elsewhere does not."""
     figure = PERFORMER.pose(exercise("still").posture(1.0))
     turns = figure.frames[:, :, :3]
     said = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
@@ -212,4 +212,4 @@ def test_turns_are_measured_about_the_right_axis(by: float) -> None:
     assert np.allclose(s.turned["hand"][::2], degrees, atol=0.02)
     assert np.allclose(s.turned["hand"][1::2], 0.0, atol=0.02)
     assert np.allclose(s.turned["chest"], 0.0, atol=0.02)
-    assert np.mean(s.standing) == 0.5  # both stand, one is said to
+    assert np.mean(s.standing) == 0.5  # both stand, but only one is reported as standing

@@ -1,4 +1,4 @@
-"""The set of sequences: covers what it must, splits cleanly, and can be made without any recorded motion."""
+"""Tests of the set of sequences: its coverage, its splits, and its use without recorded motions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from enliven_synthesis.sensor.profile import load_profile
         (SEALED_TURNS, SEALED_FLOOR),
     ],
 )
-def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) -> None:
+def test_names_are_unique_and_splits_share_no_scene(seen: str, kept: str) -> None:
     names = [s.name for s in sequences()]
     assert len(set(names)) == len(names)
     moves = {
@@ -54,7 +54,7 @@ def test_names_are_given_once_and_splits_share_no_scene(seen: str, kept: str) ->
 
 
 @pytest.mark.parametrize("split", [TUNING, HELD_OUT])
-def test_every_difficulty_is_there_without_recorded_motions(split: str, monkeypatch, tmp_path) -> None:
+def test_every_difficulty_exists_without_recorded_motions(split: str, monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(tracking_scene, "DATA", tmp_path)
     made = sequences(split)
     words = " ".join(s.name for s in made)
@@ -67,10 +67,10 @@ def test_every_difficulty_is_there_without_recorded_motions(split: str, monkeypa
     assert max(len(s.people) for s in made) >= 3
 
 
-def test_everybody_comes_into_view_and_stays_on_the_floor() -> None:
+def test_everyone_comes_into_view_and_stays_on_the_floor() -> None:
     for sequence in sequences():
         if sequence.kind == "recovery" or sequence.trouble not in ("", "knocked"):
-            continue  # others' scenes again, and postures of theirs
+            continue  # scenes and postures of other sequences
         profile = load_profile(sequence.profile)
         mount = world_from_level_camera(sequence.height, np.radians(sequence.tilt))
         camera_from_world, camera_width = np.linalg.inv(mount), profile.camera.width / profile.camera.fx
@@ -86,7 +86,7 @@ def test_everybody_comes_into_view_and_stays_on_the_floor() -> None:
 
 @pytest.mark.parametrize("build", [Proportions(1.4), Proportions(1.75), Proportions(1.95, legs=1.05)])
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
-def test_a_person_who_sits_down_rests_on_the_floor_and_does_not_sink_into_it(build, seed):
+def test_sitting_person_rests_on_the_floor_without_sinking_in(build, seed):
     performer = Performer(build)
     motion = SittingDown(performer, seed)
     for time in np.linspace(0.0, motion.duration, 25):
@@ -96,7 +96,7 @@ def test_a_person_who_sits_down_rests_on_the_floor_and_does_not_sink_into_it(bui
     assert figure.joints[Joint.HIP_CENTER, 1] < 0.25 * build.height
 
 
-def test_frames_and_truth_are_kept_and_read_back(monkeypatch, tmp_path) -> None:
+def test_frames_and_truth_survive_the_cache(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(tracking_cache, "CACHE", tmp_path)
     one = sequences(TUNING, "still")[0]
     short = Sequence("short", TUNING, one.people, 0.2, "tof", covered=(0.05, 0.12))

@@ -1,4 +1,4 @@
-"""The sequences' frames and truth, rendered once and kept in out/tracking/cache."""
+"""Cache of the sequences' frames and ground truth, rendered once into out/tracking/cache."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ CACHE = Path(__file__).parents[3] / "out" / "tracking" / "cache"
 
 @dataclass(frozen=True)
 class Moment:
-    """What is true at one frame; P people, those away included.
+    """The ground truth of one frame, for P people, including absent ones.
 
     Attributes:
-        present: (P,) in the room.
-        joints: (P, 20, 3) metres; NaN for those away.
-        visible: (P, 20) in the image, in range, hidden by nothing but their own flesh.
-        contacts: (P, 2) whether the left and the right foot stand.
-        turns: (P, 16, 3, 3) world_from_limb of each limb, or None where that is not known.
+        present: (P,) True if in the room.
+        joints: (P, 20, 3) metres; NaN for absent people.
+        visible: (P, 20) True if in the image, in range, and not occluded by anything but the own body.
+        contacts: (P, 2) True if the left and the right foot stand.
+        turns: (P, 16, 3, 3) world_from_limb of each limb, or None if unknown.
     """
 
     present: np.ndarray
@@ -45,7 +45,7 @@ class Moment:
 
 
 def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
-    """The frames of a sequence in their own order, before anything befalls them."""
+    """Returns the frames of a sequence in order, before any faults."""
     path = CACHE / f"{sequence.scene.replace(' ', '-')}-{_key(sequence)}.mcap"
     if not path.exists():
         _render(sequence, path)
@@ -60,14 +60,15 @@ def rendered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
 
 
 def _turns(cast: list[Appearance], time_ns: int) -> np.ndarray:
-    """(P, 16, 3, 3) how the limbs are turned at a time; the identity for those away."""
+    """Returns (P, 16, 3, 3) the rotations of the limbs at a time; the identity for absent people."""
     figures = [a.figure(time_ns * 1e-9) for a in cast]
     still = np.broadcast_to(np.eye(3), (16, 3, 3))
     return np.stack([still if f is None else f.frames[:, :, :3] for f in figures])
 
 
 def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
-    """The frames as the tracker gets them, after the sequence's trouble and with the lens covered."""
+    """Returns the frames as the tracker receives them, with the sequence's faults and with the lens
+    covered."""
     frames = rendered(sequence)
     match sequence.trouble:
         case "dropped":
@@ -104,7 +105,8 @@ def _render(sequence: Sequence, path: Path) -> None:
 
 
 def _forget_old(path: Path) -> None:
-    """Removes all but the newest of a scene's earlier renderings: two checkouts may be in use at a time."""
+    """Removes all but the newest of a scene's earlier renderings. Two are kept, since two checkouts may be in
+    use."""
     earlier = CACHE.glob(f"{path.name.rsplit('-', 1)[0]}-????????????.mcap")
     for old in sorted(earlier, key=lambda p: p.stat().st_mtime)[:-1]:
         old.unlink(missing_ok=True)
@@ -112,7 +114,7 @@ def _forget_old(path: Path) -> None:
 
 
 def _key(sequence: Sequence) -> str:
-    """Changes with the sequence and with whatever makes its pictures."""
+    """Returns a hash of the sequence and of all code that renders its images."""
     scene = {
         k: v for k, v in vars(sequence).items() if k not in ("name", "split", "covered", "kind", "trouble")
     }
@@ -126,7 +128,8 @@ def _key(sequence: Sequence) -> str:
 
 @cache
 def _source() -> str:
-    """The text of what makes the pictures; not of what only chooses motions, delays or loses them."""
+    """Returns the source text of the rendering code, without the code that only chooses motions or delays
+    frames."""
     folder = Path(enliven_synthesis.__file__).parent
     others = (
         "studio.py",

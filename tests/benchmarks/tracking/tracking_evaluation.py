@@ -1,16 +1,16 @@
-"""Run the tracker on the sequences and print what it is worth, a line a sequence.
+"""Run the tracker on the sequences and print its scores, one line per sequence.
 
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --only kneel --per-joint
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --kind recovery
     python tests/benchmarks/tracking/tracking_evaluation.py --set tuning --starts 0 3 7
 
-Chance decides much of one run: whether an arm is found in the first frame, or somebody beside a cupboard.
-With several starts every sequence is tracked once from each of those frames, which tells luck from gain.
+A single run depends on chance: whether an arm is found in the first frame, or a person next to a cupboard.
+With several starts, every sequence is tracked once from each of those frames, which averages out luck.
 
-"within" counts the visible joints found within 10 cm; those of a person who is not tracked count as not
-found, from half a second after the person came into view. "missed" is their part. "sure" is the part within
-10 cm of all joints, visible or not, that were said to be at least 0.9 sure.
+"within" is the fraction of visible joints found within 10 cm. Joints of an untracked person count as not
+found, from half a second after the person came into view. "missed" is the fraction of these. "sure" is the
+fraction within 10 cm among all joints, visible or not, with a confidence of at least 0.9.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ HEAD = (
 
 
 def perform(sequence: Sequence, tracker: Tracker | None = None, start: int = 0) -> tuple[Take, set[str]]:
-    """The tracker on one sequence as the edge runs it, and what was said to be wrong meanwhile.
+    """Runs the tracker on one sequence as the edge does. Returns the take and the reported problems.
 
     Args:
         start: the first frame that it sees.
@@ -78,11 +78,11 @@ TOLD = {
     "holed": "missing depth",
     "knocked": "sensor moved",
 }
-"""What should be said of each trouble."""
+"""The problem that should be reported for each kind of fault."""
 
 
 def evaluated(sequence: Sequence, make: Callable[[], Tracker] = Tracker, start: int = 0) -> Scores:
-    """The figures of one sequence, from a frame on, by a fresh tracker."""
+    """Returns the scores of one sequence, from a frame on, with a new tracker."""
     take, said = perform(sequence, make(), start)
     scores = score(take, still=sequence.kind == "still", covered=sequence.covered)
     if sequence.covered is not None:
@@ -93,7 +93,7 @@ def evaluated(sequence: Sequence, make: Callable[[], Tracker] = Tracker, start: 
 
 
 def line(name: str, frames: int, s: Scores) -> str:
-    """One line of the table."""
+    """Returns one line of the table."""
     jitter = f"{np.mean(s.jitter):.1f}" if s.jitter else ""
     recovery = f"{mean_recovery(s):.0f}" if s.recovery else ""
     missed, sure = 100 * s.missed / max(s.visible.sum(), 1), 100 * s.trusted(0.9)
@@ -104,12 +104,13 @@ def line(name: str, frames: int, s: Scores) -> str:
 
 
 def mean_recovery(s: Scores) -> float:
-    """ms; a person who was never found again counts as 1200, which is as long as is waited."""
+    """Returns the mean recovery time, ms. A person that was never found again counts as 1200, the length of
+    the wait."""
     return float(np.mean(np.minimum(s.recovery, 1200.0)))
 
 
 def worst(s: Scores) -> str:
-    """The three worst joints, and the worst frame."""
+    """Returns the three worst joints, and the worst frame."""
     with np.errstate(invalid="ignore"):
         share = np.where(s.visible > 0, s.hits / s.visible, np.nan)
     order = [j for j in np.argsort(share) if share[j] < 0.999][:3]
@@ -159,7 +160,7 @@ def main() -> int:
 
 
 def print_calibration(s: Scores) -> None:
-    """Of the joints said to be so sure, how many are within 10 cm."""
+    """Prints, for each level of confidence, the fraction of joints within 10 cm."""
     said = [f"{k / BINS:.1f}" for k in range(BINS)]
     with np.errstate(invalid="ignore"):
         share = s.sure_hits / s.sure
@@ -172,7 +173,7 @@ def print_calibration(s: Scores) -> None:
 
 
 def print_turns(s: Scores) -> None:
-    """How far the visible parts are turned wrong, and how often the feet's contacts are told rightly."""
+    """Prints the rotation errors of visible parts, and the fraction of correctly reported foot contacts."""
     shown = [
         f"{name} {np.median(off):.0f} / {np.percentile(off, 90):.0f}" for name, off in s.turned.items() if off
     ]
@@ -183,7 +184,7 @@ def print_turns(s: Scores) -> None:
 
 
 def print_joints(s: Scores) -> None:
-    """Every joint's share within 10 cm."""
+    """Prints the fraction within 10 cm for every joint."""
     print()
     for j in range(20):
         print(f"{joint_label(j):<18}{100 * s.hits[j] / max(s.visible[j], 1):6.1f}  of {int(s.visible[j])}")

@@ -1,9 +1,9 @@
-"""Films of what the tracker makes of the real sequences and of some synthetic ones, into out/tracking.
+"""Films of the tracker's results on the real sequences and some synthetic ones, written to out/tracking.
 
-    python tests/benchmarks/tracking/tracking_films.py            all of them
-    python tests/benchmarks/tracking/tracking_films.py uva four   those whose name has one of the words in it
+    python tests/benchmarks/tracking/tracking_films.py            all films
+    python tests/benchmarks/tracking/tracking_films.py uva four   films with one of the words in the name
 
-Each film has a contact sheet of twelve of its frames beside it. Single shots are held for a second each.
+Each film comes with a contact sheet of twelve frames. Single images are held for a second each.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _STEP = 33_333_333
 
 
 def films() -> dict[str, Callable[[], list[list[DepthFrame]]]]:
-    """Name -> what is shown: one or more takes, each by a fresh tracker."""
+    """Returns, by name, a function that loads one or more takes. Each is tracked by a new tracker."""
     made: dict[str, Callable[[], list[list[DepthFrame]]]] = {}
     if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
         made["real-uva-turn"] = lambda: [_imported(DATA / "depth" / "uva_cv2_person_turn")]
@@ -64,7 +64,7 @@ def _imported(folder: Path) -> list[DepthFrame]:
 
 
 def _held(frame: DepthFrame) -> list[DepthFrame]:
-    """One image for a second."""
+    """Returns one image repeated for a second."""
     return [replace(frame, time_ns=n * _STEP) for n in range(_HELD)]
 
 
@@ -81,7 +81,8 @@ def _shots_of_vcl3d() -> list[list[DepthFrame]]:
 
 
 def make(name: str, takes: list[list[DepthFrame]]) -> None:
-    """One film and its contact sheet: frames evenly spread, or the last of each take where there are many."""
+    """Writes one film and its contact sheet: evenly spread frames, or the last frame of each of many
+    takes."""
     inspected = [(Inspector(Tracker()), frames) for frames in takes]
     pictures = [inspector.picture(frame) for inspector, frames in inspected for frame in frames]
     with FilmWriter(OUT / f"{name}.mp4", None, 30.0, 8.0) as film:

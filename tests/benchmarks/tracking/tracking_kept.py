@@ -1,8 +1,5 @@
-"""Sequences that are kept shut while the tracker is tuned, and measured once: a set that was opened is spent.
-
-Each set has limbs close before the trunk, exercises, captures, two who cross and three side by side, of its
-own builds, seeds, places and captures; the second is turned the other way.
-"""
+"""or -1: which way people are turned and stand aside. => 1 or -1: direction in which people are turned and
+stand aside. by how many the sensors are exchanged. => offset by which the sensors are permuted."""
 
 from __future__ import annotations
 
@@ -13,23 +10,23 @@ from tracking_scene import SIDE, Move, Person, Sequence, alone, exercise_move
 from enliven_synthesis.body.performer import Proportions
 
 OPENED = "opened"
-"""What was sealed until it was opened, in November 2026: limbs before the trunk, the set "x"."""
+"""Split that was sealed until November 2026: limbs close to the trunk, the set "x"."""
 SEALED = "sealed"
-"""The split that is kept shut: it is measured once, when nothing is tuned any more. Set "y" was, on November
-26, 2026: before more is tuned, call it opened and write another."""
+"""Split that is sealed: it is measured once, when tuning is finished. Set "y" was measured on November 26,
+2026. Before more tuning, call it opened and write another set."""
 SEALED_TURNS = "turns, sealed"
-"""Turns and floor work that are kept shut: opened once, on November 27, 2026, after the work on them."""
+"""Sealed turns and floor work. They were measured once, on November 27, 2026, after the work on them."""
 SEALED_FLOOR = "turns and floor work, sealed"
-"""The same kinds by other seeds, builds and yaws, with people who sit on the floor and not in it: opened
-once, on November 28, 2026."""
+"""The same kinds with other seeds, builds and yaws, with people that sit on the floor and do not sink into
+it. Measured once, on November 28, 2026."""
 _CLOSE: tuple[tuple[str, float], ...] = (
     ("clap", 0.1), ("book", -0.25), ("watch", 0.3), ("hug", 0.0), ("guitar", 0.2), ("telephone", -0.4),
     ("folded", 0.3), ("jog", 0.25), ("guard", -0.2), ("belly", 0.35), ("chin", -0.3), ("lens", 0.2),
     ("akimbo", -0.5), ("seat", 0.3),
 )  # fmt: skip
-"""Motions with limbs close before the trunk, six of them in no set to tune on, and yaws in radians."""
+"""Motions with limbs close to the trunk, six of which are in no tuning set, and yaws in radians."""
 _SENSORS = (("kinect1", (-0.15, -2.6)), ("oak-d", (-0.1, -2.8)), ("tof", (-0.05, -2.2)))
-"""Sensors, and where performers stand before each."""
+"""Sensors, and the positions of performers in front of each."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +34,11 @@ class KeptSet:
     """A set of sequences.
 
     Attributes:
-        letter: what its names begin with.
+        letter: prefix of its names.
         first: the first seed.
-        builds: four, of no other set.
-        youth: a growing performer, of no other set.
-        captures: four motions, with their names, places before the sensor and seconds.
+        builds: four builds that no other set uses.
+        youth: a growing performer that no other set uses.
+        captures: four motions, with their names, positions in front of the sensor and seconds.
         turn: 1 or -1: which way people are turned and stand aside.
         shift: by how many the sensors are exchanged.
     """
@@ -56,7 +53,7 @@ class KeptSet:
     shift: int = 0
 
     def sequences(self) -> list[Sequence]:
-        """All of the set."""
+        """Returns all sequences of the set."""
         return [*self._close(), *self._exercises(), *self._captures(), *self._several()]
 
     def _close(self) -> list[Sequence]:
@@ -161,5 +158,5 @@ _Y = KeptSet(
 
 
 def kept_sequences() -> list[Sequence]:
-    """What was kept shut until it was opened, and what is still shut."""
+    """Returns the opened and the sealed sequences."""
     return [*_X.sequences(), *_Y.sequences()]

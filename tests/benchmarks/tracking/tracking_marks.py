@@ -1,7 +1,8 @@
-"""Joints marked by eye in the eight depth images of skeltrack_kinect1, which come without any.
+"""Joints marked by eye in the eight depth images of skeltrack_kinect1, which have no joint data.
 
-(u, v) pixels, good to about 12 px, which is 25 mm at the distance of those people. They face the sensor: the
-own left is at the image's right. What cannot be seen is left out. The last image has a second person behind.
+Marks are (u, v) pixels, accurate to about 12 px, which is 25 mm at the distance of those people. The people
+face the sensor, so their left is at the image's right. Invisible joints are left out. The last image has a
+second person in the background.
 """
 
 from __future__ import annotations
@@ -42,4 +43,4 @@ MARKS: dict[str, list[dict[Joint, tuple[int, int]]]] = {
         _person(None, None, (512, 340), (522, 425), None, None, None),
     ],
 }
-"""By the number in the file's name: a dictionary a person."""
+"""By the number in the file name: one dictionary per person."""

@@ -1,6 +1,6 @@
 """Motions on which trackers fail: half turns on the spot, turns with bent knees, and work on the floor.
 
-Each takes a seed: 0 is as written, any other varies angles, tempo and the way round.
+Each takes a seed. Seed 0 is the motion as written; any other seed varies angles, tempo and direction.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _GUARD = ArmPose(flex=0.7, abduct=0.25, twist=0.5, elbow=1.7)
 _BACK = ArmPose(flex=-0.7, abduct=0.25, elbow=0.1)
 _KNEES = ArmPose(flex=1.0, abduct=0.1, elbow=0.5)
 _SWEEP = 1.0 / 3.0
-"""Seconds of a quick half turn."""
+"""Duration of a quick half turn, seconds."""
 _STEP_LIFT = 0.04
-"""Metres by which feet leave the floor in a turn."""
+"""Height by which feet leave the floor in a turn, metres."""
 
 
 class Seed:
-    """Numbers near the written ones; as written for seed 0."""
+    """Random variations of the written numbers; none for seed 0."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -48,7 +48,7 @@ class Seed:
 
 
 def motion_named(name: str, seed: int = 0) -> Choreography:
-    """The motion of that name, one of :data:`NAMES`."""
+    """Returns the motion with that name, one of :data:`NAMES`."""
     vary = Seed(seed)
     match name:
         case "half turns":
@@ -65,7 +65,7 @@ def motion_named(name: str, seed: int = 0) -> Choreography:
 
 
 def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> Choreography:
-    """Four half turns with pauses between them; both feet swing round while the pelvis turns."""
+    """Makes four half turns with pauses between them. Both feet swing round while the pelvis turns."""
     starts, time = [], 0.8
     ways = [vary.way, vary.way, -vary.way, vary.way]
     for _ in ways:
@@ -75,7 +75,7 @@ def _turning(name: str, vary: Seed, sweep: float, pause: float, low: float) -> C
     lean = 0.45 if low else 0.04
 
     def heading(time: float) -> tuple[float, float]:
-        """Radians turned so far, and the share of a turn that is under way (0 between two)."""
+        """Returns the angle turned so far, radians, and the progress of the current turn (0 between two)."""
         yaw, moving = 0.0, 0.0
         for start, way in zip(starts, ways, strict=True):
             share = (time - start) / sweep
@@ -113,7 +113,7 @@ _Keys = tuple[tuple[float, PerformerPosture], ...]
 
 
 def _kneeling_kick(vary: Seed) -> _Keys:
-    """Goes down on one knee and both hands, and kicks the other leg up behind, then forward."""
+    """Goes down on one knee and both hands, and kicks with the other leg, first up behind, then forward."""
     back = FootPose(-0.13, HOME_Z - 0.50, pitch=-1.1, yaw=-0.05)
     start = _home(left_foot=FootPose(0.13, HOME_Z + 0.08, yaw=0.1))
     down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.22, pitch=0.1)
@@ -131,7 +131,7 @@ def _kneeling_kick(vary: Seed) -> _Keys:
 
 
 def _sitting(vary: Seed) -> _Keys:
-    """Sits down on the floor, legs forward, leans back on the hands, draws the knees up."""
+    """Sits down on the floor with legs forward, leans back on the hands, pulls the knees up."""
     half = _home(rise=-0.4, pitch=0.5, spine_pitch=0.4, z=HOME_Z - 0.1)
     low = vary.near(-0.80, 0.02)
 
@@ -153,7 +153,7 @@ def _sitting(vary: Seed) -> _Keys:
 
 
 def _hidden_leg(vary: Seed) -> _Keys:
-    """Stands on one leg, and holds the other shank up behind the standing one."""
+    """Stands on one leg, with the other shank raised behind the standing one."""
     over: dict[str, Any] = {"x": -0.10, "roll": -0.04}
     shift = _home(**over)
     behind = _home(
@@ -165,7 +165,7 @@ def _hidden_leg(vary: Seed) -> _Keys:
 
 
 def _keyed(name: str, vary: Seed, *keys: tuple[float, PerformerPosture]) -> Choreography:
-    """Postures at seconds, eased from one to the next."""
+    """Returns keyed postures, times in seconds, with eased interpolation."""
     tempo = vary.near(1.0, 0.2)
     times, postures = [tempo * at for at, _ in keys], [posture for _, posture in keys]
 

@@ -1,24 +1,23 @@
-"""The real recordings as the tracker gets them, with whatever joints come with them.
+"""Real recordings in the form that the tracker receives, with the joints that come with them.
 
-- ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2, its
-  tilt told), with the sensor maker's joints of the same moment. Joints that do not project onto the scan do
-  not count (the feet are cut off), nor do the right wrist and hand, which the maker's tracker put before the
-  belly while the scan shows that arm held aside, more than 20 cm away. Distances are in the image plane: in
-  depth scan and joints do not belong together, both elbows, a wrist and a knee lie 3 to 9 cm before the
-  scanned surface, and the scan leans some 7 degrees against the joints.
-- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px whose outline is
-  taken in again by half as much: gaps close, nobody grows stout. The distance to the sensor is not recorded
-  and chosen so that people are 1.70 m tall, and its height so that their soles stand on the floor, which is
-  not seen. A joint's depth is that of the
-  surface before it, so distances are in the image plane; joints count whose depth was measured. It says
-  whether a body is found in shreds of one, within a few centimetres of another tracker's opinion.
-- Of both, SpineShoulder stands for the shoulder centre; the hip centre and the spine are put on the line
-  from SpineBase to it, where this project has them: the maker's lie between the hips and on the belly.
-- Both are tracked several times, each from a later frame: in so few samples, and with joints just about 10 cm
-  away, one first frame found or missed decides the figure of a single run.
-- ``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
-  image plane, at the depth of what is there.
-- ``uva_person_turn``: no joints; how often the upper body's lie within the person's mask.
+- ``bodyscanner_kinect2``: a person's scan drawn into the depth image of its own camera (a Kinect v2 with
+known tilt), with the sensor maker's joints of the same moment. Joints that do not project onto the scan do
+  not count (the feet are cut off), nor do the right wrist and hand, which the maker's tracker put in front of
+  the belly although the scan shows that arm held aside, more than 20 cm away. Distances are in the image
+  plane: scan and joints do not match in depth. Both elbows, a wrist and a knee are 3 to 9 cm in front of the
+  scanned surface, and the scan leans about 7 degrees relative to the joints.
+- ``js6450_kinect2``: about thirty depth samples around every joint, drawn as discs of 6 px and eroded by half
+as much (morphological closing), so that gaps close and bodies do not grow. The distance to the sensor is not
+recorded; it is chosen so that people are 1.70 m tall. The sensor's height is chosen so that their soles are
+on the floor, which is not visible. A joint's depth is that of the surface in front of it, so distances are in
+the image plane. Only joints with measured depth count. This sequence shows whether a body is found in sparse
+depth, within a few centimetres of another tracker's result. - In both, SpineShoulder is used as the shoulder
+centre. Hip centre and spine are put on the line from SpineBase to it, at this project's positions: the
+maker's are between the hips and on the belly. - Both are tracked several times, each time from a later frame.
+With so few samples, and with joints about 10 cm away, a single run's score depends on its first frame. -
+``skeltrack_kinect1``: single shots with joints marked by eye (:mod:`tracking_marks`): distances are in the
+image plane, at the measured depth. - ``uva_person_turn``: no joints; the score is how often the upper body's
+joints are within the person's mask.
 """
 
 from __future__ import annotations
@@ -51,23 +50,25 @@ KINECT2 = Intrinsics(512, 424, 365.5, 365.5, 256.0, 212.0)
 KINECT1 = Intrinsics(640, 480, 575.0, 575.0, 319.5, 239.5)
 _STEP = 33_333_333
 _STANDS_FOR, _NOISE = 60, 2.0
-"""Frames for which the one image of a scan is shown, and millimetres of noise (one deviation) in each."""
+"""Number of frames for which the only image of a scan is shown, and the standard deviation of the noise in
+each, millimetres."""
 _SCAN_STARTS, _STARTS = tuple(range(0, 32, 4)), tuple(range(0, 60, 10))
-"""Frames from which a scan, and the takes drawn from samples, are tracked, by a fresh tracker each."""
+"""Frames from which a scan, and the takes drawn from samples, are tracked, each time by a new tracker."""
 _OFF_THE_SCAN = 0.03
 _WRONGLY_GIVEN = [Joint.WRIST_RIGHT, Joint.HAND_RIGHT]
 _HIP_CENTRE, _SPINE = 0.12, 0.46
-"""Parts of the way from between the hip joints to the shoulder centre."""
+"""Positions of the hip centre and the spine, as fractions of the way from between the hip joints to the
+shoulder centre."""
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
 LEGS = [j for j in Joint if j > Joint.HIP_LEFT and j != Joint.HIP_RIGHT]
 
 
 @dataclass(frozen=True)
 class Real:
-    """A real sequence with joints; those and the bodies are compared in the camera's frame.
+    """A real sequence with joints. Joints and bodies are compared in the camera's frame.
 
     Attributes:
-        plane: metres; where not 0, joints are compared in the plane at this depth.
+        plane: if not 0, joints are compared in the plane at this depth, metres.
         starts: frames from which it is tracked to its end.
     """
 
@@ -78,7 +79,7 @@ class Real:
     starts: tuple[int, ...] = (0,)
 
     def take(self, tracker: Tracker | None = None, start: int = 0) -> Take:
-        """What the tracker makes of it from a frame on."""
+        """Returns the tracker's take from a frame on."""
         tracker, frames, moments = tracker or Tracker(), self.frames[start:], self.moments[start:]
         bodies = [[in_camera(b, tracker) for b in tracker.track(frame)] for frame in frames]
         times = np.array([f.time_ns * 1e-9 for f in frames])
@@ -88,7 +89,7 @@ class Real:
         return Take(times, moments, bodies, np.ones(len(times), bool), np.zeros(len(times)))
 
     def scores(self) -> Scores:
-        """Its figures by fresh trackers, one from each start, added up."""
+        """Returns the summed scores of new trackers, one from each start."""
         total = Scores()
         for start in self.starts:
             total.add(score(self.take(start=start)))
@@ -96,19 +97,19 @@ class Real:
 
 
 def _flat(joints: np.ndarray, plane: float) -> np.ndarray:
-    """(..., 3) joints seen from the camera, in the plane at depth ``plane`` metres."""
+    """Returns (..., 3) joints projected from the camera into the plane at depth ``plane``, metres."""
     return np.concatenate([joints[..., :2] / joints[..., 2:] * plane, np.zeros_like(joints[..., 2:])], -1)
 
 
 def in_camera(body: Body, tracker: Tracker) -> Body:
-    """A body's joints in the camera's frame."""
+    """Returns a body with its joints in the camera's frame."""
     assert tracker.world_from_camera is not None
     inverse = np.linalg.inv(tracker.world_from_camera)
     return replace(body, joints=body.joints @ inverse[:3, :3].T + inverse[:3, 3])
 
 
 def with_joints() -> Iterator[Real]:
-    """The sequences here that have joints."""
+    """Yields the available sequences with joints."""
     if (DATA / "scans" / "bodyscanner_kinect2").is_dir():
         yield bodyscanner()
     for name, path in (
@@ -120,7 +121,7 @@ def with_joints() -> Iterator[Real]:
 
 
 def bodyscanner() -> Real:
-    """One moment, shown for two seconds with the noise of such a sensor."""
+    """Returns one image, shown for two seconds with the noise of such a sensor."""
     folder = DATA / "scans" / "bodyscanner_kinect2"
     data = next(folder.glob("*.pcd")).read_bytes()
     points = np.frombuffer(data[data.index(b"DATA binary\n") + 12 :], "<f4").reshape(-1, 4)[:, :3]
@@ -134,7 +135,7 @@ def bodyscanner() -> Real:
     off = np.array([np.linalg.norm(scan - joint, axis=1).min() for joint in flat])
     visible = off < _OFF_THE_SCAN
     visible[_WRONGLY_GIVEN] = False
-    tilt = np.radians(named["Degree"][0])  # it looks up
+    tilt = np.radians(named["Degree"][0])  # the sensor looks up
     mount = world_from_level_camera(_sole_below(named, tilt), -tilt)
     moment = Moment(np.ones(1, bool), joints[None], visible[None], np.zeros((1, 2), bool))
     frames = [
@@ -145,19 +146,20 @@ def bodyscanner() -> Real:
 
 
 def _noisy(depth: np.ndarray, seed: int) -> np.ndarray:
-    """The image with noise where something is measured."""
+    """Returns the image with noise on measured pixels."""
     noise = np.random.default_rng(seed).normal(0.0, _NOISE, depth.shape)
     return np.where(depth > 0, np.maximum(1, np.rint(depth + noise)), 0).astype(np.uint16)
 
 
 def _sole_below(named: dict[str, np.ndarray], tilt: float) -> float:
-    """Metres from the sensor down to the soles, of a sensor that looks ``tilt`` radians up."""
+    """Returns the vertical distance from the sensor down to the soles, metres, for a sensor that looks
+    ``tilt`` radians up."""
     ankles = [named["AnkleLeft"], named["AnkleRight"]]
     return ANKLE_ABOVE_SOLE - min(float(p[1] * np.cos(tilt) - p[2] * np.sin(tilt)) for p in ankles)
 
 
 def js6450(name: str, file: str) -> Real:
-    """Every frame of a take, drawn from the samples around the joints."""
+    """Returns every frame of a take, drawn from the samples around the joints."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / file
     cleaned = [[flow_room._cleaned(s) for s in frame] for frame in flow_room._frames(path)]
     distance = flow_room._distance([uvz for frame in cleaned for uvz, _ in frame], path)
@@ -188,7 +190,8 @@ def js6450(name: str, file: str) -> Real:
 
 
 def as_ours(joints: np.ndarray) -> np.ndarray:
-    """(20, 3) the joints of a Kinect v2, the hip centre and the spine where this project has them."""
+    """Returns (20, 3) joints of a Kinect v2, with the hip centre and the spine at this project's
+    positions."""
     base, top = joints[Joint.HIP_CENTER].copy(), joints[Joint.SHOULDER_CENTER]
     moved = joints.copy()
     for joint, part in ((Joint.HIP_CENTER, _HIP_CENTRE), (Joint.SPINE, _SPINE)):
@@ -201,20 +204,21 @@ def _json(path: Path) -> list:
 
 
 def _near(samples: np.ndarray, middle: float) -> np.ndarray:
-    """The samples within a metre of the body's depth: the rest hit the wall behind it, or nothing."""
+    """Returns the samples within a metre of the body's depth. The others hit the wall behind it, or
+    nothing."""
     apart = np.abs(samples[:, 2] - middle) * flow_room._METRES_PER_Z
     return samples[(samples[:, 2] > -499) & (apart < 1.0)]
 
 
 def _camera_points(uvz: np.ndarray, distance: float) -> np.ndarray:
-    """(N, 3) camera-frame metres. The recorded image is mirrored: left is at its left."""
+    """Returns (N, 3) metres, camera frame. The recorded image is mirrored: left is at its left."""
     z = distance + uvz[:, 2] * flow_room._METRES_PER_Z
     x, y = (KINECT2.cx - uvz[:, 0]) / KINECT2.fx * z, (uvz[:, 1] - KINECT2.cy) / KINECT2.fy * z
     return np.stack([x, y, z], 1)
 
 
 def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
-    """(424, 512) uint16 mm: points drawn as discs, the nearest wins; outlines are taken in by half."""
+    """Returns (424, 512) uint16 mm: points drawn as discs, the nearest wins. Outlines are eroded by half."""
     image = np.full((KINECT2.height, KINECT2.width), np.inf)
     uv = np.rint(project(points, KINECT2)).astype(int)
     for dv in range(-radius, radius + 1):
@@ -231,14 +235,15 @@ def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
 
 
 _AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
-"""A single frame shows what is found at first sight."""
+"""Tracker settings for a single frame: bodies are shown as soon as they are detected."""
 
 
 def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
-    """The share of marked joints within 10 cm in the image plane, their mean distance (mm), and the lost.
+    """Returns the fraction of marked joints within 10 cm in the image plane, their mean distance (mm), and
+    the lost joints.
 
     Args:
-        frames: for how many the one image is held: 1 is at first sight.
+        frames: number of repetitions of the image; 1 tests the first detection.
     """
     near, apart, lost = 0, [], {}
     for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
@@ -257,7 +262,7 @@ def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
 
 
 def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, float]:
-    """Metres in the image plane from each mark to the body that is nearest to all of them."""
+    """Returns the distance in the image plane, metres, from each mark to the body nearest to all of them."""
     if not bodies:
         return {joint: np.inf for joint in marks}
     found = []
@@ -273,7 +278,8 @@ def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, 
 
 
 def uva() -> tuple[float, float, list[list[Body]]]:
-    """The share of upper joints on the person (15 px), and the legs' mean confidence: they are never seen."""
+    """Returns the fraction of upper joints on the person (15 px), and the mean confidence of the legs, which
+    are never visible."""
     paths = find_files([DATA / "depth" / "uva_cv2_person_turn"])
     tracker, inside, legs, bodies = Tracker(), [], [], []
     for n, frame in enumerate(find_reader(paths).read(paths, ImportOptions())):

@@ -1,6 +1,6 @@
-"""What a sequence is made of: people, their builds and motions, furniture, and the sensor.
+"""The parts of a sequence: people, their builds and motions, furniture, and the sensor.
 
-Recorded motions come from ENLIVEN_DATA; a sequence that needs one is not available without it.
+Recorded motions come from ENLIVEN_DATA. Sequences that need them are unavailable without it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ class Move:
     Attributes:
         source: "exercise", "close" (limbs close to the trunk), "turns" (turns and floor work), "seated"
             (sitting down on the floor), or the path of a capture in the data folder.
-        name, seed: of the exercise, or of the motion with close limbs.
-        start, stop: seconds of the capture.
-        held: the second of an exercise at which the performer stays, or None.
+        name, seed: name and seed of the exercise, or of the motion with close limbs.
+        start, stop: start and end in the capture, seconds.
+        held: time of the exercise at which the performer stays, seconds, or None.
     """
 
     source: str
@@ -77,8 +77,8 @@ class Person:
 
     Attributes:
         moves: (seconds, move, place, yaw) one after the other.
-        blend: seconds of going over from one to the next.
-        present: seconds between which the person is there at all.
+        blend: length of the blend between two moves, seconds.
+        present: (from, to) during which the person is in the room, seconds.
     """
 
     build: Proportions
@@ -99,10 +99,10 @@ class Sequence:
     """One sequence.
 
     Attributes:
-        told: whether the frames say where the sensor stands; else it must be found from the floor.
-        trouble: what befalls the frames on their way, named as in ``synthesis.trouble``; "knocked" turns
-            the sensor half-way; "" nothing.
-        covered: seconds between which the lens is covered (a forced loss), or None.
+        told: True if the frames contain the sensor's pose; otherwise it must be found from the floor.
+        trouble: faults of the frame stream, named as in ``synthesis.trouble``; "knocked" turns the sensor
+            half-way; "" is no fault.
+        covered: (from, to) in which the lens is covered (a forced loss), seconds, or None.
         kind: "accuracy", "still" (jitter), "recovery" (a forced loss), "trouble".
     """
 
@@ -126,7 +126,8 @@ class Sequence:
 
     @property
     def scene(self) -> str:
-        """What is to be seen, whatever befalls its frames: sequences that share it are rendered once."""
+        """Returns a description of the scene without its faults. Sequences with the same scene are rendered
+        once."""
         if self.kind == "trouble" and self.trouble not in ("", "knocked"):
             return f"{self.split} signals"
         return self.name
@@ -136,7 +137,7 @@ class Sequence:
         return round(self.seconds * load_profile(self.profile).camera.fps)
 
     def ensemble(self, *, knocked: bool = False) -> Ensemble:
-        """The scene; ``knocked`` with the sensor as it lies after the knock."""
+        """Returns the scene; with ``knocked`` the sensor has its pose after the knock."""
         return Ensemble(
             load_profile(self.profile),
             tuple(person.appearance() for person in self.people),
@@ -150,16 +151,16 @@ class Sequence:
 
 
 def exercise_move(name: str, seed: int = 0) -> Move:
-    """An exercise that the project makes."""
+    """Returns an exercise that the project generates."""
     return Move("exercise", name, seed)
 
 
 HOME = (0.0, -2.7)
-"""Metres: where a performer stands where nothing else is said, x and z."""
+"""Default position of a performer, x and z, metres."""
 
 
 def alone(
     build: Proportions, move: Move, place: tuple[float, float] = HOME, yaw: float = 0.0
 ) -> tuple[Person]:
-    """A cast of one."""
+    """Returns a cast of one person."""
     return (Person(build, ((0.0, move, place, yaw),)),)

@@ -1,6 +1,6 @@
-"""What a tracker's bodies are worth against the truth: matching, accuracy, swaps, jitter, calibration.
+"""Scores of tracked bodies against the ground truth: matching, accuracy, swaps, jitter, calibration.
 
-Everything here takes arrays and gives numbers; :mod:`tracking_evaluation` runs the tracker.
+All functions here take arrays and return numbers. :mod:`tracking_evaluation` runs the tracker.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from enliven.person.limbs import Limb
 from enliven.rotation import swing, to_matrix
 
 NEAR = 0.10
-"""Metres within which a joint counts as found."""
+"""A joint within this distance counts as found, metres."""
 GATE = 0.5
-"""Metres of mean distance beyond which a body is not that person's."""
+"""Maximum mean joint distance between a person and the body matched to it, metres."""
 GRACE = 0.5
-"""Seconds from entering in which nobody need be tracked."""
+"""Time after entering in which a person need not be tracked, seconds."""
 SEEN_ENOUGH = 6
-"""Joints of which that many must be visible for a person to be in view."""
+"""Minimum number of visible joints for a person to be in view."""
 RECOVERED = 0.15
-"""Metres of mean distance of the visible joints at which a lost person is found again."""
+"""A lost person counts as recovered if the mean distance of the visible joints is below this, metres."""
 _STAYS = 3
-"""Frames for which a recovery must last, a swap must last to be one, and a false body to be one."""
+"""Minimum duration, in frames, of a recovery, a swap or a false body."""
 _HIGH_PASS = 0.5
-"""Seconds of the moving average that is taken off before jitter is measured."""
+"""Window of the moving average that is subtracted before jitter is measured, seconds."""
 _SUMS = (
     "error", "matched", "missed", "early_hits", "early_visible", "identity", "mirrored", "false", "seconds",
 )  # fmt: skip
-"""Attributes of the scores that are added up."""
+"""Attributes of the scores that are summed."""
 _ARMS = ((5, 6, 7), (9, 10, 11))
 _LEGS = ((13, 14, 15), (17, 18, 19))
 BINS = 10
@@ -44,19 +44,20 @@ TURNS: dict[str, tuple[tuple[Joint, Limb], ...]] = {
     "forearm": ((Joint.WRIST_LEFT, Limb.FOREARM_LEFT), (Joint.WRIST_RIGHT, Limb.FOREARM_RIGHT)),
     "hand": ((Joint.HAND_LEFT, Limb.HAND_LEFT), (Joint.HAND_RIGHT, Limb.HAND_RIGHT)),
 }
-"""How far off is turned: the chest and the head by where they face, forearms and hands about their length."""
+"""Parts with a measured rotation error: chest and head by their facing, forearms and hands about their
+length."""
 
 
 @dataclass
 class Take:
-    """What was tracked in one sequence, and what was true.
+    """The tracker's result on one sequence, with the ground truth.
 
     Attributes:
         times: (F,) seconds.
         moments: the truth of each frame.
-        bodies: what the tracker said.
-        observed: (F,) whether the frame showed anything new: not covered, frozen, or late.
-        cost: (F,) seconds the tracker took.
+        bodies: the tracker's bodies.
+        observed: (F,) True if the frame was new: not covered, frozen, or late.
+        cost: (F,) time per frame, seconds.
     """
 
     times: np.ndarray
@@ -68,23 +69,22 @@ class Take:
 
 @dataclass
 class Scores:
-    """Figures of one sequence, kept as sums so that sequences can be added up.
+    """The scores of one sequence, stored as sums so that sequences can be added.
 
     Attributes:
-        hits, visible: (20,) visible joints found within 10 cm, and all that count.
-        error: metres summed over the matched visible joints; ``matched`` how many those are.
+        hits, visible: (20,) number of visible joints found within 10 cm, and of all visible joints.
+        error: sum of the errors of matched visible joints, metres; ``matched`` is their number.
         missed: visible joints of people who were not tracked.
-        early_hits, early_visible: the joints of the first half second, of people who are in view in the first
-            frame; they count in nothing else.
-        sure, sure_hits: (10,) joints said by confidence, in tenths, and those of them within 10 cm.
-        identity, mirrored, false: how often an identity changed, left and right were exchanged, and a body
-            was there without a person.
+        early_hits, early_visible: the same for the first half second, of people in view in the first frame;
+            they count in nothing else.
+        sure, sure_hits: (10,) number of joints by confidence, in tenths, and of those within 10 cm.
+        identity, mirrored, false: number of identity changes, left-right swaps, and bodies without a person.
         seconds: of the sequence.
-        jitter: mm of each joint that stood still; recovery: ms of each forced loss, inf where never.
-        turned: degrees by which the visible parts of :data:`TURNS` are turned wrong.
-        standing: for each foot in view whether its contact with the floor was told rightly.
-        told: for each trouble with the input whether it was said.
-        per_frame: (F,) the share found in each frame; NaN where nothing counts.
+        jitter: of each joint that stood still, mm; recovery: time after each forced loss, ms; inf if never.
+        turned: rotation errors of the visible parts of :data:`TURNS`, degrees.
+        standing: for each visible foot, True if its floor contact was reported correctly.
+        told: for each fault of the input, True if it was reported.
+        per_frame: (F,) fraction found in each frame; NaN if no joints count.
     """
 
     hits: np.ndarray = field(default_factory=lambda: np.zeros(20))
@@ -114,7 +114,7 @@ class Scores:
 
     @property
     def within_from_first(self) -> float:
-        """Share of the visible joints found within 10 cm, from the first frame on."""
+        """Returns the fraction of visible joints found within 10 cm, from the first frame on."""
         visible = self.visible.sum() + self.early_visible
         return float((self.hits.sum() + self.early_hits) / max(visible, 1))
 
@@ -127,13 +127,14 @@ class Scores:
         return max(self.seconds, 1e-9) / 60.0
 
     def trusted(self, least: float) -> float:
-        """The share within 10 cm of the joints said to be at least so sure; NaN where there are none."""
+        """Returns the fraction within 10 cm of the joints with at least this confidence; NaN if there are
+        none."""
         first = round(least * BINS)
         said = self.sure[first:].sum()
         return float(self.sure_hits[first:].sum() / said) if said else float("nan")
 
     def add(self, other: Scores) -> None:
-        """Add another sequence's figures."""
+        """Adds another sequence's scores."""
         for name in ("hits", "visible", "sure", "sure_hits"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in _SUMS:
@@ -145,11 +146,12 @@ class Scores:
 
 
 def score(take: Take, *, still: bool = False, covered: tuple[float, float] | None = None) -> Scores:
-    """The figures of one take.
+    """Returns the scores of one take.
 
     Args:
-        still: everybody stands still: measure jitter.
-        covered: seconds between which the lens was covered: measure the recovery, and nothing before it ends.
+        still: all people stand still: measure jitter.
+        covered: (from, to) in which the lens was covered, seconds: measure the recovery, and nothing before
+            it ends.
     """
     count = len(take.moments[0].present)
     pairs = [match(bodies, moment) for bodies, moment in zip(take.bodies, take.moments, strict=True)]
@@ -174,7 +176,7 @@ def score(take: Take, *, still: bool = False, covered: tuple[float, float] | Non
 
 
 def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
-    """Which body (index) each person in the room is, by the mean distance of the joints that are visible."""
+    """Returns the body (index) of each person in the room, matched by the mean distance of visible joints."""
     people = [p for p in np.flatnonzero(moment.present) if moment.visible[p].sum() >= 3]
     if not people or not bodies:
         return {}
@@ -189,9 +191,10 @@ def match(bodies: list[Body], moment: Moment) -> dict[int, int]:
 
 
 def _due(take: Take) -> tuple[np.ndarray, np.ndarray]:
-    """(F, P) whether a person must be tracked, in view for longer than the grace; and the grace at the start.
+    """Returns (F, P) True if a person must be tracked (in view for longer than the grace time); and the grace
+    time at the start.
 
-    The second is of people who are in view in the first frame.
+    The second array is True for people in view in the first frame.
     """
     seen = np.array([m.present & (m.visible.sum(1) >= SEEN_ENOUGH) for m in take.moments])
     due = np.zeros_like(seen)
@@ -212,7 +215,7 @@ def _due(take: Take) -> tuple[np.ndarray, np.ndarray]:
 def _add_frame(
     out: Scores, f: int, bodies: list[Body], moment: Moment, pair: dict[int, int], due: np.ndarray
 ) -> None:
-    """Adds one frame's joints, and what was said of them."""
+    """Adds one frame's joints and their confidences."""
     found = total = 0
     for p in np.flatnonzero(due):
         visible = moment.visible[p]
@@ -243,7 +246,7 @@ def _add_frame(
 def _add_early(
     out: Scores, bodies: list[Body], moment: Moment, pair: dict[int, int], early: np.ndarray
 ) -> None:
-    """Adds one of the first frames' joints of the people who are (P,) early there."""
+    """Adds the joints of one of the first frames, for the people selected by ``early`` (P,)."""
     for p in np.flatnonzero(early):
         visible = moment.visible[p]
         out.early_visible += int(visible.sum())
@@ -253,7 +256,7 @@ def _add_early(
 
 
 def _add_turns(out: Scores, body: Body, moment: Moment, p: int) -> None:
-    """How far the body's visible parts are turned from the truth."""
+    """Adds the rotation errors of the body's visible parts."""
     if body.orientations is None or moment.turns is None:
         return
     found = to_matrix(body.orientations)
@@ -267,18 +270,18 @@ def _add_turns(out: Scores, body: Body, moment: Moment, p: int) -> None:
 
 
 def _apart(a: np.ndarray, b: np.ndarray, axis: int) -> float:
-    """Degrees between an axis of two frames."""
+    """Returns the angle between an axis of two frames, degrees."""
     return float(np.degrees(np.arccos(np.clip(a[:, axis] @ b[:, axis], -1.0, 1.0))))
 
 
 def twist_between(a: np.ndarray, b: np.ndarray) -> float:
-    """Degrees from frame ``a`` to ``b`` about their +Y, once those are brought together."""
+    """Returns the twist from frame ``a`` to ``b`` about their +Y axes, after aligning these, degrees."""
     brought = to_matrix(swing(a[:, 1], b[:, 1])) @ a
     return _apart(brought, b, 2)
 
 
 def _add_contacts(out: Scores, body: Body, moment: Moment, p: int) -> None:
-    """Whether the feet that are seen are said to stand where they do."""
+    """Adds, for each visible foot, True if its contact was reported correctly."""
     contacts = getattr(body, "contacts", None)
     if contacts is None:
         return
@@ -288,13 +291,14 @@ def _add_contacts(out: Scores, body: Body, moment: Moment, p: int) -> None:
 
 
 def _identity_changes(take: Take, pairs: list[dict[int, int]], p: int) -> int:
-    """How often a person is somebody else than when last tracked, for a few frames at least."""
+    """Returns how often a person's identity differs from that of the last tracked frames, for a few frames at
+    least."""
     ids = [take.bodies[f][pair[p]].id for f, pair in enumerate(pairs) if p in pair and take.observed[f]]
     return _changes(ids)
 
 
 def _changes(values: list[int]) -> int:
-    """How often a value changes to one that stays for a few frames."""
+    """Returns how often a value changes to another that stays for a few frames."""
     changes, known = 0, None
     for n, value in enumerate(values):
         if value == known or values[n : n + _STAYS] != [value] * min(_STAYS, len(values) - n):
@@ -305,7 +309,7 @@ def _changes(values: list[int]) -> int:
 
 
 def _mirrorings(take: Take, pairs: list[dict[int, int]], p: int) -> int:
-    """How often the arms, or the legs, are taken for each other."""
+    """Returns how often the left and right arms, or legs, are swapped."""
     count = 0
     for left, right in (_ARMS, _LEGS):
         swapped = []
@@ -326,7 +330,7 @@ def _mirrorings(take: Take, pairs: list[dict[int, int]], p: int) -> int:
 def _is_swapped(
     found: np.ndarray, true: np.ndarray, visible: np.ndarray, left: tuple[int, ...], right: tuple[int, ...]
 ) -> bool:
-    """Whether a pair of limbs is far better explained with left and right exchanged."""
+    """Returns True if a pair of limbs fits far better with left and right exchanged."""
     own, crossed = [], []
     for a, b in zip((*left, *right), (*right, *left), strict=True):
         if visible[a]:
@@ -338,7 +342,8 @@ def _is_swapped(
 
 
 def _false_bodies(take: Take, pairs: list[dict[int, int]]) -> int:
-    """Bodies where nobody is, or where somebody has one already; each counts once."""
+    """Returns the number of bodies without a person, or with a person that already has one. Each counts
+    once."""
     lasting: dict[int, int] = {}
     for f, pair in enumerate(pairs):
         moment, taken = take.moments[f], set(pair.values())
@@ -351,7 +356,8 @@ def _false_bodies(take: Take, pairs: list[dict[int, int]]) -> int:
 
 
 def _jitter(take: Take, pairs: list[dict[int, int]], p: int) -> list[float]:
-    """mm: each visible joint's root mean square about its moving average, after the first second."""
+    """Returns, in mm, each visible joint's root mean square deviation from its moving average, after the
+    first second."""
     frames = [f for f, pair in enumerate(pairs) if p in pair and take.times[f] - take.times[0] > 1.0]
     step = float(np.median(np.diff(take.times)))
     window = 2 * round(_HIGH_PASS / step / 2) + 1
@@ -365,7 +371,8 @@ def _jitter(take: Take, pairs: list[dict[int, int]], p: int) -> list[float]:
 
 
 def _recovery(take: Take, pairs: list[dict[int, int]], p: int, start: float) -> float:
-    """ms from ``start`` until the visible joints are found, and stay so for a few frames; inf if never."""
+    """Returns the time, ms, from ``start`` until the visible joints are found for a few frames; inf if
+    never."""
     after = [f for f, time in enumerate(take.times) if time - take.times[0] >= start - 1e-6]
     good = []
     for f in after:
@@ -382,5 +389,5 @@ def _recovery(take: Take, pairs: list[dict[int, int]], p: int, start: float) -> 
 
 
 def joint_label(joint: int) -> str:
-    """As figures call it: "elbow_left"."""
+    """Returns the joint's name in figures, such as "elbow_left"."""
     return Joint(joint).name.lower()

@@ -1,7 +1,8 @@
-"""A motion of somebody who sits down on the floor: the lowest part of the body is always on the floor.
+"""A motion of a person that sits down on the floor. The lowest part of the body is always on the floor.
 
-The sitting of :mod:`tracking_motions` states how far the pelvis sinks whatever the build. So hips are up to
-7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were opened already.
+The sitting motion of :mod:`tracking_motions` lowers the pelvis by the same height for every build. So hips
+are up to 7 cm too low there, and knees up to 20 cm. It stays unchanged, because films of it were already
+opened.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from enliven_synthesis.motion.motion import placed
 from enliven_synthesis.motion.tracks import ease
 
 _SEAT = 0.165
-"""Metres from the hip centre to the seat of a person of 1.75 m."""
+"""Distance from the hip centre to the seat of a person of 1.75 m, metres."""
 _KNEE = 0.06
-"""Metres from a knee to its skin."""
+"""Distance from a knee joint to its skin, metres."""
 _HAND = 0.03
-"""Metres above the floor of a hand that rests on it."""
+"""Height above the floor of a hand that rests on it, metres."""
 _HANGING = ArmPose(flex=0.05, abduct=0.16, twist=0.25, elbow=0.3)
 _KNEES = ArmPose(flex=1.0, abduct=0.1, elbow=0.5)
 _LAP = ArmPose(flex=0.5, abduct=0.1, twist=0.5, elbow=1.0)
@@ -44,7 +45,7 @@ _STANDING = PerformerPosture(
 
 @dataclass(frozen=True)
 class Leg:
-    """The angles of a leg, radians: the thigh outward from the heading, the knee bent, the toes lifted."""
+    """The angles of a leg, radians: thigh outward from the heading, knee bend, toes lifted."""
 
     abduct: float
     knee: float
@@ -57,13 +58,14 @@ _SQUAT = ((1.3, Leg(0.25, 1.9, 0.55)), (1.3, Leg(0.25, 1.9, 0.55)))
 Legs = tuple[Leg, Leg]
 """The left and the right leg."""
 SettledLegs = tuple[tuple[float, Leg], tuple[float, Leg]]
-"""The radians that each thigh is lifted forward, and the other angles of the leg."""
+"""The angle by which each thigh is lifted forward, radians, and the other angles of the leg."""
 _BEHIND = -0.25
-"""Metres that the pelvis is behind where the performer stood."""
+"""Position of the pelvis relative to where the performer stood, metres: behind it."""
 
 
 class SittingDown:
-    """Sits down on the floor, legs forward, leans back on the hands, draws the knees up or crosses the legs.
+    """A person that sits down on the floor with legs forward, leans back on the hands, pulls the knees up or
+    crosses the legs.
 
     Args:
         seed: 0 is as written; any other varies angles, tempo, and which way the last third goes.
@@ -113,19 +115,19 @@ class SittingDown:
 
 
 def lowest_point(performer: Performer, figure: Figure) -> float:
-    """Returns the height of the lowest of soles, knees and seat, metres."""
+    """Returns the height of the lowest point of soles, knees and seat, metres."""
     seat = figure.frames[Limb.PELVIS, 1, 3] - _SEAT * performer.scale
     return min(float(seat), _lowest_of_legs(performer, figure))
 
 
 def _lowest_of_legs(performer: Performer, figure: Figure) -> float:
-    """Returns the height of the lowest of soles and knees, metres."""
+    """Returns the height of the lowest point of soles and knees, metres."""
     knees = figure.frames[[Limb.SHANK_LEFT, Limb.SHANK_RIGHT], 1, 3] - _KNEE * performer.scale
     return float(min(knees.min(), performer.soles(figure).min()))
 
 
 def _pair(vary: Seed, leg: Leg) -> Legs:
-    """Returns two legs with angles near the written ones."""
+    """Returns two legs with angles close to the written ones."""
 
     def near() -> Leg:
         return Leg(vary.near(leg.abduct, 0.1), max(0.02, vary.near(leg.knee, 0.08)), leg.toes)
@@ -134,7 +136,7 @@ def _pair(vary: Seed, leg: Leg) -> Legs:
 
 
 def _settled(performer: Performer, legs: Legs) -> SettledLegs:
-    """Returns the legs, each with the radians that its thigh is lifted when seat and leg are on the floor."""
+    """Returns the legs, each with the lift of its thigh, radians, at which seat and leg are on the floor."""
 
     def lifted(side: int) -> float:
         low, high = 0.8, 2.8
@@ -149,7 +151,7 @@ def _settled(performer: Performer, legs: Legs) -> SettledLegs:
 
 
 def _above_floor(performer: Performer, pitch: float, bend: float, legs: SettledLegs, arm: ArmPose) -> ArmPose:
-    """Returns the arm with the elbow bent until the hands of a person who sits are above the floor."""
+    """Returns the arm with the elbow bent until the hands of a sitting person are above the floor."""
     hands, seat = [Joint.HAND_LEFT, Joint.HAND_RIGHT], np.array([0.0, _SEAT * performer.scale, 0.0])
     for elbow in np.arange(arm.elbow, 2.0, 0.1):
         bent = replace(arm, elbow=float(elbow))
@@ -162,8 +164,8 @@ def _rotations(pitch: float, bend: float, legs: SettledLegs, arm: ArmPose) -> Fl
     """Returns the (16, 3, 3) world_from_limb of a posture that faces +Z.
 
     Args:
-        pitch, bend: radians that the pelvis and the chest lean forward, the chest against the pelvis.
-        arm: of both arms.
+        pitch, bend: angles by which the pelvis leans forward, and the chest relative to the pelvis, radians.
+        arm: pose of both arms.
     """
     rotations = np.tile(np.eye(3), (len(Limb), 1, 1))
     rotations[Limb.PELVIS], rotations[Limb.ABDOMEN] = about_x(pitch), about_x(pitch + bend / 3.0)

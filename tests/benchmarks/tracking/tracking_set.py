@@ -1,8 +1,8 @@
-"""The sequences on which tracking is measured: who does what before which sensor.
+"""The sequences on which tracking is measured: people, motions and sensors.
 
-"tuning" sequences may be looked at and tuned on; the reported figures are of "held-out" ones, which have
-other motions and other builds. Recorded motions come from ENLIVEN_DATA; without it the sequences that need
-them are left out, and every kind of difficulty is still covered by motions that this project makes.
+"tuning" sequences may be examined and tuned on. The reported figures are those of "held-out" sequences, which
+have other motions and other builds. Recorded motions come from ENLIVEN_DATA. Without it the sequences that
+need them are left out; generated motions still cover every kind of difficulty.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from enliven_synthesis.sensor.scene import Box
 
 TUNING, HELD_OUT = "tuning", "held-out"
 CLOSE = "close"
-"""Limbs close before the trunk, to tune on."""
+"""Split with limbs close to the trunk, for tuning."""
 TURNS = "turns"
-"""Turns and floor work, to tune on."""
+"""Split with turns and floor work, for tuning."""
 FLOOR = "floor"
-"""People who sit down on the floor and rest on it, to tune on."""
+"""Split with people that sit down on the floor and rest on it, for tuning."""
 
 DESK = (
     Box((-0.75, 0.0, -1.95), (0.75, 0.74, -1.90)),
     Box((-0.80, 0.74, -2.15), (0.80, 0.78, -1.60)),
 )
-"""A desk with a closed front, before the performer."""
+"""A desk with a closed front, in front of the performer."""
 PILLAR = (Box((-0.16, 0.0, -2.0), (0.16, 2.7, -1.75)), Box((0.75, 0.0, -2.35), (1.30, 0.95, -1.95)))
-"""A pillar and an armchair, between which somebody walks."""
+"""A pillar and an armchair, between which a person walks."""
 
 TALL = Proportions(1.88, 0.95, shoulders=1.05)
 SMALL = Proportions(1.58, 1.0, shoulders=0.93, hips=1.08)
@@ -44,7 +44,7 @@ CMU, NAMCO, OTHER = "bvh/cmu_mirrors", "bvh/bandai_namco", "bvh/other"
 
 
 def _accuracy() -> list[Sequence]:
-    """One or more performers before a sensor that behaves."""
+    """Returns sequences of one or more performers with a sensor without stream faults."""
     t, h, ex = TUNING, HELD_OUT, exercise_move
     wave = f"{NAMCO}/dataset-2_wave-both-hands_normal_001.bvh"
     call = f"{NAMCO}/dataset-1_call_normal_001.bvh"
@@ -57,7 +57,7 @@ def _accuracy() -> list[Sequence]:
     styled = "bvh/xia_styles/depressed_18_000.bvh"
     walk, side = f"{CMU}/02_01.bvh", f"{NAMCO}/dataset-1_walk_normal_001.bvh"
     return [
-        # what may be tuned on
+        # the tuning split
         Sequence("still", t, alone(AVERAGE, ex("still")), 3.0, kind="still"),
         Sequence("overhead", t, alone(TALL, ex("overhead"), (0.1, -2.9)), 5.0),
         Sequence("crouch", t, alone(AVERAGE, ex("crouch")), 4.5),
@@ -83,7 +83,7 @@ def _accuracy() -> list[Sequence]:
         Sequence("bow", t, alone(STOUT, Move(f"{NAMCO}/dataset-1_bow_normal_001.bvh")), 3.0),
         Sequence("walk side", t, alone(TALL, Move(side), (-1.0, -3.0), SIDE), 2.5, "kinect1"),
         Sequence("styled walk", t, alone(SMALL, Move(styled), (0.3, -3.6)), 3.0),
-        # what is reported
+        # the held-out split
         Sequence("h still", h, alone(SLIM, ex("still", 5)), 4.0, kind="still"),
         Sequence("h overhead", h, alone(CHILD, ex("overhead", 11), (-0.1, -2.4)), 5.0),
         Sequence("h crouch", h, alone(LANKY, ex("crouch", 12), (0.2, -3.0)), 5.0, "kinect1"),
@@ -113,7 +113,7 @@ def _accuracy() -> list[Sequence]:
 
 
 def _crossing(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Person, ...]:
-    """Two walk across the image, one behind the other."""
+    """Returns two people that walk across the image, one behind the other."""
     one, two = (exercise_move("stroll", seed), exercise_move("stroll", seed + 1 if seed else 0))
     return (
         Person(builds[0], ((0.2, one, (-1.6, -2.6), SIDE),)),
@@ -122,7 +122,7 @@ def _crossing(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Perso
 
 
 def _touching(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Person, ...]:
-    """Two stand side by side; one gives the other a hand."""
+    """Returns two people side by side; one holds out a hand to the other."""
     return (
         Person(builds[0], ((0.0, exercise_move("touch", seed), (-0.55, -2.7), 0.0),)),
         Person(builds[1], ((0.0, exercise_move("crossed", seed), (0.42, -2.75), -0.2),)),
@@ -147,7 +147,7 @@ def _four() -> tuple[Person, ...]:
 
 
 def _four_others() -> tuple[Person, ...]:
-    """Four who are others, and elsewhere, than those of "h four"."""
+    """Returns four people and positions other than those of "h four"."""
     return (
         Person(SMALL, ((0.0, exercise_move("crossed", 81), (-1.15, -2.6), 0.3),)),
         Person(TALL, ((0.0, exercise_move("signals", 82), (-0.45, -3.3), -0.1),)),
@@ -157,7 +157,7 @@ def _four_others() -> tuple[Person, ...]:
 
 
 def _two_rows() -> tuple[Person, ...]:
-    """Three before, and two behind who stand in the gaps."""
+    """Returns three people in front, and two behind them, in the gaps."""
     return (
         Person(SMALL, ((0.0, exercise_move("still", 85), (-0.95, -2.55), 0.2),)),
         Person(AVERAGE, ((0.0, exercise_move("crossed", 86), (0.05, -2.6), 0.0),)),
@@ -168,7 +168,8 @@ def _two_rows() -> tuple[Person, ...]:
 
 
 def _leaving(builds: tuple[Proportions, Proportions]) -> tuple[Person, ...]:
-    """One stays; the other walks out of the image, and comes back from where they left."""
+    """Returns one person that stays, and one that walks out of the image and comes back from the same
+    side."""
     stay = exercise_move("crossed", 41)
     return (
         Person(builds[0], ((0.0, stay, (-0.6, -2.8), 0.2), (5.0, stay, (-0.6, -2.8), 0.2)), 0.5),
@@ -191,11 +192,12 @@ _HARD: tuple[tuple[str, Move, float, float], ...] = (
     ("back", exercise_move("crossed"), 3.1, BACK),
     ("one leg", exercise_move("one leg"), 1.7, 0.0),
 )
-"""Name, exercise, second of it, yaw: the postures in which a performer is lost and must be found again."""
+"""Name, exercise, its second, yaw: the postures in which a performer is lost and must be found again."""
 
 
 def recoveries() -> list[Sequence]:
-    """A covered lens for a second, in which the performer goes from standing into a hard posture."""
+    """Returns sequences with a covered lens for a second, during which the performer moves into a hard
+    posture."""
     out = []
     for split, builds, shift in ((TUNING, (AVERAGE, STOUT), 0), (HELD_OUT, (SLIM, BROAD, CHILD), 50)):
         for n, (name, move, at, yaw) in enumerate(_HARD):
@@ -218,7 +220,7 @@ def recoveries() -> list[Sequence]:
 
 
 def troubles() -> list[Sequence]:
-    """Bad input: each on frames of its own split."""
+    """Returns sequences with faulty input: each on frames of its own split."""
     out = []
     for split, build, move in (
         (TUNING, AVERAGE, exercise_move("signals", 61)),
@@ -257,13 +259,13 @@ _CLOSE: tuple[tuple[str, float], ...] = (
     ("belly", 0.0), ("lens", 0.0), ("lens", -0.35), ("chin", 0.2), ("chin and belly", -0.3), ("seat", 0.0),
     ("seat", 0.5),
 )  # fmt: skip
-"""Motions with limbs close to the trunk, and radians by which the performer is turned from the sensor."""
+"""Motions with limbs close to the trunk, and the angle between performer and sensor, radians."""
 STOOL = (Box((-0.2, 0.0, -3.22), (0.2, 0.40, -2.82)),)
-"""What a performer of average height at the usual place sits down on."""
+"""A stool for a performer of average height at the usual position."""
 
 
 def close_limbs() -> list[Sequence]:
-    """Limbs close before the trunk: in either split of its own builds, seeds and sensors."""
+    """Returns sequences with limbs close to the trunk. Each split has its own builds, seeds and sensors."""
     out = []
     for split, builds, first in ((CLOSE, (AVERAGE, SMALL, TALL, STOUT), 200), (OPENED, _OPENED_BUILDS, 900)):
         turn = 1.0 if split == CLOSE else -1.0
@@ -284,7 +286,7 @@ _OPENED_BUILDS = (
     Proportions(1.62, 0.93, hips=1.04, arms=1.03),
     Proportions(1.72, 1.15, legs=0.97),
 )
-"""Builds of no other split."""
+"""Builds that no other split uses."""
 
 
 _TURNS_BUILDS = (
@@ -292,11 +294,11 @@ _TURNS_BUILDS = (
     Proportions(1.62, 0.94, hips=1.04),
     Proportions(1.72, 1.15, arms=0.98),
 )
-"""Builds of the sealed turns, of no other set."""
+"""Builds of the sealed turns, which no other set uses."""
 
 
 def turns() -> list[Sequence]:
-    """Turns and floor work: every motion twice for each set, by other seeds, builds and yaws."""
+    """Returns turns and floor work: every motion twice for each set, with other seeds, builds and yaws."""
     out = []
     for split, letter, builds, first in (
         (TURNS, "t", (AVERAGE, SMALL, TALL), 300),
@@ -315,12 +317,13 @@ _FLOOR_BUILDS = (
     Proportions(1.59, 1.06, legs=1.01),
     Proportions(1.87, 1.10, arms=1.02),
 )
-"""Builds of the newest sealed turns and floor work, of no other set."""
+"""Builds of the newest sealed turns and floor work, which no other set uses."""
 _SEATED = "seated"
 
 
 def floor_work() -> list[Sequence]:
-    """Sitting on the floor to tune on, and a sealed set of all turns and floor work, two films a kind."""
+    """Returns sitting on the floor for tuning, and a sealed set of all turns and floor work, two films per
+    kind."""
     kinds = [_SEATED if name == "sitting" else name for name in TURN_NAMES]
     out = []
     for split, letter, builds, first, names in (
@@ -339,7 +342,7 @@ def floor_work() -> list[Sequence]:
 
 
 def sequences(split: str | None = None, only: str | None = None) -> list[Sequence]:
-    """The sequences that can be made here: of a split (or all), whose names have ``only`` in them."""
+    """Returns the available sequences of a split (or all) with names that contain ``only``."""
     return [
         s
         for s in (

@@ -1,4 +1,4 @@
-"""Programs of the guest's ordinary users, and what they say."""
+"""Runs programs as ordinary users of the guest machine, and reads their output."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any
 
 SEATED, HELPER, STRANGER = "performer", "helper", "stranger"
-"""The user of the first screen's session, one of the group plugdev, and one who is neither."""
+"""The user of the first screen's session, a member of the group plugdev, and a user that is neither."""
 SLOW = 180.0
-"""Seconds to wait for what an emulated processor does."""
+"""Timeout for actions of an emulated processor, seconds."""
 
 
 def command(user: str, *words: str) -> list[str]:
-    """What runs a command as a user, with the environment of the tests."""
+    """Returns the command line that runs a command as a user, with the environment of the tests."""
     return ["runuser", "-u", user, "--", "env", f"HOME=/home/{user}", *words]
 
 
 def answer(user: str, script: str) -> Any:
-    """What a Python script of a user prints, read as JSON."""
+    """Returns the JSON output of a Python script run by a user."""
     done = subprocess.run(
         command(user, sys.executable, "-c", script), capture_output=True, text=True, timeout=SLOW
     )
@@ -34,7 +34,7 @@ def answer(user: str, script: str) -> Any:
 
 
 class Listener:
-    """The controls of :mod:`listener`, run by the user who sits at the machine."""
+    """The controls of :mod:`listener`, run by the user that is logged in at the machine."""
 
     def __init__(self, settings: dict[str, dict[str, Any]]) -> None:
         folder = Path(tempfile.mkdtemp(prefix="listener-"))
@@ -56,7 +56,7 @@ class Listener:
     ended = False
 
     def until(self, done: Any, what: str, seconds: float = SLOW) -> None:
-        """Takes in what it says until a condition holds."""
+        """Reads its output until a condition is true."""
         deadline = time.monotonic() + seconds
         self.take()
         while not done():
@@ -93,7 +93,7 @@ class Listener:
         return Path(self._log.name).read_text()
 
     def count(self) -> tuple[int, int]:
-        """How many open files and threads it has from now on."""
+        """Returns its current number of open files and threads."""
         for _ in range(2):
             before = self.holds
             self.until(lambda: self.holds != before, "a new count")  # noqa: B023
@@ -103,7 +103,7 @@ class Listener:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Ends it; it has to end by itself."""
+        """Ends it. It must exit by itself."""
         self._wanted.unlink()
         try:
             assert self._process.wait(SLOW) == 0, self.log[-2000:]

@@ -7,7 +7,7 @@ collect_ignore_glob = [] if os.environ.get("ENLIVEN_GUEST") else ["test_*.py"]
 
 
 def pytest_runtest_logreport(report):
-    """Says at once why a test failed: a guest that is switched off later says nothing."""
+    """Prints a failure immediately: a guest that is switched off prints nothing later."""
     if report.failed:
         sys.__stdout__.write(f"\n{report.nodeid}\n{report.longreprtext}\n")
         sys.__stdout__.flush()

@@ -1,4 +1,4 @@
-"""Reading a sensor for as long as an emulated processor takes."""
+"""Reads a sensor with timeouts for an emulated processor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from enliven_edge.sensors.base import Sensor, SensorFault
 
 
 def read(sensor: Sensor, count: int) -> list:
-    """So many frames, through whatever is lost and comes back meanwhile."""
+    """Returns ``count`` frames, ignoring losses and reconnections meanwhile."""
     frames, deadline = [], time.monotonic() + SLOW
     while len(frames) < count:
         assert time.monotonic() < deadline, f"{len(frames)} of {count} frames in {SLOW} s"
@@ -26,7 +26,7 @@ def read(sensor: Sensor, count: int) -> list:
 
 
 def lost(sensor: Sensor) -> tuple[float, str]:
-    """Reads until the sensor is lost; seconds until then, and what it said."""
+    """Reads until the sensor is lost. Returns the seconds until then, and the error."""
     began = time.monotonic()
     while True:
         assert time.monotonic() < began + SLOW, "it was never lost"
@@ -39,5 +39,5 @@ def lost(sensor: Sensor) -> tuple[float, str]:
 
 
 def bind(driver: str, device: str, there: bool) -> None:
-    """Takes a device from its driver, as pulling it out does, or gives it back."""
+    """Unbinds a device from its driver, like pulling it out, or binds it again."""
     Path(f"/sys/bus/platform/drivers/{driver}", "bind" if there else "unbind").write_text(device)

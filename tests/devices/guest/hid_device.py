@@ -1,4 +1,4 @@
-"""HID devices made by the kernel's uhid: to everything above the kernel's HID core they are real."""
+"""HID devices created by the kernel's uhid. Everything above the kernel's HID core treats them as real."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import struct
 from dataclasses import dataclass
 
 USB, BLUETOOTH = 3, 5
-"""Buses, as the kernel numbers them."""
+"""Bus numbers of the kernel."""
 _DESTROY, _START, _OPEN, _CLOSE, _CREATE, _INPUT = 1, 2, 4, 5, 11, 12
 _EVENT = 4380
-"""Bytes of a struct uhid_event."""
+"""Size of a struct uhid_event, bytes."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A make of device: its numbers, what it calls itself, and its report descriptor."""
+    """A model of device: its numbers, its name, and its report descriptor."""
 
     name: str
     vendor: int
@@ -54,7 +54,7 @@ CLICKER = Kind(
     """
     ),
 )
-"""A presenter's clicker: keyboard, mouse and media keys behind one node, each with a report of its number."""
+"""A presenter's clicker: keyboard, mouse and media keys behind one node, each with its own report number."""
 
 JOYSTICK = Kind(
     "Foot pedals",
@@ -62,7 +62,7 @@ JOYSTICK = Kind(
     0x5055,
     _items("05 01 09 04 a1 01 05 09 19 01 29 08 15 00 25 01 75 01 95 08 81 02 c0"),
 )
-"""A joystick without axes: eight buttons, a bit each."""
+"""A joystick without axes: eight buttons, one bit each."""
 
 OWN = Kind(
     "Programmable panel",
@@ -71,11 +71,11 @@ OWN = Kind(
     _items("06 00 ff 09 01 a1 01 09 02 15 00 26 ff 00 75 08 95 08 81 02 c0"),
     BLUETOOTH,
 )
-"""Eight bytes whose meaning is the maker's own, by Bluetooth."""
+"""A Bluetooth device with eight vendor-defined bytes."""
 
 
 class HidDevice:
-    """One device, plugged in as soon as it is made."""
+    """A device, plugged in on creation."""
 
     def __init__(self, kind: Kind, serial: str = "") -> None:
         self._file = os.open("/dev/uhid", os.O_RDWR | os.O_CLOEXEC)
@@ -95,11 +95,11 @@ class HidDevice:
         os.write(self._file, head + kind.descriptor.ljust(4096, b"\0"))
 
     def send(self, report: bytes) -> None:
-        """One report, as the device sends it."""
+        """Sends one report from the device."""
         os.write(self._file, struct.pack("<IH", _INPUT, len(report)) + report.ljust(4096, b"\0"))
 
     def opened(self) -> int:
-        """How often it was opened less how often closed since the last call, by any driver or program."""
+        """Returns the number of opens minus closes since the last call, by any driver or program."""
         count = 0
         while select.select([self._file], [], [], 0)[0]:
             (event,) = struct.unpack_from("<I", os.read(self._file, _EVENT))

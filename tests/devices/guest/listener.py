@@ -1,4 +1,4 @@
-"""An edge's controls in a process of an ordinary user; each line says what happened and when."""
+"""An edge's controls in a process of an ordinary user. Each line of output states an event and its time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def say(*what: object) -> None:
 
 
 def main() -> None:
-    """Listens to the controls of a JSON file until the file is gone."""
+    """Listens to the controls of a JSON file until the file is deleted."""
     logging.basicConfig(level=logging.INFO, stream=sys.stderr)
     wanted = Path(sys.argv[1])
     settings = {name: ControlSettings(**given) for name, given in json.loads(wanted.read_text()).items()}

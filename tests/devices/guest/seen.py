@@ -1,4 +1,4 @@
-"""A finder of landmarks that finds none, and writes down what it was shown; MediaPipe is not in the guest."""
+"""A landmark detector that finds nothing and logs its images. MediaPipe is not installed in the guest."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class Seen:
-    """Writes a line for each image: its shape, the mean of each colour, its time, and by which process."""
+    """Writes a line for each image: shape, mean of each colour, time, and process."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -24,7 +24,7 @@ class Seen:
     def close(self) -> None: ...
 
     def images(self) -> list[tuple[list[int], list[float], int, int]]:
-        """What was written since the last call."""
+        """Returns the lines written since the last call."""
         path = Path(self._path)
         lines = path.read_text().splitlines() if path.exists() else []
         path.unlink(missing_ok=True)

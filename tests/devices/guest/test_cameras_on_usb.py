@@ -1,4 +1,5 @@
-"""Depth cameras' numbers on the kernel's virtual USB: the system's udev with our rules, real sysfs."""
+"""Tests of depth cameras' USB numbers on the kernel's virtual USB: the system's udev with our rules, real
+sysfs."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def settle() -> None:
 
 
 def node_of(kind: Kind) -> Path:
-    """The file by which a device is opened, as sysfs says."""
+    """Returns the device file of a device, as listed in sysfs."""
     for device in Path("/sys/bus/usb/devices").glob("*"):
         said = {
             part: read(device / part)
@@ -75,7 +76,7 @@ def nodes_of(kinds: dict[str, Kind]) -> dict[str, Path]:
 
 @pytest.fixture(scope="module", autouse=True)
 def plugged_in():
-    """All of them, plugged in before there are rules."""
+    """Plugs in all devices before the rules are installed."""
     subprocess.run(["modprobe", "vhci_hcd"], check=True)
     OURS.unlink(missing_ok=True)
     subprocess.run(["udevadm", "control", "--reload"], check=True)
@@ -86,13 +87,13 @@ def plugged_in():
         device.unplug()
 
 
-def test_udev_finds_nothing_to_say_about_our_rules():
+def test_udev_accepts_our_rules():
     done = subprocess.run(["udevadm", "verify", *map(str, RULES)], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     print(done.stdout.strip().splitlines()[-1])
 
 
-def test_what_the_doctor_says_to_type_gives_access_to_cameras_and_to_nothing_else():
+def test_doctors_advice_gives_access_to_cameras_only():
     found = answer(SEATED, ATTACHED)
     assert sorted(name for name, *_ in found) == ["Kinect v1", "OAK", "Orbbec", "RealSense", "RealSense"]
     mends = {mend for *_, troubles in found for what, mend in troubles if what == "your user may not open it"}
@@ -112,7 +113,7 @@ def test_what_the_doctor_says_to_type_gives_access_to_cameras_and_to_nothing_els
     print(f"{len(CAMERAS)} cameras are open to two users of three; {len(OTHERS)} others to none")
 
 
-def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):
+def test_camera_plugged_in_later_is_accessible_at_once(plugged_in):
     kind, device = CAMERAS["OAK"], plugged_in[0]
     for _ in range(5):
         device.unplug()
@@ -123,7 +124,7 @@ def test_a_camera_plugged_in_later_is_open_at_once(plugged_in):
         assert answer(SEATED, MAY_OPEN.format(path=str(node)))
 
 
-def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
+def test_attached_cameras_are_listed_with_speed_and_problems():
     found = {
         title: (name, mbit, [what for what, _ in troubles])
         for name, title, mbit, _, troubles in answer(SEATED, ATTACHED)
@@ -141,7 +142,7 @@ def test_attached_cameras_are_named_with_their_speed_and_what_they_lack():
     assert all("your user may not open it" not in troubles for _, _, troubles in found.values())
 
 
-def test_the_command_lists_what_is_plugged_in():
+def test_command_lists_attached_cameras():
     words = command(SEATED, str(Path(sys.executable).with_name("enliven")), "sensors")
     done = subprocess.run(words, capture_output=True, text=True, timeout=SLOW)
     assert done.returncode == 0, done.stderr

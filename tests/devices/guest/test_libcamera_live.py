@@ -1,4 +1,5 @@
-"""The libcamera driver on libcamera itself: a camera of the kernel's vimc, two virtual ones of libcamera."""
+"""Tests of the libcamera driver with the real libcamera: a camera of the kernel's vimc, two virtual ones of
+libcamera."""
 
 from __future__ import annotations
 
@@ -23,12 +24,12 @@ from enliven_edge.sensors.reopening import kept_open
 
 MODULE = Path("/opt/vimc.ko")
 VIRTUAL = Path("/usr/share/libcamera/pipeline/virtual/virtual.yaml")
-"""Where libcamera looks for the description of its virtual cameras."""
+"""Path of libcamera's description of its virtual cameras."""
 TIMES = 5
 BASELINE = 0.1
-"""Metres between the two virtual cameras."""
+"""Distance between the two virtual cameras, metres."""
 HALF_A_PIXEL = 0.5
-"""Pixels of disparity: what a small image that went through JPEG is matched to at least."""
+"""Matching accuracy of a small JPEG-compressed image, pixels of disparity."""
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_libcamera_lists_the_kernels_camera(vimc, capsys):
     assert any("vimc" in name.lower() or "sensor" in name.lower() for name in vimc)
 
 
-def test_colour_comes_through_the_helper_process_however_often_it_is_opened(vimc, seen):
+def test_colour_arrives_through_the_helper_process_after_each_reopening(vimc, seen):
     helpers = set()
     for _ in range(TIMES):
         with open_sensor("libcamera", left=vimc[0], width=640, height=480, source=seen) as sensor:
@@ -79,7 +80,7 @@ def test_colour_comes_through_the_helper_process_however_often_it_is_opened(vimc
     assert len(helpers) == TIMES and os.getpid() not in helpers, "each opening has a process of its own"
 
 
-def test_a_camera_that_is_taken_away_is_lost_and_comes_back(vimc, seen):
+def test_removed_camera_is_lost_and_returns(vimc, seen):
     with kept_open(sensor_opener("libcamera", left=vimc[0], width=640, height=480, source=seen)) as sensor:
         last = read(sensor, 5)[-1]
         bind("vimc", "vimc.0", there=False)
@@ -93,7 +94,7 @@ def test_a_camera_that_is_taken_away_is_lost_and_comes_back(vimc, seen):
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """The calibration of two virtual cameras that show a made-up room, and its depth as it is."""
+    """Returns the calibration of two virtual cameras that show a synthetic room, and the true depth."""
     pytest.importorskip("cv2", reason="OpenCV is not in the guest: the lock does not have it")
     from PIL import Image
     from stereo_rig import calibration_of, rectified_left, rig
@@ -120,10 +121,10 @@ def pair(tmp_path_factory):
     VIRTUAL.unlink()
 
 
-def test_two_cameras_of_libcamera_measure_depth(pair):
+def test_two_libcamera_cameras_measure_depth(pair):
     calibration, truth = pair
     print(listed_cameras())
-    # Virtual cameras keep no common beat; the room does not move.
+    # Virtual cameras are not synchronised, but the room does not move.
     options = {
         "calibration": str(calibration),
         "left": "Virtual0",

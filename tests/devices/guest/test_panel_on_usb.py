@@ -1,6 +1,7 @@
-"""A button panel on a USB serial port, plugged and unplugged: the kernel's own driver on its virtual USB.
+"""Tests of a button panel on a USB serial port, plugged and unplugged, with the kernel's own driver on
+virtual USB.
 
-What answers there is written here after docs/panel.md; tests/devices runs the firmware itself.
+The panel is simulated here as docs/panel.md describes it; tests/devices runs the firmware itself.
 """
 
 from __future__ import annotations
@@ -31,14 +32,15 @@ PORT = Kind(
         bytes([9, 4, 1, 0, 2, 10, 0, 0, 0, 7, 5, 0x02, 2, 0, 2, 0, 7, 5, 0x82, 2, 0, 2, 0]),
     ),
 )
-"""A serial port of the class CDC-ACM, as an Arduino Uno has: notes by endpoint 1, bytes by endpoint 2."""
+"""A CDC-ACM serial port like that of an Arduino Uno: notifications on endpoint 1, data on endpoint 2."""
 TIMES = 10
 BACK = 5.0
-"""Seconds from when udev has made the port until the panel is heard: a look each 0.5 s, and its greeting."""
+"""Time from udev's creation of the port until the panel is heard, seconds: a check every 0.5 s, and its
+greeting."""
 
 
 class Panel:
-    """Three buttons and what is said to their lamps, on a USB port of their own."""
+    """A panel with three buttons on its own USB port, which records the lamp commands it receives."""
 
     def __init__(self) -> None:
         self.lamps = ""
@@ -79,7 +81,7 @@ class Panel:
 
 
 def appeared() -> Path:
-    """The port's name that stays the same, as soon as udev has made it for its users."""
+    """Returns the stable name of the port, as soon as udev has created it for its users."""
     deadline = time.monotonic() + SLOW
     while not (BY_ID.exists() and any(BY_ID.iterdir())):
         assert time.monotonic() < deadline, "the port is not there"
@@ -87,7 +89,7 @@ def appeared() -> Path:
     return next(iter(BY_ID.iterdir()))
 
 
-def test_a_panel_is_heard_however_often_it_is_plugged_in():
+def test_panel_is_heard_after_each_replugging():
     subprocess.run(["modprobe", "vhci_hcd"], check=True)
     panel = Panel()
     port = appeared()

@@ -1,4 +1,5 @@
-"""Pedals and clickers of the kernel's uhid, plugged and unplugged, heard by an ordinary user's controls."""
+"""Tests of pedals and clickers of the kernel's uhid, plugged and unplugged, heard by an ordinary user's
+controls."""
 
 from __future__ import annotations
 
@@ -18,10 +19,10 @@ from hid_device import CLICKER, FOOT_SWITCH, JOYSTICK, OWN, HidDevice, Kind
 
 RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-controls.rules"
 TIMES = 20
-"""How often each device is plugged in."""
+"""Number of times that each device is plugged in."""
 BACK = 2.5
-"""Seconds from when udev has opened the device to the user until it is heard: five times the wait between
-two looks, for an emulated processor that has other work."""
+"""Time from udev's granting access until the device is heard, seconds: five times the polling interval, since
+the emulated processor is busy."""
 
 
 def key(code: int) -> bytes:
@@ -40,7 +41,7 @@ PEDALS: dict[str, tuple[Kind, dict, list[bytes], list[str]]] = {
     "clicker": (
         CLICKER,
         {"map": {"page down": "next", "page up": "previous"}, "number": 1},
-        # A mouse that moves and a volume key between press and release are no keys of the keyboard.
+        # Mouse motion and a volume key between press and release are not keyboard keys.
         [
             b"\1" + PAGE_DOWN,
             b"\2\0\0\x4b",
@@ -69,7 +70,7 @@ PEDALS: dict[str, tuple[Kind, dict, list[bytes], list[str]]] = {
 
 @pytest.fixture(scope="module", autouse=True)
 def rules():
-    """The project's rules, as docs/controls.md says to put them, in the system's own udev."""
+    """Installs the project's rules into the system's udev, as docs/controls.md describes."""
     subprocess.run(["modprobe", "uhid"], check=True)
     shutil.copy(RULES, "/etc/udev/rules.d/")
     rest = Path("/etc/udev/rules.d/61-panel.rules")
@@ -91,7 +92,7 @@ def listener():
 
 
 def opened(count: int) -> None:
-    """Waits until udev has given so many devices to the user who sits at the machine."""
+    """Waits until udev has granted ``count`` devices to the logged-in user."""
     deadline = time.monotonic() + SLOW
     while (
         sum("system.posix_acl_access" in os.listxattr(node) for node in Path("/dev").glob("hidraw*")) < count
@@ -100,7 +101,7 @@ def opened(count: int) -> None:
         time.sleep(0.01)
 
 
-def test_each_press_is_heard_once_however_often_the_devices_are_plugged_in(listener):
+def test_each_press_is_heard_once_after_each_replugging(listener):
     chance, waits, held = random.Random(7), [], []
     for absence in [*chance.sample([0.0, 0.05, 0.5, 1.5] * 5, TIMES - 1), 6.0]:
         time.sleep(absence)
@@ -113,7 +114,8 @@ def test_each_press_is_heard_once_however_often_the_devices_are_plugged_in(liste
         wanted = {}
         for name, device in devices.items():
             _, _, reports, words = PEDALS[name]
-            # The last stays down while the device is pulled out, and is not down when it comes back.
+            # The last key is still down when the device is pulled out. It must not be down when the device
+            # returns.
             for report in [*reports, reports[0]]:
                 device.send(report)
             wanted[name] = [*words, words[0]]

@@ -1,4 +1,4 @@
-"""The webcam's driver on the kernel's virtual V4L2 camera vivid: images, loss and return."""
+"""Tests of the webcam driver on the kernel's virtual V4L2 camera vivid: images, loss and return."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def appeared(there: bool) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def vivid():
-    # One device with one input, the webcam; without multiplanar formats, as webcams are.
+    # One device with a webcam input only, and without multiplanar formats, like a real webcam.
     subprocess.run(
         ["modprobe", "vivid", "n_devs=1", "node_types=0x1", "num_inputs=1", "input_types=0x0"], check=True
     )
@@ -50,11 +50,11 @@ def seen(tmp_path):
     return Seen(str(tmp_path / "seen"))
 
 
-def test_the_seated_user_may_open_a_webcam():
+def test_logged_in_user_may_open_a_webcam():
     assert answer(SEATED, f"import os; print(int(os.access({CAMERA!r}, os.R_OK | os.W_OK)))") == 1
 
 
-def test_sixty_images_of_the_cameras_size_and_rate(seen):
+def test_sixty_images_have_the_cameras_size_and_rate(seen):
     with open_sensor("webcam", device=CAMERA, source=seen) as sensor:
         frames = read(sensor, 60)
     shapes = {tuple(shape) for shape, *_ in seen.images()}
@@ -66,14 +66,14 @@ def test_sixty_images_of_the_cameras_size_and_rate(seen):
     assert shape[2] == 3 and shape[0] * 16 == shape[1] * 9, "vivid's webcam is 16:9"
 
 
-def test_a_camera_that_is_used_already_is_refused(seen):
+def test_camera_in_use_is_refused(seen):
     with open_sensor("webcam", device=CAMERA, source=seen) as sensor:
         read(sensor, 1)
         with pytest.raises(ResourceError, match="cannot be opened"):
             open_sensor("webcam", device=CAMERA, source=seen)
 
 
-def test_a_webcam_that_is_pulled_out_is_lost_and_comes_back(seen):
+def test_unplugged_webcam_is_lost_and_returns(seen):
     files, threads = [], []
     with kept_open(sensor_opener("webcam", device=CAMERA, source=seen)) as sensor:
         for _ in range(TIMES):

@@ -1,7 +1,7 @@
-"""USB devices made by the kernel's vhci_hcd: a program answers for the device, the kernel takes it for real.
+"""USB devices created by the kernel's vhci_hcd: a program plays the device, and the kernel treats it as real.
 
-The protocol is USB/IP's, as Linux has it in Documentation/usb/usbip_protocol.rst; descriptors are those of
-USB 2.0 chapter 9 and, for a device on USB 3, of USB 3.2 chapter 9.
+The protocol is USB/IP, as described in Linux' Documentation/usb/usbip_protocol.rst. Descriptors follow USB
+2.0 chapter 9 and, for a device on USB 3, of USB 3.2 chapter 9.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 HIGH, SUPER = 3, 5
-"""Speeds, as the kernel numbers them: USB 2 with 480 Mbit/s, USB 3 with 5000."""
+"""Speed numbers of the kernel: USB 2 with 480 Mbit/s, USB 3 with 5000."""
 _HUB = Path("/sys/devices/platform/vhci_hcd.0")
 _FIRST_SUPER = 15
 """Ports before this one are USB 2's, the others USB 3's (CONFIG_USBIP_VHCI_HC_PORTS)."""
 _SUBMIT, _UNLINK = 1, 2
 _DONE, _UNLINKED = 3, 4
 _STALL, _RESET = -32, -104
-"""EPIPE, which is a device's refusal, and ECONNRESET, for a transfer that was taken back."""
+"""EPIPE means that the device refused; ECONNRESET means that a transfer was cancelled."""
 _HEAD = struct.Struct(">5I5i8s")
 _REPLY = struct.Struct(">5I5i8x")
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A make of device: its numbers, what it calls itself, how fast it is, and its one interface."""
+    """A model of device: its numbers, its name, its speed, and its only interface."""
 
     vendor: int
     product: int
@@ -40,14 +40,14 @@ class Kind:
     speed: int = HIGH
     interfaces: tuple[bytes, ...] = field(default=(bytes([9, 4, 0, 0, 0, 255, 0, 0, 0]),))
     more: dict[int, bytes] = field(default_factory=dict)
-    """Descriptors of a class, such as HID's report descriptor, by their type."""
+    """Class-specific descriptors by type, such as HID's report descriptor."""
 
 
 class UsbDevice:
-    """One device, plugged in as soon as it is made.
+    """A device, plugged in on creation.
 
     Attributes:
-        heard: called with an endpoint and the bytes that were sent to it.
+        heard: callback with an endpoint and the bytes received on it.
     """
 
     def __init__(self, kind: Kind, port: int = 0) -> None:
@@ -64,7 +64,7 @@ class UsbDevice:
         self._thread.start()
 
     def send(self, endpoint: int, data: bytes) -> None:
-        """Some bytes of an IN endpoint, given to the transfer that waits, or to the next."""
+        """Sends bytes on an IN endpoint: to the waiting transfer, or to the next one."""
         with self._lock:
             waiting = self._asked.get(endpoint)
             if waiting:
@@ -81,7 +81,7 @@ class UsbDevice:
         self._link.close()
 
     def _serve(self) -> None:
-        """Answers until the kernel hangs up."""
+        """Answers requests until the kernel disconnects."""
         with contextlib.suppress(OSError, EOFError):
             while True:
                 head = _HEAD.unpack(self._take(_HEAD.size))
@@ -114,7 +114,7 @@ class UsbDevice:
             self.heard(endpoint, data)
 
     def _control(self, setup: bytes) -> bytes | None:
-        """The answer to a control request; None: it is refused."""
+        """Returns the answer to a control request; None refuses it."""
         kind, request, value, _, _ = struct.unpack("<BBHHH", setup)
         if request == 6 and kind & 0x80:
             return self._descriptor(value >> 8, value & 0xFF)
@@ -160,7 +160,7 @@ class UsbDevice:
         return kind.more.get(which)
 
     def _take_back(self, number: int, taken: int) -> None:
-        """A transfer is not wanted any more."""
+        """Cancels a transfer."""
         with self._lock:
             found = False
             for waiting in self._asked.values():
@@ -176,10 +176,10 @@ class UsbDevice:
             self._link.sendall(head + data)
 
     def _take(self, count: int) -> bytes:
-        """So many bytes.
+        """Reads ``count`` bytes.
 
         Raises:
-            EOFError: where the kernel hung up.
+            EOFError: if the kernel disconnected.
         """
         data = b""
         while len(data) < count:
@@ -191,7 +191,7 @@ class UsbDevice:
 
 
 def _parts(body: bytes) -> list[bytes]:
-    """The descriptors that follow each other in some bytes."""
+    """Splits bytes into the consecutive descriptors that they contain."""
     parts = []
     while body:
         parts.append(body[: body[0]])

@@ -207,7 +207,7 @@ def test_a_command_that_cannot_be_meant_is_refused(said, mend):
     assert mend in refused.value.mend
 
 
-def test_what_an_edge_cannot_do_is_said_and_it_goes_on(outlet, caplog):
+def test_unsupported_command_is_reported_and_edge_continues(outlet, caplog):
     caplog.set_level(logging.WARNING)
     say = Say()
     house = House(outlet, Controls([say]))
@@ -258,7 +258,7 @@ def test_all_words_are_known_to_somebody():
     assert len(set(WORDS)) == 14
 
 
-def test_what_is_for_windows_is_told_to_them(outlet):
+def test_window_commands_are_forwarded_to_windows(outlet):
     say, heard = Say(), []
     house = House(outlet, Controls([say]))
     with contextlib.closing(EdgeClient([outlet.publisher.endpoint])) as client:

@@ -1,4 +1,4 @@
-"""What HID reports say, and the real hidapi where nothing is plugged in."""
+"""Tests of HID report parsing, and of the real hidapi without any device plugged in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The panel's messages: laws of finding them among noise, and of counting presses by what was heard."""
+"""Tests of the panel's messages: they are found in noise, and presses are counted from the received
+counters."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ noises = st.one_of(st.binary(max_size=40), st.text("$*\nP0", max_size=40).map(st
 
 
 def sent(beat: int, counts: list[int]) -> bytes:
-    """What a panel sends whose buttons were pressed so often."""
+    """Returns a panel's message for these numbers of presses."""
     return encode(f"P{beat % 0x10000:04X}" + "".join(f"{count % 16:X}" for count in counts))
 
 
@@ -80,7 +81,7 @@ def test_presses_of_lost_messages_are_made_good_and_none_is_heard_twice(presses)
 
 
 @given(st.lists(st.integers(0, 15), min_size=9, max_size=9), st.integers(0, 0xFFFF))
-def test_what_was_pressed_before_the_first_message_is_nothing(counts, beat):
+def test_presses_before_the_first_message_are_ignored(counts, beat):
     keys = PanelKeys()
     assert keys.feed(sent(beat, counts)) == []
     counts[4] += 1

@@ -23,7 +23,7 @@ pytest.importorskip("serial", reason="pyserial is not installed (the extra 'cont
 
 
 class Port(Pedal):
-    """A port on which the test says what a panel might, and reads what the edge says."""
+    """A port on which the test plays the panel, and reads the edge's output."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -88,7 +88,7 @@ def test_a_panel_of_another_protocol_is_not_there_and_that_is_said_once(port, ca
 
 
 class Ear:
-    """What the edge said to a panel that greets again and again, while its lamps are to show something."""
+    """Returns the edge's output to a panel that greets repeatedly, while its lamps are to show a state."""
 
     def __init__(self, port: Port, controls) -> None:
         self._port, self._controls = port, controls

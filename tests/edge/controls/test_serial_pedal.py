@@ -142,7 +142,7 @@ def test_noise_without_an_end_is_no_press_and_takes_no_room():
         (ControlSettings("hid", vendor=3), "needs its vendor and product"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(settings, message):
+def test_invalid_settings_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
         device_of("pedal", settings)
 

@@ -40,7 +40,7 @@ spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng
 
 @functools.cache
 def said(text: str, voice: str = "en-us") -> bytes:
-    """Somebody says it in a quiet room, with a second of nothing before and after; 16 kHz."""
+    """Returns a phrase spoken in a quiet room, with a second of silence before and after; 16 kHz."""
     command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
     with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
         # espeak writes to a pipe, and does not know the length that it announces.
@@ -60,7 +60,7 @@ def other() -> OtherSpeech:
 
 @pytest.fixture
 def recogniser(other: OtherSpeech) -> Recogniser:
-    """A recogniser that heard nothing before: it adapts to the sound level of what it hears."""
+    """Returns a new recogniser, since a recogniser adapts to the sound level."""
     other.forget()  # what the test before said last
     return Recogniser(list(SETTINGS.map), other=other)
 
@@ -114,7 +114,7 @@ def test_speech_that_is_no_phrase_is_reported_with_words(recogniser, text):
 
 
 @pytest.mark.parametrize("kind", ["silence", "hiss", "hum", "claps"])
-def test_what_nobody_says_is_no_command(recogniser, kind):
+def test_sounds_without_speech_give_no_command(recogniser, kind):
     random, time = np.random.default_rng(1), np.arange(8 * RATE) / RATE
     sound = {
         "silence": np.zeros(len(time)),
@@ -217,6 +217,6 @@ def test_a_microphone_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplo
     settings = ControlSettings("voice", dict(SETTINGS.map), microphone="nobody's microphone", retry=0.01)
     with open_controls({"voice": settings}) as controls:
         (reader,) = controls._controls
-        until(lambda: caplog.text.count("Traceback") >= 3)  # three tries, PortAudio begun anew for each
+        until(lambda: caplog.text.count("Traceback") >= 3)  # three tries, each with a restarted PortAudio
         assert reader.poll() == []
     assert caplog.text.count("is not there") == 1

@@ -1,4 +1,4 @@
-"""The files beside the tests are found by them."""
+"""Adds the files next to these tests to the import path."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Pictures of people that no network has learnt, with the truth beside them; and scenes of mere noise."""
+"""Images of people that the network was not trained on, with the ground truth; and scenes of pure noise."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Fresh:
     facing: float
 
     def estimate(self, told: bool) -> Estimate:
-        """What the shipped network sees, told the facing or not."""
+        """Returns the shipped network's estimates, with or without the facing as input."""
         taken = self.picture
         facing = self.facing if told else None
         return shipped_estimator().estimate(self.z, self.mask, taken.camera, taken.world_from_camera, facing)

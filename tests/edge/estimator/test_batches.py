@@ -29,7 +29,7 @@ def samples(dataset) -> TensorDataset:
 
 
 def same(one: TensorBatch, other: TensorBatch | Batch) -> bool:
-    """Whether all arrays of two batches are equal; the facing of clutter is no number in both."""
+    """Returns True if all arrays of two batches are equal; the facing of clutter is NaN in both."""
     pairs = ((np.asarray(getattr(one, name)), np.asarray(getattr(other, name))) for name in NAMES)
     return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 

@@ -109,7 +109,7 @@ def test_beside_depth_no_joint_is_surer_than_usual(spread):
 
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_what_the_network_says_is_read_as_it_was_learnt(seed):
+def test_network_output_is_decoded_as_in_training(seed):
     """Places turned into the world, spreads and probabilities from their logarithms."""
     dice = np.random.default_rng(seed)
     here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)

@@ -24,9 +24,9 @@ PICTURES = 60
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.72, 0.715
 """Least share of the joints within 10 cm, hidden ones too, where the facing is told and where it is not."""
 FACING_RIGHT, FACING_NEARLY_RIGHT = 0.8, 0.94
-"""Least share of the people whose way to face is told rightly, and to an eighth of a turn."""
+"""Minimum fraction of people whose facing is estimated correctly, and to an eighth of a turn."""
 PARTS_RIGHT = 0.82
-"""Least share of the person's pixels whose part is told rightly."""
+"""Minimum fraction of the person's pixels with the correct body part."""
 BELIEVED, PEOPLE_BELIEVED, THINGS_BELIEVED = 0.8, 0.97, 0.1
 """Probability of being a person from which one is believed; the least share of the people, many of them
 mostly hidden, and the largest of the things of which it is said."""
@@ -72,7 +72,7 @@ def test_the_way_to_face_is_told():
 
 
 def test_people_are_told_from_things():
-    """Of fresh pictures of both, at the probability from which the tracker believes that it is somebody."""
+    """Measured on new images of both, at the probability above which the tracker accepts a person."""
     studio = PersonRenderer()
     people = [fresh(n).estimate(False).person_probability for n in range(PICTURES)]
     things = []
@@ -104,7 +104,7 @@ def test_the_parts_are_told():
 
 
 def mirror_image(case: Fresh) -> Estimate:
-    """What is seen of a person, and of the world around them, in a mirror."""
+    """Mirrors the view of a person, and the world around them."""
     camera, mirror = case.picture.camera.copy(), np.diag([-1.0, 1.0, 1.0, 1.0])
     camera[2] = case.z.shape[1] - 1 - camera[2]
     pose = mirror @ case.picture.world_from_camera @ mirror
@@ -125,7 +125,7 @@ def test_the_mirror_image_is_of_the_mirrored_person():
     assert np.mean(np.concatenate(alike)) > PARTS_RIGHT
 
 
-def test_where_the_world_lies_changes_nothing_but_where_the_joints_are():
+def test_world_frame_changes_only_joint_positions():
     """Turned about the vertical and moved along the floor."""
     for n in range(5):
         case = fresh(n)

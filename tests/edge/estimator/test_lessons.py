@@ -24,11 +24,11 @@ OWN_PARTS = {
     Joint.KNEE_LEFT: (BodyPart.THIGH_LEFT, BodyPart.SHANK_LEFT),
     Joint.KNEE_RIGHT: (BodyPart.THIGH_RIGHT, BodyPart.SHANK_RIGHT),
 }
-"""What is seen where a joint is, unless something is before it."""
+"""Body parts visible at a joint, unless it is occluded."""
 
 
 def same(one: tuple, other: tuple) -> bool:
-    """Whether all arrays of two are equal; the facing of a thing is no number in both."""
+    """Returns True if all arrays of two samples are equal; the facing of an object is NaN in both."""
     return all(np.array_equal(a, b, equal_nan=True) for a, b in zip(one, other, strict=True))
 
 
@@ -54,7 +54,8 @@ def folder(tmp_path_factory):
 
 
 def render(folder, processes: int, count: int = 10) -> list[int]:
-    """An album rendered by so many processes, three lessons in one go; what was told of its progress."""
+    """Renders a data set with ``processes`` processes, three samples per shard. Returns the reported
+    progress, too."""
     told: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dataset, "SHARD", 3)
@@ -64,7 +65,7 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
 
 
 def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
-    """The part that is seen where each joint of :data:`OWN_PARTS` is; NOBODY where nobody is."""
+    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY without a person."""
     made = {}
     for joint in OWN_PARTS:
         column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])

@@ -1,4 +1,4 @@
-"""The network as it is trained: its shapes, where it reads joints, that it learns, and what is exported."""
+"""Tests of the network in training: its shapes, its joint decoding, its learning, and its export."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeyp
     assert min(drawn) >= BACK and max(drawn) < COUNT
 
 
-def test_what_a_network_is_worth_are_shares(album, monkeypatch, tmp_path):
+def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
     """Measured on the lessons kept back, 250 at a time: of a small album all of them, again and again."""
     batch = Dataset.batch
     monkeypatch.setattr(training, "KEPT_BACK", 250)

@@ -88,7 +88,7 @@ def test_wrists_are_before_the_trunk_of_everybody(hold):
     assert np.mean(ahead) > 0.8
 
 
-def test_who_sits_down_leans_forward_over_bent_knees():
+def test_person_sitting_down_leans_forward_over_bent_knees():
     for figure in figures("sit down", 20):
         hips, head = figure.joints[Joint.HIP_CENTER], figure.joints[Joint.HEAD]
         ahead = figure.frames[Limb.PELVIS][[0, 2], 2]

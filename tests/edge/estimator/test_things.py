@@ -1,4 +1,5 @@
-"""What is no person: solids are where rays meet them, things stand where they are put, and lessons say so."""
+"""Tests of clutter: rays hit solids correctly, objects stand at their positions, and samples are labelled as
+clutter."""
 
 from __future__ import annotations
 

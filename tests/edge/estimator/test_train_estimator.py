@@ -1,4 +1,4 @@
-"""`enliven train-estimator` as a user types it: what it refuses before an hour is spent, and what it says."""
+"""Tests of `enliven train-estimator` as a user runs it: early error checks, and its output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ app.command()(train_estimator)
 
 
 def refused(*words) -> str:
-    """What the command says where it refuses."""
+    """Returns the command's error message."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     assert isinstance(result.exception, InputError), result.output
     return str(result.exception)

@@ -62,7 +62,7 @@ def test_blend_is_its_slow_twin(seed, count, known, share, width):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000), st.integers(2, 4))
-def test_nothing_jumps_when_weights_change(seed, count):
+def test_joints_do_not_jump_when_weights_change(seed, count):
     """Sensors that stand still and contradict each other: whatever their weights do, the joint stays put."""
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(count, 20, 3)), np.zeros((20, 3))

@@ -1,4 +1,4 @@
-"""Calibration from people who walk about: what is exact is found exactly, and what is not is said."""
+"""Tests of calibration from walking people: exact data gives the exact result, and problems are reported."""
 
 import dataclasses
 from functools import cache
@@ -62,7 +62,7 @@ def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
 def test_exact_bodies_give_exact_places_and_clocks():
     made = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
     assert made.good and made.advice == []
-    # What remains is the straight line between two frames of a curved motion.
+    # The remaining error comes from linear interpolation of a curved motion between two frames.
     metres, degrees = errors(made, [A, B]).max(0)
     assert metres < 1e-4 and degrees < 1e-3
     assert made.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
@@ -102,14 +102,14 @@ def test_the_clocks_difference_is_found(clock):
 
 
 def test_noise_does_not_pull_the_clock_between_frames():
-    """Interpolated joints are less noisy halfway between frames; that is no reason to go there."""
+    """Interpolated joints are less noisy halfway between frames, which must not bias the time offset."""
     made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.9))], [A, B], noise=0.03))
     assert abs(made.clock_offset_ns["b"]) < 2.5e6
     assert errors(made, [A, B])[1, 0] < 0.01
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
-def test_who_is_who_does_not_depend_on_ids_or_order(order):
+def test_person_matching_is_independent_of_ids_and_order(order):
     people = [
         Walker(),
         Walker(WalkPath(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)),
@@ -147,7 +147,7 @@ def test_a_straight_line_is_not_enough_and_says_where_to_go():
     assert not made.good
     assert made.pairs[0].quality.verdict is Verdict.WALK_ON
     assert "walk on, to the " in made.advice[0] and "of sensor b" in made.advice[0]
-    # Seen from b the line is walked nearer and farther; beside it there is nothing yet.
+    # Sensor b sees the line walked in depth only; there is no data to its sides yet.
     assert made.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
     assert made.pairs[0].quality.breadth < 0.1
 

@@ -93,7 +93,7 @@ def test_recordings_run_side_by_side_whatever_their_threads_do():
     assert set(sensor.states.values()) == {SensorState.ENDED}
 
 
-def test_what_comes_out_is_where_the_person_is():
+def test_fused_body_is_at_the_persons_position():
     walker = Walker()
     frames, _ = watched({name: Reel(name, told) for name, told in seen(walker).items()})
     for frame in frames[6:]:

@@ -177,7 +177,7 @@ def test_one_sensor_exchanges_the_sides_for_a_while(sensors):
             assert np.abs(bodies[0].joints - walker.joints(time)).max() < 0.02
 
 
-def test_who_comes_in_with_sides_exchanged_is_put_right_by_the_majority():
+def test_left_right_swap_is_corrected_by_majority():
     walker = Walker()
     for time, bodies, _ in run(
         lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 4.0, "abc"
@@ -245,7 +245,7 @@ def test_somebody_hidden_from_one_sensor_then_from_the_other_stays_the_same():
     assert counts == [[1, 2]] * len(counts)
 
 
-def test_who_is_back_soon_has_the_same_identity():
+def test_person_back_soon_keeps_identity():
     """A person is not seen for 2 s, and keeps the identity at the new place."""
 
     def told(name, time):
@@ -254,7 +254,7 @@ def test_who_is_back_soon_has_the_same_identity():
     assert {b.id for _, bodies, _ in run(told, 4.0) for b in bodies} == {1}
 
 
-def test_who_is_back_late_has_the_identity_that_the_sensor_knows():
+def test_person_back_late_gets_the_sensors_identity():
     """A person back elsewhere after 10 s is the same with the tracker's old id, and new with another."""
     for number, expected in ((1, {1}), (5, {1, 2})):
 
@@ -277,7 +277,7 @@ def test_a_heap_of_joints_is_nobody():
 
 
 def test_half_a_body_beside_a_whole_one_is_nobody():
-    """Sensor a takes the legs for a second person; sensor b, who looks there too, sees one."""
+    """Sensor a detects the legs as a second person; sensor b, which covers the same area, sees one person."""
     half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
 
     def told(name, time):

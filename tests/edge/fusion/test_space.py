@@ -17,7 +17,7 @@ SPACE = Space(
 )
 
 
-def test_what_is_saved_is_loaded(tmp_path):
+def test_space_survives_saving_and_loading(tmp_path):
     path = tmp_path / "space.toml"
     assert save_space(path, SPACE, ["by a person", "two\nlines"]) is None
     assert load_space(path) == SPACE

@@ -1,4 +1,4 @@
-"""What a sensor only supposes of somebody whom it does not see says nothing beside one that sees them."""
+"""Tests that a body that one sensor only predicts has no effect while another sensor sees the person."""
 
 import numpy as np
 from test_fuser import STANDING, body, run, shifted
@@ -9,21 +9,22 @@ COVERED = (1.0, 4.0)
 
 
 def supposing(name, time):
-    """Sensor b sees somebody walk; a, covered for a while, leaves them where they were."""
+    """Returns frames in which sensor b sees a person walk; sensor a is covered and keeps the last
+    position."""
     here = shifted(WALK * time)
     if name == "a" and COVERED[0] <= time < COVERED[1]:
         return [body(shifted(WALK * COVERED[0]), 1, sure=0.0)]
     return [body(here, 1)]
 
 
-def test_who_is_supposed_where_they_were_is_nobody_else():
+def test_predicted_body_keeps_its_identity():
     told = [(time, bodies) for time, bodies, _ in run(supposing, 6.0) if time > 0.3]
     assert {tuple(b.id for b in bodies) for _, bodies in told} == {(1,)}
     assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05
 
 
 def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
-    """The first frame after a cover: nobody has moved at 20 m/s, and nobody new has come."""
+    """The first frame after the cover has no motion at 20 m/s, and no new person."""
     *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
     sighting = fuser.views[0].sightings[1]
     assert np.array_equal(sighting.velocity, np.zeros((20, 3)))
@@ -31,7 +32,7 @@ def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
 
 
 def test_whom_nobody_sees_is_still_supposed():
-    """Both are covered: the one who is known is told, without confidence."""
+    """Both sensors are covered: the known person is reported without confidence."""
 
     def told(name, time):
         return [body(STANDING, 1, sure=1.0 if time < 1.0 else 0.0)]

@@ -18,18 +18,18 @@ PLACES = {"left": ((0.0, 0.0), 0.0), "right": ((2.3, -1.2), 55.0)}
 CLOCKS = {"left": 50.0, "right": 57.0}
 """Seconds that each sensor's clock is ahead of the room's."""
 PHASE = 0.4
-"""Of a frame, by which the second sensor exposes later."""
+"""Exposure delay of the second sensor, as a fraction of a frame."""
 
 
 def walker(duration: float = 16.0, height: float = 1.78, start: float = 0.0, **way) -> Appearance:
-    """Somebody who walks about."""
+    """Returns a person that walks about."""
     performer = Performer(Proportions(height=height))
     motion = Danced(performer, wander(duration, **way), repeat=True)
     return Appearance(performer, motion, (0.0, HOME_Z), start=start)
 
 
 class View:
-    """What one of the two sensors delivers."""
+    """Returns the frames of one of the two sensors."""
 
     def __init__(self, name: str, cast: tuple[Appearance, ...], seed: int = 0, noise: bool = True) -> None:
         place, yaw = PLACES[name]

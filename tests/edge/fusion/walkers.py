@@ -1,4 +1,4 @@
-"""People who walk about, as sensors anywhere would tell of them without any error."""
+"""Walking people, as error-free sensors at any position would report them."""
 
 import numpy as np
 

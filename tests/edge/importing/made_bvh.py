@@ -1,4 +1,4 @@
-"""BVH files of what the project's own performer does."""
+"""BVH files of motions of the project's own performer."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -
 
 
 def write_bvh(path: Path, joints: np.ndarray, unit: float = 0.01, turn: np.ndarray | None = None) -> Path:
-    """The joints as a BVH file whose every joint has its place in its parent, in units of ``unit`` metres.
+    """Returns the joints as a BVH file in which every joint has a position channel relative to its parent, in
+    units of ``unit`` metres.
 
     The head's joint is where captures have it, at the skull's base.
     """

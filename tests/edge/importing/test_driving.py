@@ -30,7 +30,7 @@ HOLD = 1.64
 
 @pytest.fixture(scope="module")
 def performed(tmp_path_factory) -> Document:
-    """The lamp, driven by a BVH file of somebody who raises their arms, as the viewer reads the take."""
+    """Returns the lamp, driven by a BVH file of a person raising their arms, as the viewer reads the take."""
     folder = tmp_path_factory.mktemp("driving")
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command("import")(import_recording)

@@ -61,7 +61,7 @@ def librealsense_writes(path: Path, packed: bool) -> None:
 
 
 @pytest.mark.parametrize("packed", [False, True])
-def test_what_went_into_librealsense_comes_out(tmp_path, packed):
+def test_librealsense_recording_is_imported_unchanged(tmp_path, packed):
     if importlib.util.find_spec("pyrealsense2") is None:
         pytest.skip('pyrealsense2 is not installed: pip install "./edge[realsense]"')
     librealsense_writes(tmp_path / "take.db3", packed)
@@ -124,7 +124,7 @@ def orbbec(tmp_path_factory) -> Path:
     return folder / "take.bag"
 
 
-def test_what_went_into_orbbecs_layout_comes_out(orbbec):
+def test_orbbec_recording_is_imported_unchanged(orbbec):
     name, frames = read(orbbec)
     assert name == "bag" and len(frames) == IMAGES
     for number, frame in enumerate(frames):
@@ -153,7 +153,7 @@ def test_orbbecs_steps_of_depth(tmp_path, orbbec, monkeypatch, number, value, mi
         ({0: struct.pack("<d", 2.0), 176: struct.pack("<f", float("nan"))}, "step of depth is nan"),
     ],
 )
-def test_what_orbbec_recorded_otherwise_is_refused(tmp_path, orbbec, monkeypatch, about, words):
+def test_unsupported_orbbec_recording_is_refused(tmp_path, orbbec, monkeypatch, about, words):
     with pytest.raises(InputError, match=words):
         with_properties(tmp_path, orbbec, monkeypatch, about)
 

@@ -29,7 +29,7 @@ app.command("record")(record)
 
 
 def run(*words) -> str:
-    """What the command prints; its error is raised."""
+    """Returns the command's output; raises its error."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     if isinstance(result.exception, EnlivenError):
         raise result.exception

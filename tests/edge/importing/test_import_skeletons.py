@@ -329,7 +329,7 @@ def test_other_damage_says_where(tmp_path):
         assert str(path) in str(caught.value)
 
 
-def test_nothing_seen_is_said(tmp_path):
+def test_recording_without_upright_person_is_reported(tmp_path):
     path = tmp_path / "a.json"
     joints = ",".join(['{"x":-500,"y":-500,"z":-500}'] * 21)
     path.write_text('[[],[{"bodyIndex":0,"joints":[' + joints + "]}]]")

@@ -45,7 +45,7 @@ def test_the_joints_are_those_of_the_person_in_metres(tmp_path, name, height, un
     frames = read(write_bvh(tmp_path / "a.bvh", joints, unit, turn))
     read_back = np.stack([frame.bodies[0].joints for frame in frames])
     moved = read_back - joints
-    # Where the floor is may differ by what is under the ankles of this performer, and by nothing else.
+    # The floor height may differ by the sole thickness of this performer, and by nothing else.
     assert np.ptp(moved[:, LIMBS, 1]) < 1e-5
     assert np.abs(moved[:, LIMBS, 1]).max() < 0.03
     assert np.abs(moved[:, LIMBS][..., [0, 2]]).max() < 1e-5
@@ -88,7 +88,7 @@ def test_a_take_of_it_is_what_was_danced(tmp_path) -> None:
     assert first.stature == again.stature
 
 
-def test_what_is_no_person_is_refused_by_what_is_missing(tmp_path) -> None:
+def test_non_human_skeleton_error_names_missing_joints(tmp_path) -> None:
     path = write_bvh(tmp_path / "dog.bvh", danced(seconds=0.2))
     path.write_text(path.read_text().replace("Elbow", "Paw"))
     with pytest.raises(InputError, match=r"no elbow.*dog\.bvh|dog\.bvh.*no elbow"):

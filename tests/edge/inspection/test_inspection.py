@@ -59,7 +59,7 @@ def test_joints_are_drawn_where_they_are_seen(scale: float) -> None:
     assert (picture.any(2).sum(0) > 0).sum() < 0.2 * picture.shape[1]
 
 
-def test_who_is_behind_the_camera_is_not_drawn() -> None:
+def test_person_behind_the_camera_is_not_drawn() -> None:
     black = np.zeros((240, 320, 3), np.uint8)
     assert not draw_bodies(black, [Body(1, JOINTS + np.array([0, 0, 9.0]), np.ones(20))], CAMERA, MOUNT).any()
 

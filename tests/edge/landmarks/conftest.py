@@ -1,4 +1,4 @@
-"""The truth's landmarks, for the tests of this folder (which are no package)."""
+"""Adds the module with the true landmarks to the import path, since this folder is not a package."""
 
 import importlib.util
 from pathlib import Path

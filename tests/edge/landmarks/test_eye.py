@@ -1,4 +1,4 @@
-"""Colour beside the tracker: it helps where depth does not show enough, and is not needed."""
+"""Tests of colour in addition to the tracker: it helps if depth is insufficient, and is optional."""
 
 import dataclasses
 
@@ -49,7 +49,7 @@ def errors(landmarks_of, *, with_colour: bool, eye: bool) -> tuple[np.ndarray, n
     return np.array(away), np.array(sure), truth_source.asked
 
 
-def test_what_depth_hardly_shows_is_nearer_and_surer_with_colour(landmarks_of):
+def test_colour_improves_joints_that_depth_hardly_shows(landmarks_of):
     plain, unsure, _ = errors(landmarks_of, with_colour=True, eye=False)
     helped, surer, asked = errors(landmarks_of, with_colour=True, eye=True)
     legs = [Joint.KNEE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]

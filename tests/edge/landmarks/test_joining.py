@@ -33,7 +33,7 @@ def test_colour_that_knows_nothing_changes_nothing(a, b):
 
 @given(seeds)
 @settings(max_examples=50)
-def test_what_both_see_alike_stays_and_is_surer(a):
+def test_agreeing_sources_increase_confidence(a):
     depth = body(a)
     made = join(depth, dataclasses.replace(depth, id=5))
     np.testing.assert_allclose(made.joints, depth.joints)
@@ -51,7 +51,7 @@ def test_a_joint_is_between_both_and_its_confidence_a_probability(a, b, spread):
     assert made.confidence.min() >= 0.0 and made.confidence.max() <= 1.0
 
 
-def test_where_they_contradict_the_surer_one_is_believed_and_less_sure():
+def test_contradicting_sources_give_surer_one_with_less_confidence():
     depth = body(0)
     far = depth.joints + 0.6 * ASIDE
     sure, unsure = np.full(20, 0.9), np.full(20, 0.3)

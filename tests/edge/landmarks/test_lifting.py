@@ -70,7 +70,7 @@ def test_holes_leave_the_posture_and_little_confidence(landmarks_of):
     assert body.confidence[Joint.HEAD] > 0.8
 
 
-def test_what_is_out_of_the_image_is_not_invented(landmarks_of):
+def test_joints_outside_the_image_are_not_lifted(landmarks_of):
     for frame, truth in seen("idle", 1):
         low = truth.joints - [0.0, 1.0, 0.0]
         found = landmarks_of(low, frame.intrinsics, frame.world_from_camera)

@@ -17,7 +17,7 @@ def has_mediapipe() -> bool:
 
 
 @pytest.mark.skipif(has_mediapipe(), reason="mediapipe is here")
-def test_where_mediapipe_is_missing_it_is_said_with_what_to_do():
+def test_missing_mediapipe_is_reported_with_a_fix():
     with pytest.raises(ResourceError, match=r"'mediapipe' is not installed.*extra 'colour'.*0\.10\.21"):
         MediaPipeSource()
 

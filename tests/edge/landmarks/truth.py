@@ -18,7 +18,7 @@ _LIMBS = {
 def landmarks_of(
     joints: np.ndarray, camera: Intrinsics, world_from_camera: np.ndarray, scale: float = 1.0
 ) -> Landmarks:
-    """What a perfect source says of (20, 3) joints; it believes them ``scale`` times their size."""
+    """Returns a perfect source's landmarks of (20, 3) joints, scaled by ``scale``."""
     places = np.tile(joints[Joint.HEAD], (len(NAMES), 1))
     for side in ("left", "right"):
         for name, joint in _LIMBS.items():

@@ -1,4 +1,4 @@
-"""A rigged star that the tests make, and people who point."""
+"""A generated rigged star, and pointing people."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def star() -> Shape:
 
 
 def person(left=(1.0, 0.0, 0.0), right=(-1.0, 0.0, 0.0), id=1, at=(0.0, 0.0, -2.5)) -> Body:
-    """Somebody who faces +Z, with straight arms in these directions and hanging legs; left is at +X."""
+    """Returns a person facing +Z, with straight arms in these directions and hanging legs; left is at +X."""
     joints = np.zeros((20, 3))
     middle = {"HIP_CENTER": 1.0, "SPINE": 1.15, "SHOULDER_CENTER": 1.45, "HEAD": 1.65}
     for name, height in middle.items():

@@ -51,7 +51,7 @@ class Show:
         return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
-        """(3,) from the middle to the tip of a limb, as it is now."""
+        """Returns (3,) the current vector from the middle to the tip of a limb."""
         joints = self.actor.live_shape.joints
         return joints[self.names.index(f"{name} 2")] - joints[0]
 
@@ -82,7 +82,7 @@ def test_without_a_mirror_left_is_where_it_is_seen() -> None:
     assert show.shown == ["right", "left"]
 
 
-def test_who_looks_from_behind_sees_the_other_side() -> None:
+def test_view_from_behind_mirrors_the_match() -> None:
     show = Show()
     show.actor.preview(None, "arms")
     show.stage.set_view(ScreenView(np.array([0.0, 0.0, 1.0])))
@@ -151,7 +151,7 @@ def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
     np.testing.assert_allclose(show.limb("right"), rest, atol=1e-9)
 
 
-def test_nothing_jumps_when_somebody_lets_go() -> None:
+def test_pose_does_not_jump_on_release() -> None:
     show = Show()
     show.actor.live_shape._easing.seconds = 0.5
     show.play(person())

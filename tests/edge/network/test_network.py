@@ -1,4 +1,5 @@
-"""Strangers at the edge's ports, over real sockets: who is let in, what is read, in what order it is done."""
+"""Tests of untrusted connections to the edge, over real sockets: admission, reading, and order of
+execution."""
 
 from __future__ import annotations
 
@@ -248,7 +249,7 @@ def closed(connection: socket.socket) -> bool:
 
 
 @pytest.mark.parametrize("port", ["pose_port", "control_port"])
-def test_who_does_not_introduce_itself_is_not_waited_for(publisher: Publisher, port: str) -> None:
+def test_silent_connection_does_not_block(publisher: Publisher, port: str) -> None:
     idle = socket.create_connection(("127.0.0.1", getattr(publisher.endpoint, port)))
     start = time.monotonic()
     with idle:

@@ -88,7 +88,7 @@ class Peer:
         raise AssertionError("no heartbeat")
 
     def received(self, count: int) -> list:
-        """The next ``count`` messages that are no heartbeats."""
+        """Returns the next ``count`` messages except heartbeats."""
         found = []
         while len(found) < count and self.sub.poll(5000):
             topic, message = unpack_stream(self.sub.recv())

@@ -32,7 +32,7 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Crowd:
-    """Local connections that come again as soon as they are thrown out."""
+    """Local connections that reconnect as soon as they are closed."""
 
     def __init__(self, publisher: Publisher, first: bytes, again: bytes) -> None:
         self.address = ("127.0.0.1", publisher.endpoint.control_port)

@@ -55,6 +55,6 @@ def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: in
 
 
 def person(at: tuple[float, float] = (0.0, 0.0), number: int = 1, lean: float = 0.0) -> Body:
-    """Somebody 1.75 m tall who stands upright."""
+    """Returns a person of 1.75 m that stands upright."""
     posture = Posture(np.array([at[0] + lean, 0.95, at[1]]), standing(elbow=1.5), lengths_for_height(1.75))
     return Body(number, posture.joints(), np.ones(20))

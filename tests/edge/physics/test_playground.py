@@ -1,4 +1,4 @@
-"""The playground: where it is laid out, who pushes, what the games say, and that it repeats itself."""
+"""Tests of the playground: its placement, pushing bodies, game messages, and repeatability."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_the_same_frames_give_the_same_props():
     np.testing.assert_array_equal(first, second)
 
 
-def test_nothing_is_there_before_somebody_shows_the_place():
+def test_boxes_appear_only_after_a_person_stands_still():
     made = playground(place="performer")
     assert step(made, [at((9, 0, 9))], [], set(), 0) is None
     for k in range(1, 20):
@@ -165,7 +165,7 @@ def test_performers_push_where_they_are_said_to(rule, holders, pushes):
     assert (np.abs(props.positions[:, 0] - 0.5).max() > 0.2) == pushes
 
 
-def test_who_appears_among_the_boxes_flings_nothing():
+def test_character_appearing_among_boxes_does_not_fling_them():
     made = playground()
     step(made, [], [], set(), 0)
     highest = 0.0
@@ -225,7 +225,7 @@ def test_balls_are_thrown_and_hits_are_counted():
     assert "block hit" in props.note and "performer 7 hit" in props.note
 
 
-def test_who_steps_aside_is_not_hit():
+def test_character_stepping_aside_is_not_hit():
     game = DodgeballSettings(balls=1, every=0.5, flight=0.8, distance=2.5)
     made = playground("dodgeball", dodgeball=game)
     for k in range(120):
@@ -246,7 +246,7 @@ def test_bodies_become_spheres_about_their_joints():
 
 def test_the_ground_is_where_a_performer_stands_and_looks():
     ground = WorldGround(np.array([1.0, 0.0, 2.0]), np.pi / 2)
-    # Who has turned by a quarter from +Z looks along +X, and has -Z to the left.
+    # A person rotated by 90 degrees from +Z faces +X, and has -Z to the left.
     np.testing.assert_allclose(
         ground.to_world(np.array([[0, 0, 1.0], [1, 0, 0]])), [[2, 0, 2], [1, 0, 1]], atol=1e-12
     )

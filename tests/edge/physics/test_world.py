@@ -101,7 +101,7 @@ def test_a_box_moves_away_from_what_hits_it(angle, speed):
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
-def test_it_is_pushed_as_fast_as_the_sphere_is(speed):
+def test_box_is_pushed_at_the_spheres_speed(speed):
     """Like a heavy body of that speed: the box leaves with it, and a little faster at most."""
     fastest = 0.0
     world = World(boxes(), UNBOUND)
@@ -119,7 +119,7 @@ def test_without_the_spheres_speed_a_fast_one_goes_through():
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(12):
         world.move(np.array([[min(-0.4 + 6.0 * k * FRAME, 0.3), 0.12, 0.0]]), np.array([0.06]))
-        world.appear(slice(0, 1))  # put there anew in every frame: it has no speed
+        world.appear(slice(0, 1))  # placed again in every frame, so it has no velocity
         world.advance(FRAME)
     assert world.velocities[0, 0] < 0.5 * 6.0
 

@@ -1,4 +1,4 @@
-"""People who stand, wave, walk and jump, for puppets on the stage."""
+"""People that stand, wave, walk and jump, for puppets on the stage."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ ARMS = sorted(PARTS["arms"])
 
 
 def person(id=1, x=0.0, z=-2.5, yaw=0.0, left=0.0, right=0.0, knees=(0.0, 0.0), up=0.0, height=1.75) -> Body:
-    """Somebody whose arms are lifted sideways and whose knees are lifted, so far (radians).
+    """Returns a person with arms lifted sideways and knees lifted by the given angles, radians.
 
     Args:
-        up: metres that they are in the air.
+        up: height above the floor, metres.
     """
     turns = standing(yaw)
     turns[model.UPPER_ARM_L] = rotation(z=left) @ turns[model.UPPER_ARM_L]

@@ -62,7 +62,7 @@ class Show:
         )
 
 
-def test_it_waits_at_rest_and_follows_whoever_takes_hold() -> None:
+def test_puppet_rests_until_attached_performer_moves_it() -> None:
     show = Show()
     at_rest = show.play(person(), frames=3)
     np.testing.assert_allclose(at_rest.positions, show.actor.character.pivots, atol=1e-6)
@@ -97,7 +97,7 @@ def test_an_example_is_met_by_who_makes_it() -> None:
         max_size=9,
     )
 )
-def test_nothing_ever_jumps(deeds: list[str]) -> None:
+def test_pose_never_jumps(deeds: list[str]) -> None:
     show = Show(fade_pace=2.0)
     there, arm, yaw = True, 0.0, 0.0
     for deed in deeds:
@@ -185,7 +185,7 @@ def test_a_clock_that_goes_back_begins_anew() -> None:
     assert np.isfinite(show.play(person(left=1.0), frames=30).positions).all()
 
 
-def test_who_leaves_keeps_it_as_it_is_and_goes_on_when_they_are_back() -> None:
+def test_pose_is_held_while_performer_is_away() -> None:
     show = Show()
     show.play(person(), frames=3)
     show.stage.possess("cactus")
@@ -253,7 +253,7 @@ def test_two_move_one_puppet_each_with_their_parts() -> None:
     assert show.height(RIGHT) == pytest.approx(rest[RIGHT, 1], abs=0.05)
 
 
-def test_what_nobody_moves_is_at_rest() -> None:
+def test_unattached_points_are_at_rest() -> None:
     show = Show()
     show.play(person(), frames=2)
     show.stage.possess("cactus", parts="left arm")
@@ -316,7 +316,7 @@ def test_in_a_mirror_left_is_right() -> None:
     assert show.height(LEFT) == pytest.approx(rest[LEFT, 1], abs=0.02)
 
 
-def test_it_stands_beside_its_first_performer() -> None:
+def test_puppet_stands_next_to_its_first_performer() -> None:
     show = Show(meet=True, beside=0.7)
     pose = show.play(person(x=1.0, z=-3.0))
     low = PUPPET.mesh.vertices[:, 0].min() + pose.positions[0, 0]
@@ -357,7 +357,7 @@ def test_a_child_and_an_adult_move_it_alike() -> None:
         (("lamp", 1, "all"), "no character 'lamp'"),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(asked, words: str) -> None:
+def test_impossible_order_is_refused_and_changes_nothing(asked, words: str) -> None:
     show = Show()
     show.play(person())
     with pytest.raises(InputError, match=words):
@@ -365,7 +365,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(asked, words: str) -> Non
     assert not show.actor.holds
 
 
-def test_who_moves_nothing_cannot_let_go_and_who_is_not_seen_cannot_take_hold() -> None:
+def test_release_without_hold_and_hold_out_of_view_are_refused() -> None:
     show = Show()
     show.play(person())
     with pytest.raises(InputError, match="moved by: nobody"):

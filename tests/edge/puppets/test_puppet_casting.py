@@ -1,4 +1,4 @@
-"""Puppets from files: what is missing is said before the stage opens, in one sentence, with what to do."""
+"""Tests of puppets from files: missing parts are reported with a fix before the stage opens."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_of_several_puppets_one_is_named(tmp_path: Path) -> None:
         ({"poses": (PUPPET.poses[0], PUPPET.poses[0])}, "same pose"),
     ],
 )
-def test_what_cannot_move_yet_says_what_it_lacks(
+def test_incomplete_puppet_reports_missing_parts(
     tmp_path: Path, changes: dict[str, object], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):

@@ -95,8 +95,8 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
 
 @settings(max_examples=6, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.sampled_from([FEET, ()]), st.floats(0.0, 1.2))
-def test_it_is_never_far_from_its_performers_path(turn: float, feet: tuple[int, ...], speed: float) -> None:
-    """Its steps lead it 4 m away; who moves it sways on the spot or goes anywhere."""
+def test_puppet_stays_near_its_performers_path(turn: float, feet: tuple[int, ...], speed: float) -> None:
+    """Its own steps would lead it 4 m away; its performer sways on the spot or walks anywhere."""
     places = walked(720)
     t = np.arange(len(places)) * STEP
     path = np.exp(1j * turn) * (speed * t + 0.02 * np.sin(6 * t))
@@ -188,7 +188,7 @@ def jumped(jump: float = 1.0) -> np.ndarray:
     return np.array(heights)
 
 
-def test_it_jumps_when_the_performer_does_as_high_for_its_size() -> None:
+def test_puppet_jumps_with_performer_scaled_to_its_size() -> None:
     heights = jumped()
     size = float(np.ptp(PUPPET.mesh.vertices[:, 1]))
     assert heights[5:50].max() < 0.01
@@ -210,7 +210,7 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
             actor.possess(body)
     at = np.array(poses)[30:, SOLES]
     speeds = np.linalg.norm(np.diff(at[..., [0, 2]], axis=0), axis=2) * 30
-    assert np.percentile(speeds.min(1), 95) < 0.01  # somebody stands
+    assert np.percentile(speeds.min(1), 95) < 0.01  # a person stands
     assert np.median(speeds.max(1)) > 0.05
     assert at[:, :, 1].max() > 0.05
     assert np.isfinite(at).all()

@@ -26,7 +26,7 @@ HANDS = ("LeftHand", "RightHand", "Head", "LeftFoot", "RightFoot")
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, arm=0.4, knee=0.0, height=1.75) -> Body:
-    """Somebody with the left arm held forward and the left knee up, so far (radians)."""
+    """Returns a person with the left arm forward and the left knee up, by the given angles, radians."""
     turns = standing(yaw, arm_forward=0.1, elbow=0.4)
     turns[model.UPPER_ARM_L] = rotation(x=-arm) @ turns[model.UPPER_ARM_L]
     turns[model.THIGH_L] = rotation(x=-knee) @ turns[model.THIGH_L]
@@ -35,7 +35,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, arm=0.4, knee=0.0, height=1.75) -> Body:
 
 
 def other_skeleton() -> Skeleton:
-    """A performer of other bones and names, arms out, who looks along +X at rest."""
+    """Returns a performer with other bones and names, arms out, facing +X at rest."""
     names, parents, at = ["Hips"], [-1], [(0.0, 1.0, 0.0)]
 
     def add(name: str, parent: str, way: tuple[float, float, float]) -> None:
@@ -135,7 +135,7 @@ def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() ->
     np.testing.assert_allclose(steps[-1], seen(retargeting, back)[1], atol=1e-6)
 
 
-def test_who_was_never_seen_stands_with_hanging_arms() -> None:
+def test_never_tracked_performer_stands_with_hanging_arms() -> None:
     retargeting = Retargeting(own_skeleton(), PAIRED)
     nobody = Body(1, np.full((20, 3), np.nan), np.zeros(20))
     pose = seen(retargeting, nobody)

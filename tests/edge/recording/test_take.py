@@ -153,7 +153,7 @@ def test_a_full_disk_ends_the_take_not_the_show(tmp_path):
     assert len(times) > 50 and times == [i * STEP for i in range(1, len(times) + 1)]
 
 
-def test_what_was_written_reaches_the_disk_at_even_intervals_and_at_the_end(tmp_path):
+def test_data_is_synced_to_disk_regularly_and_at_the_end(tmp_path):
     with (tmp_path / "a").open("wb") as file:
         disk = DiskSync(file.fileno(), every=0.01)
         deadline = time.monotonic() + 60.0

@@ -1,4 +1,4 @@
-"""Ten bodies that nobody tuned on wave as their performer does, limb for limb."""
+"""Tests that ten held-out bodies wave like their performer, limb by limb."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def test_all_limbs_are_found(known):
 
 
 def at_origin(known) -> np.ndarray:
-    """(20, 3) metres: its joints where a mesh of 1.75 m stands as it was modelled."""
+    """(20, 3) metres: its joints in a mesh of 1.75 m in its modelled position."""
     low, high = known.mesh.bounds
     middle = [(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2]
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
 
 
-def test_who_stands_in_it_has_the_back_in_its_back(known):
+def test_performers_back_is_in_the_meshs_back(known):
     """The trunk within 4 cm of theirs, and the front theirs."""
     modelled, _ = prepared(known.mesh, ActorSettings(stand="modelled"))
     fitted, _ = prepared(known.mesh, ActorSettings(stand="fitted"))
@@ -96,7 +96,7 @@ def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
 
 
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])
-def test_it_waves_when_its_performer_waves(known, how, side):
+def test_mesh_waves_with_its_performer(known, how, side):
     """The mesh comes to its performer's pose without a jump, arms hanging as theirs do, then waves."""
     own = ActorSettings(how=how, stand="modelled")
     actor = cast_mesh(known.mesh, "it", 128, own)
@@ -131,7 +131,7 @@ def test_it_waves_when_its_performer_waves(known, how, side):
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
 def test_a_t_pose_lets_its_arms_hang_before_anybody_holds_it(how, ahead):
-    """It meets who is in view, without a jump, and nothing of it moves as they take hold."""
+    """It approaches the performer in view without a jump, and does not move on attachment."""
     known = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
     actor = cast_mesh(known.mesh, "it", 128, own)

@@ -24,7 +24,7 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
 
 MAX_DEVIATION_DEG = 10.0
-"""Degrees by which hips may be off their performer's heading: issue 44's aim."""
+"""Maximum deviation of the hips from their performer's heading, degrees: the goal of issue 44."""
 FRAME_NS = 33_333_333
 SEEDS = st.integers(0, 2**32 - 1)
 NOISE_M = st.sampled_from([0.0, 0.004])
@@ -37,7 +37,7 @@ def woman() -> Mesh:
 
 
 def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
-    """Returns a performer who stands, turned by radians about +Y, the left thigh lifted by radians."""
+    """Returns a standing performer, rotated about +Y, with the left thigh lifted; both angles in radians."""
     joints = standing_figure()
     leg = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     hip = joints[Joint.HIP_LEFT].copy()
@@ -89,7 +89,7 @@ def test_other_bodies_keep_it_too(name):
 
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 def test_holding_again_does_not_turn_the_mesh(woman, how):
-    """A performer who takes hold again and again while they spin is still faced the same way."""
+    """A performer that is attached again and again while spinning still has the same heading."""
     film, actor = spinning_people(3, 6.0), cast_mesh(woman, "it", 128, ActorSettings(how=how))
     stage, facing = Stage([actor]), []
     for n, body in enumerate(film):

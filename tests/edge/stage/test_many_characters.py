@@ -1,4 +1,5 @@
-"""Several characters on one stage: who takes what, and who goes on when one comes or goes."""
+"""Tests of several characters on one stage: assignment of performers, and continuity when one comes or
+goes."""
 
 import uuid
 
@@ -101,7 +102,7 @@ def test_they_wait_side_by_side_and_the_nearest_is_meant(graph):
     assert held(stage) == {"a": [1], "b": [1]}, "who asks by name may hold a second one"
 
 
-def test_where_two_want_the_same_the_nearer_pair_has_it_and_no_one_gets_two(graph):
+def test_conflict_goes_to_nearest_pair_and_one_character_each(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     people = [person(x=0.0, id=1)]
     where = float(after(stage, people, 0)["b"].positions[:, 0].mean())
@@ -120,7 +121,7 @@ def test_where_two_want_the_same_the_nearer_pair_has_it_and_no_one_gets_two(grap
     assert held(stage) == {"a": [4], "b": [4]}, "what is named is done"
 
 
-def test_who_holds_nothing_comes_before_who_is_nearer(graph):
+def test_free_performer_has_priority_over_nearer_one(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     where = float(after(stage, [person(id=7)], 0)["b"].positions[:, 0].mean())
     people = [person(x=where, id=7), person(x=where + 2.0, id=4)]

@@ -1,4 +1,5 @@
-"""How performer and mesh come together: in it, beside it, limb for limb; and at whose size."""
+"""Tests of the placement of performer and mesh: inside, next to each other, limb by limb; and of their
+sizes."""
 
 from __future__ import annotations
 
@@ -153,7 +154,8 @@ def test_beside_it_the_mesh_stays_where_it_is(chair, how):
 )
 @settings(max_examples=8, deadline=None)
 def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
-    """The law: who walks and turns as a whole turns the mesh so, and moves it by the set share of the way."""
+    """The performer's rigid rotation rotates the mesh equally; walking moves it by the set fraction of the
+    way."""
     house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
     start = house.perform([person()], 0)[0]
     house.possess("chair")
@@ -204,7 +206,7 @@ SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
 @pytest.mark.parametrize("scaled", ["mesh", "performer"])
 @pytest.mark.parametrize("how", ["inside", "beside"])
 def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
-    """The mesh grows to the performer, or keeps its size and moves as large as it is."""
+    """The mesh is scaled to the performer, or keeps its size and scales the motion."""
     own = ActorSettings(scaled=scaled, how=how, fade=0.0)
     house = Stage([cast(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
     house.perform([person()], 0)
@@ -246,7 +248,7 @@ def test_the_mesh_is_as_tall_as_its_performer_or_so_much_taller(chair, height):
 
 
 def moved_chair(chair, x: float, z: float):
-    """The chair as it stands elsewhere in its project: character and graph."""
+    """Returns the chair at another position in its project: character and graph."""
     character, graph = chair
     mesh = Mesh(character.vertices + np.array([x, 0.0, z]), character.faces, "chair")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)

@@ -50,7 +50,7 @@ def stage(chair, **options) -> Stage:
 
 
 def steps(poses):
-    """(F - 1,) metres by which the fastest node moves from frame to frame."""
+    """Returns (F - 1,) distance that the fastest node moves from frame to frame, metres."""
     return np.array([np.linalg.norm(b.positions - a.positions, axis=1).max() for a, b in pairwise(poses)])
 
 
@@ -96,7 +96,7 @@ def test_joining_replaces_ones_own_hold_and_extending_keeps_it(chair):
     assert [h.body for h in actor.holds] == [2]
 
 
-def test_who_joins_unnamed_is_who_does_not_hold_yet(chair):
+def test_unnamed_join_selects_a_free_performer(chair):
     house, bodies = stage(chair), [person(), person(id=2)]
     house.perform(bodies, 0)
     house.possess("chair", parts="legs")
@@ -208,7 +208,7 @@ def test_taking_hold_in_the_middle_of_a_fade_goes_on_from_what_is_shown(chair):
 
 
 def pulled_apart(chair, order):
-    """Two performers who hold the same parts and walk away from each other."""
+    """Returns two performers that hold the same parts and walk away from each other."""
     house = stage(chair, fade=0.0)
     house.perform([person(), person(id=2)], 0)
     for who in order:
@@ -228,7 +228,7 @@ def test_contradiction_is_shared_whoever_came_first(chair):
     assert np.linalg.det(one.linear).min() > 0.05
 
 
-def test_who_is_lost_lets_go_smoothly_and_the_other_goes_on(chair):
+def test_lost_performer_releases_smoothly_and_other_continues(chair):
     house, poses = stage(chair), []
 
     def play(count, *ids):
@@ -253,7 +253,7 @@ def test_who_is_lost_lets_go_smoothly_and_the_other_goes_on(chair):
 
 
 def test_a_crowd_leaves_and_comes_back(chair):
-    """The mesh waits as it was; both go on with what they held, and a third never steals."""
+    """The mesh waits in its pose; both continue with their parts, and a third performer never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -268,8 +268,8 @@ def test_a_crowd_leaves_and_comes_back(chair):
     assert [h.body for h in house.actors["chair"].holds] == [1, 2]
 
 
-def test_who_drops_through_the_floor_is_out_of_sight(chair):
-    """A skeleton of somebody who is half hidden sinks before it is gone; the mesh does not go with it."""
+def test_performer_below_the_floor_counts_as_lost(chair):
+    """The skeleton of a half-occluded person sinks before it is lost; the mesh must not sink with it."""
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -280,7 +280,7 @@ def test_who_drops_through_the_floor_is_out_of_sight(chair):
         sunk = replace(sunk, joints=sunk.joints - [0.0, 0.05 * i, 0.0])
         (pose,) = house.perform([person(), sunk], i * FRAME)
     assert [hold.active for hold in house.actors["chair"].holds] == [True, False]
-    # What two hold less firmly when one lets go moves a little.
+    # Parts that two performers hold move a little when one releases them.
     assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 

@@ -1,4 +1,5 @@
-"""Both hands make a character larger: what they mean, what stays, and that whoever holds it goes on."""
+"""Tests of resizing a character with both hands: the gesture, the kept properties, and continuity of the
+attachment."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ few = settings(deadline=None, max_examples=8)
 
 
 def person(away: float | None = None, id: int = 1, x: float = 0.0) -> Body:
-    """A performer, with the hands so many metres apart."""
+    """Returns a performer with the hands at a given distance, metres."""
     joints = FIGURE + np.array([x, 0.0, -2.5])
     if away is not None:
         middle = joints[[Joint.HAND_LEFT, Joint.HAND_RIGHT]].mean(0)
@@ -97,7 +98,7 @@ def test_holding_still_ends_it_and_lost_hands_change_nothing():
     assert play.told[-1].body == -1 and play.growth == pytest.approx(grown, rel=0.02)
 
 
-def test_who_holds_it_holds_it_as_before_at_every_size():
+def test_resizing_keeps_the_attachment():
     plain, grown = Play(), Play()
     for play in (plain, grown):
         play.frames(person())
@@ -150,7 +151,7 @@ def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
     assert later._swing._exaggeration == 0.5 and play.told[-1].exaggeration is None
 
 
-def test_what_has_no_soft_parts_refuses_to_swing():
+def test_rigid_mesh_refuses_follow_through():
     class Stiff(EmbeddedActor):
         exaggerate = Actor.exaggerate  # as of characters with bones, and puppets
 

@@ -1,4 +1,4 @@
-"""Floor, limbs and what is seen, through the actor and its solver: what each is for, and that it is off."""
+"""Tests of soft terms for floor, limbs and depth, through the actor and its solver."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def played(chair, bodies, **options):
     return np.stack([skin_vertices(chair[0], pose) for pose in poses]), actor
 
 
-def test_who_crouches_does_not_push_the_mesh_through_the_floor(chair):
+def test_crouching_does_not_push_the_mesh_through_the_floor(chair):
     bodies = [person(down=0.006 * min(i, 30)) for i in range(40)]
     off, above = (played(chair, bodies, floor=FloorSettings(use=use))[0] for use in ("off", "above"))
     assert off[-1, :, 1].min() < -0.15
@@ -168,7 +168,7 @@ def crossing(trousers, across, use):
 
 
 def depth_in_each_other(trousers, states, contact):
-    """Metres by which the left leg's surface is in the right leg's balls, at worst."""
+    """Returns the maximum penetration of the left leg's surface into the right leg's balls, metres."""
     character, graph = trousers
     left = np.flatnonzero((character.vertices[:, 0] > 0.08) & (character.vertices[:, 1] < 0.6))
     right = np.flatnonzero((graph.positions[:, 0] < -0.08) & (graph.positions[:, 1] < 0.65))
@@ -185,7 +185,7 @@ def test_legs_driven_through_each_other_stay_beside_each_other(trousers):
     assert off > 0.03 and on < 0.35 * off
 
 
-def test_nothing_changes_where_nothing_touches(trousers):
+def test_no_contact_changes_nothing(trousers):
     (off, _), (on, _) = crossing(trousers, 0.06, False), crossing(trousers, 0.06, True)
     for a, b in zip(off, on, strict=True):
         np.testing.assert_allclose(a[1], b[1], atol=2e-4)
@@ -209,7 +209,7 @@ def arm(bend):
 
 
 def seen_of(ends) -> ObservedPoints:
-    """What a depth camera sees of the arm: rendered by the project's own renderer."""
+    """Returns a depth camera's view of the arm, rendered by the project's own renderer."""
     flipped = np.diag([1.0, -1.0, -1.0])
     ends = (ends - WORLD_FROM_CAMERA[:3, 3]) @ flipped
     shape, hull = np.zeros((2, 16)), np.zeros((2, 7))
@@ -253,7 +253,7 @@ def test_the_surface_follows_what_is_seen_without_a_skeleton():
 
 
 def test_an_error_that_is_there_falls():
-    """From a wrong start the surface comes to what is seen, frame by frame."""
+    """From a wrong start the surface converges to the depth image, frame by frame."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.03), "arm")
     graph = DeformationGraph.build(mesh, nodes=48, seed=0)
@@ -270,7 +270,7 @@ def test_an_error_that_is_there_falls():
 
 
 @pytest.mark.parametrize("follow", ["surface", "both"])
-def test_what_the_tracker_sees_reaches_the_mesh(chair, follow):
+def test_tracked_depth_reaches_the_mesh(chair, follow):
     """From depth frames: the performer's surface is found, and draws the mesh that they hold."""
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(40)]

@@ -199,7 +199,7 @@ def test_the_preview_shows_what_would_be_held(chair):
     "asked",
     [{"character": "chiar"}, {"character": "chair", "body": 9}, {"character": "chair", "parts": "tail"}],
 )
-def test_what_cannot_be_done_is_said_and_changes_nothing(chair, asked):
+def test_impossible_order_is_reported_and_changes_nothing(chair, asked):
     house = stage(chair)
     before = house.perform([person()], 0)[0]
     with pytest.raises(InputError):

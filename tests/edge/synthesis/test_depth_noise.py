@@ -116,7 +116,7 @@ def test_dark_and_mirroring_surfaces_answer_in_part() -> None:
     assert (seen[..., 160:] == 0).mean() == pytest.approx(0.8, abs=0.06)
 
 
-def test_nothing_is_reported_out_of_range() -> None:
+def test_depth_out_of_range_is_not_reported() -> None:
     profile = load_profile("kinect1")
     for z in (0.1, 0.6, 4.4, 60.0, math.inf):
         depth, material = _wall(z)

@@ -49,7 +49,7 @@ def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
 
 @pytest.mark.parametrize("frame", [15, 80, 130])
 def test_visibility_agrees_with_a_slow_ray(frame: int) -> None:
-    """Joints on the rim of what hides them may go either way; nearly all others agree."""
+    """Joints at an occlusion boundary may differ; nearly all others agree."""
     cast = (
         appearance("crossed", place=(-0.1, -2.9), yaw=0.4),
         appearance("overhead", Proportions(1.9, 0.9), place=(0.45, -3.4)),
@@ -97,7 +97,7 @@ def test_out_of_the_image_or_of_range_is_not_visible() -> None:
     assert not far.visible.any()  # the profile measures to 5 m
 
 
-def test_who_is_away_has_no_joints() -> None:
+def test_absent_performer_has_no_joints() -> None:
     scene = Ensemble(TOF, (appearance("still", present=(0.2, 0.5)),), noise=False)
     there = [scene.frame(n)[1] for n in (0, 10, 20)]
     assert [bool(t.present[0]) for t in there] == [False, True, False]

@@ -144,7 +144,7 @@ def test_a_hop_leaves_the_floor() -> None:
     assert abs(performer.soles(motion.figure(100 * STEP)).min()) < 0.02
 
 
-def test_it_begins_at_the_origin_and_holds_still_beyond_its_ends() -> None:
+def test_motion_begins_at_origin_and_is_still_beyond_its_ends() -> None:
     capture, _ = captured_from("overhead", "plain", yaw=2.0)
     motion = Captured(Performer(), capture, 0.5, 2.0)
     assert motion.duration == pytest.approx(1.5)

@@ -20,7 +20,7 @@ from enliven_synthesis.motion.tracks import Track, ease, pulse
 
 RATE = 30.0
 STEPS = 2 * GRID
-"""Metres by which the twin may differ: what one rounds up the other may round down."""
+"""Allowed difference from the reference, metres: one may round up where the other rounds down."""
 
 
 def _joints(name: str, performer: Performer | None = None) -> np.ndarray:
@@ -35,7 +35,7 @@ def _lengths(joints: np.ndarray) -> np.ndarray:
 
 
 def _bend(joints: np.ndarray, a: int, b: int, c: int) -> np.ndarray:
-    """Degrees by which the limb a-b-c is bent at b; 0 straight."""
+    """Returns the bend of the limb a-b-c at b, degrees; 0 is straight."""
     u, v = joints[:, b] - joints[:, a], joints[:, c] - joints[:, b]
     cosine = (u * v).sum(-1) / np.linalg.norm(u, axis=-1) / np.linalg.norm(v, axis=-1)
     return np.degrees(np.arccos(np.clip(cosine, -1, 1)))

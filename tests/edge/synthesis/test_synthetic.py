@@ -1,4 +1,4 @@
-"""The synthetic sensor as a sensor: its pace, its end, its truth, and what it refuses."""
+"""Tests of the synthetic sensor: its rate, its end, its ground truth, and its error checks."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_the_performer_is_where_the_truth_says(noise: bool, share: float) -> Non
     assert (body.confidence == 1).all()
 
 
-def test_it_ends_or_begins_again() -> None:
+def test_stream_ends_or_loops() -> None:
     sensor = SyntheticSensor("tof", "wave", width=80, realtime=False, loop=False)
     count = 0
     while sensor.read() is not None:

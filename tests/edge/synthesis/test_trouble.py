@@ -1,4 +1,4 @@
-"""What befalls frames: nothing is invented, and what travels with a frame stays with it."""
+"""Tests of stream faults: they invent no data, and a frame keeps its ground truth."""
 
 from __future__ import annotations
 

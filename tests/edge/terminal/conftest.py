@@ -1,4 +1,4 @@
-"""The decoders of these tests are found beside them."""
+"""Adds the decoders next to these tests to the import path."""
 
 import sys
 from pathlib import Path

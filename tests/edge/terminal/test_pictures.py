@@ -109,7 +109,7 @@ def at_a_terminal(*words: str) -> tuple[subprocess.Popen, int]:
 
 
 def read_until(near: int, mark: bytes) -> bytes:
-    """What the program writes, up to a mark."""
+    """Returns the program's output up to a mark."""
     seen, until = b"", time.monotonic() + PATIENCE
     while mark not in seen and select.select([near], [], [], max(0.0, until - time.monotonic()))[0]:
         try:

@@ -1,4 +1,4 @@
-"""A small stage for several made-up people: who is where is a function of time."""
+"""A small stage for several synthetic people, whose positions are functions of time."""
 
 import dataclasses
 import sys
@@ -75,7 +75,7 @@ class Playground:
         self._rooms = {}
 
     def frame(self, time: float) -> DepthFrame:
-        """What the sensor sees at a time in seconds."""
+        """Returns the sensor's view at a time in seconds."""
         mount = self.mount(time)
         extra = tuple(self.boxes(time)) if self.boxes else ()
         depth, material = self._room(mount, extra)
@@ -92,7 +92,7 @@ class Playground:
         )
 
     def joints(self, time: float) -> list[np.ndarray | None]:
-        """(20, 3) of every player, None for those who are away."""
+        """Returns (20, 3) joints of every player, None for absent ones."""
         figures = [player.figure(time) for player in self.players]
         return [None if figure is None else figure.joints for figure in figures]
 

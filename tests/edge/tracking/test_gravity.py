@@ -62,7 +62,7 @@ def frames_of(tilt: float, count: int, *, floor: bool):
 
 
 @pytest.mark.parametrize("tilt", [3.0, 25.0])
-def test_where_no_floor_is_seen_down_is_where_the_accelerometer_feels_it(tilt):
+def test_without_visible_floor_gravity_comes_from_the_accelerometer(tilt):
     """The height stays the settings'; a guess by the settings alone would be off by the whole tilt."""
     tracker = Tracker()
     for frame, mount in frames_of(tilt, 1, floor=False):

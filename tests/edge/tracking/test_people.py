@@ -46,7 +46,7 @@ def test_two_people_who_cross_keep_their_identities(stagecraft):
     assert most(log) == 2
 
 
-def test_who_is_hidden_and_turns_back_is_not_taken_for_the_other(stagecraft):
+def test_occluded_person_turning_back_keeps_identity(stagecraft):
     """Equally tall: only where they are tells them apart."""
     s = stagecraft
     front = s.Player(
@@ -79,7 +79,7 @@ def test_two_who_come_in_joined_at_the_hand_are_two(stagecraft):
     assert seen(log[JOINED:], 0) == seen(log[JOINED:], 1) == 1.0
 
 
-def test_who_leaves_and_comes_back_is_known_again(stagecraft):
+def test_returning_person_is_reidentified(stagecraft):
     """They come back in the other order."""
     s = stagecraft
     out_first = through((0.5, 0.4, -2.5), (1.4, 2.4, -2.5), (3.8, 2.4, -2.5), (4.8, 0.5, -2.5))
@@ -94,7 +94,7 @@ def test_who_leaves_and_comes_back_is_known_again(stagecraft):
     assert seen(log[-8:], 0) == seen(log[-8:], 1) == 1.0
 
 
-def test_who_comes_back_too_late_is_somebody_new(stagecraft):
+def test_person_returning_too_late_gets_a_new_identity(stagecraft):
     s = stagecraft
     there = s.during(s.still(0.0, -2.5), (0.0, 1.0), (2.5, 9.0))
     settings = TrackerSettings(people=PeopleSettings(remember=0.5))
@@ -104,7 +104,7 @@ def test_who_comes_back_too_late_is_somebody_new(stagecraft):
     assert len(ids_of(log, 0)) == 1
 
 
-def test_who_was_hidden_from_the_first_frame_is_found_when_they_come_out(stagecraft):
+def test_person_occluded_from_the_start_is_found_on_appearing(stagecraft):
     s = stagecraft
     front = s.Player(s.still(0.0, -2.2), "idle", s.Proportions(height=1.8))
     behind = s.Player(s.line((0.05, -3.2), (-0.95, -3.2), 0.5, 1.7), "walk", s.Proportions(height=1.7))
@@ -226,7 +226,7 @@ def test_somebody_who_steps_before_the_sensor_is_not_a_sensor_that_was_moved(sta
 # --- who may perform ---
 
 
-def test_who_is_outside_the_zone_is_a_bystander(stagecraft):
+def test_person_outside_the_zone_is_a_bystander(stagecraft):
     s = stagecraft
     zone = ((-1.0, -3.0), (0.3, -3.0), (0.3, -2.0), (-1.0, -2.0))
     tracker = Tracker(TrackerSettings(scene=SceneSettings(zone=zone)))
@@ -240,7 +240,7 @@ def test_who_is_outside_the_zone_is_a_bystander(stagecraft):
     assert tracker.bystanders == 1
 
 
-def test_who_walks_out_of_the_zone_stops_performing_and_comes_back_as_themselves(stagecraft):
+def test_leaving_the_zone_stops_performing_and_keeps_identity(stagecraft):
     s = stagecraft
     zone = ((-1.2, -3.0), (0.3, -3.0), (0.3, -2.0), (-1.2, -2.0))
     tracker = Tracker(TrackerSettings(scene=SceneSettings(zone=zone)))

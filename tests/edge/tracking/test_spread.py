@@ -121,7 +121,7 @@ def test_first_search_has_its_larger_budget_once(film, monkeypatch):
     assert max(work[1:]) <= FITS + PART + FOLLOWING
 
 
-def test_what_is_found_is_what_is_found_at_once(film):
+def test_incremental_search_matches_single_search(film):
     """When the person appears the joints are the same within four centimetres, soon after within one.
 
     A later look at an arm may fall into another frame, so one joint may differ for some frames.
@@ -138,7 +138,7 @@ def test_what_is_found_is_what_is_found_at_once(film):
     assert np.median(apart[15:]) < 0.01
 
 
-def test_who_walks_in_is_found_where_they_are(stagecraft):
+def test_entering_person_is_found_at_its_position(stagecraft):
     """The body that was found in an earlier frame is brought to the newest one."""
     s = stagecraft
     walker = s.Player(s.line((1.6, -2.6), (-1.4, -2.6), 0.3, 2.0), "walk")

@@ -40,7 +40,7 @@ def errors(tracked: list[list[Body]], truth: list[Body]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("choreography", ["wave", "walk"])
-def test_it_follows_a_person_within_centimetres(choreography):
+def test_tracker_follows_person_within_centimetres(choreography):
     made = recorded(choreography, 60)
     tracker = Tracker()
     tracked = [tracker.track(frame) for frame, _ in made]
@@ -133,7 +133,7 @@ def test_a_sensor_that_was_moved_learns_the_room_anew():
     assert body.joints[Joint.HIP_CENTER, 0] == pytest.approx(1.0, abs=0.15)
 
 
-def test_who_leaves_and_comes_back_is_found_again():
+def test_returning_person_is_found_again():
     """The wall behind somebody who left is seen for the first time: it is nobody."""
     made = recorded("idle", 30)
     room = room_alone(made[0][0])

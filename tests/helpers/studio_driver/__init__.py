@@ -1,10 +1,10 @@
-"""Drives the studio by a list of an artist's actions, which go through the studio's own tools.
+"""Drives the studio with a list of an artist's actions, which use the studio's own tools.
 
     session = [Key("m"), Click(Widget("takes")), Click(JointPlace("tentacle", 0)), Drag(...), Wait(1.0)]
     play(session, HeadlessStage(workspace))   # without a window
-    film(session, workspace, path)            # in the real window, into a film: studio_driver.filming
+    film(session, workspace, path)            # in the real window, recorded as a film: studio_driver.filming
 
-Places are looked up when they are needed: a joint is clicked where it then is on the screen.
+Screen positions are looked up when they are needed: a joint is clicked at its current position.
 """
 
 from studio_driver.actions import STEP, Action, Click, Do, Drag, Key, Name, Say, Wait, play, steps

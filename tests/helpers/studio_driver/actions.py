@@ -1,4 +1,4 @@
-"""Actions of a session, each done picture by picture as with a mouse and a keyboard."""
+"""Actions of a session, each done frame by frame as with a mouse and a keyboard."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from enliven_viewer.studio.workspace import Workspace
 from studio_driver.places import Place, SessionStage, Widget, where
 
 STEP = 1 / 24
-"""Seconds from one picture to the next."""
+"""Time between two frames, seconds."""
 
 
 @dataclass(frozen=True)
 class Say:
-    """A caption from now on; empty for none."""
+    """Shows a caption from now on; none if empty."""
 
     text: str
 
@@ -47,12 +47,12 @@ class Click:
 
 @dataclass(frozen=True)
 class Drag:
-    """Press at the first place, move over the others, let go at the last.
+    """Presses at the first place, moves over the others, and releases at the last.
 
     Attributes:
         button: 0 left, 1 right (turns the view), 2 middle.
-        shift: whether Shift is held.
-        seconds: that the way takes.
+        shift: True to hold Shift.
+        seconds: duration of the drag.
     """
 
     places: tuple[Place, ...]
@@ -86,13 +86,13 @@ Action = Say | Open | Key | Click | Drag | Name | Wait | Do
 
 
 def steps(actions: Iterable[Action], stage: SessionStage) -> Iterator[None]:
-    """Does the actions; each step is one picture."""
+    """Runs the actions; each step is one frame."""
     for action in actions:
         yield from _steps_of(action, stage)
 
 
 def play(actions: Iterable[Action], stage: SessionStage, each: Callable[[], object] | None = None) -> None:
-    """Do everything without a window; ``each`` is called after every step of the studio's clock."""
+    """Runs all actions without a window; ``each`` is called after every step of the studio's clock."""
     for _ in steps(actions, stage):
         stage.workspace.editor.advance(STEP)
         if each is not None:
@@ -140,7 +140,7 @@ def _pause(seconds: float, stage: SessionStage) -> Iterator[None]:
 
 
 def _glide(stage: SessionStage, place: Place, seconds: float) -> Iterator[None]:
-    """Move the pointer to a place that may move itself, slow at both ends."""
+    """Moves the pointer to a place, which may move itself, with ease-in and ease-out."""
     start, count = np.array(stage.at), max(round(seconds / STEP), 1)
     for k in range(1, count + 1):
         share = k / count
@@ -157,7 +157,7 @@ def _drag(action: Drag, stage: SessionStage) -> Iterator[None]:
     yield
     stage.button(action.button, True)
     yield
-    # Looked up before anything moves: what is dragged may itself be one of the places.
+    # The places are looked up before anything moves, since the dragged object may be one of them.
     ways = [where(place, stage) for place in action.places[1:]]
     points = np.array([stage.at, *ways])
     count = max(round(action.seconds / STEP), len(points))
@@ -174,7 +174,7 @@ def _drag(action: Drag, stage: SessionStage) -> Iterator[None]:
 
 
 def _name(name: str, stage: SessionStage) -> Iterator[None]:
-    """Type into the field of the name; without a window rename the shape."""
+    """Types into the name field; without a window renames the shape."""
     if stage.rename(name):
         yield
         return
@@ -187,7 +187,7 @@ def _name(name: str, stage: SessionStage) -> Iterator[None]:
 
 
 def _along(points: np.ndarray, share: float) -> Point:
-    """The place at a share of a polyline's length, (P, 2)."""
+    """Returns the point at a fraction of a polyline's length, (P, 2)."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     at = share * lengths[-1]
     return float(np.interp(at, lengths, points[:, 0])), float(np.interp(at, lengths, points[:, 1]))

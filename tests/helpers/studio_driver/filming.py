@@ -1,4 +1,4 @@
-"""Films of sessions: the real window, driven by the session's input, picture by picture into an MP4."""
+"""Films of sessions: drives the real window with the session's input, and writes its frames into an MP4."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from enliven_viewer.studio.workspace import Workspace
 from studio_driver import STEP, Action, steps
 
 _BIT_RATE = 6.0
-"""Mbit/s of the film: the small text of panels stays readable."""
+"""Bit rate of the film, Mbit/s, at which the small text of panels stays readable."""
 
 
 class WindowStage:
-    """A stage that gives its input to ImGui, as a mouse and a keyboard do; places are the window's pixels."""
+    """A stage that passes its input to ImGui like a mouse and a keyboard. Places are the window's pixels."""
 
     pace = 0.35
 
@@ -31,7 +31,7 @@ class WindowStage:
         self._up: list[imgui.Key] = []
 
     def settle(self) -> None:
-        """Let go of keys that were pressed in the picture before, and say again where the pointer is."""
+        """Releases keys that were pressed in the previous frame, and repeats the pointer position."""
         io = imgui.get_io()
         for key in self._up:
             io.add_key_event(key, False)
@@ -59,11 +59,11 @@ class WindowStage:
         imgui.get_io().add_input_characters_utf8(text)
 
     def activate(self, name: str) -> bool:
-        """A widget in a window is clicked."""
+        """Returns False: widgets in a window are clicked."""
         return False
 
     def rename(self, name: str) -> bool:
-        """A window has a field to type into."""
+        """Returns False: a window has a field to type into."""
         return False
 
     def viewport(self) -> Point:
@@ -95,15 +95,15 @@ def film(
     tiles: int = 12,
     pace: float = 0.0,
 ) -> int:
-    """Play a session in the window and write a film of it, with a contact sheet beside it.
+    """Plays a session in the window and writes a film of it, with a contact sheet.
 
     Args:
-        every: only each so-many-th picture goes into the film (at 30 pictures a second).
-        tiles: pictures of the contact sheet.
-        pace: seconds on the wall that a picture takes at least.
+        every: only every ``every``-th frame is written to the film (at 30 frames per second).
+        tiles: number of images in the contact sheet.
+        pace: minimum real time per frame, seconds.
 
     Returns:
-        How many pictures the film has.
+        Number of frames in the film.
     """
     window = StudioWindow(workspace, STEP)
     chosen = Tiles(tiles, 640)
@@ -115,7 +115,7 @@ def film(
         def before(window: StudioWindow) -> None:
             time.sleep(max(last[0] + pace - time.monotonic(), 0.0))
             last[0] = max(last[0] + pace, time.monotonic() - pace)
-            if window.pictures < 3:  # the panels must have been drawn before a widget can be found
+            if window.pictures < 3:  # the panels must be drawn before their widgets can be found
                 return
             if not playing:
                 stage = WindowStage(window)

@@ -1,4 +1,4 @@
-"""A stage without a window: a session's input goes straight to the tools."""
+"""A stage without a window, which passes a session's input directly to the tools."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from studio_driver.actions import STEP
 from studio_driver.places import source_of
 
 _AREA = 100_000.0
-"""Pixels between the areas of a stage without a window: each is far from the others."""
+"""Distance between the areas of a stage without a window, pixels. They must not overlap."""
 
 
 class HeadlessStage:
-    """A stage without a window: the viewport, the view of sources and the timeline, each far from the others.
+    """A stage without a window. The viewport, the source view and the timeline are separate areas.
 
     Args:
-        pace: seconds that the pointer takes to a place.
+        pace: duration of a pointer movement, seconds.
     """
 
     pace = STEP
@@ -35,7 +35,7 @@ class HeadlessStage:
         self._in = ""
 
     def move(self, at: Point) -> None:
-        self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, as a mouse has
+        self.at = at = float(math.floor(at[0])), float(math.floor(at[1]))  # whole pixels, like a mouse
         area = self._in or self._area()
         if area == "source":
             source_of(self.workspace).move((at[0] - _AREA, at[1]))
@@ -88,10 +88,10 @@ class HeadlessStage:
         return True
 
     def activate(self, name: str) -> bool:
-        """Do what a click on a widget does, for the widgets that a session needs.
+        """Does the same as a click on a widget, for the widgets that a session needs.
 
         Raises:
-            InputError: for one that it does not know.
+            InputError: for an unknown widget.
         """
         kind, _, rest = name.partition(" ")
         mapping = self.workspace.input.tools["map"]
@@ -99,7 +99,7 @@ class HeadlessStage:
         if kind == "tool":
             self.workspace.input.take(rest)
         elif kind == "takes":
-            pass  # a list that opens
+            pass  # an open list
         elif kind in ("take", "pick"):
             self.workspace.input.take("map")
             mapping.source.show(rest)

@@ -1,4 +1,4 @@
-"""Places that a session names, and their pixels at the moment."""
+"""Places in a session, and their current pixels."""
 
 from __future__ import annotations
 
@@ -119,33 +119,33 @@ Place = (
 
 
 class SessionStage(Protocol):
-    """Takes the input of a session; its places are pixels of its own."""
+    """Receives the input of a session. Its places are pixels."""
 
     workspace: Workspace
     at: Point
     pace: float
 
     def move(self, at: Point) -> None:
-        """Move the pointer."""
+        """Moves the pointer."""
 
     def button(self, button: int, down: bool) -> None:
-        """Press or let go of a button."""
+        """Presses or releases a button."""
 
     def shift(self, down: bool) -> None:
-        """Press or let go of Shift."""
+        """Presses or releases Shift."""
 
     def key(self, key: str) -> None:
-        """Press a key and let go of it."""
+        """Presses and releases a key."""
 
     def write(self, text: str) -> None:
-        """Type text into the field that has the focus."""
+        """Types text into the focused field."""
 
     def activate(self, name: str) -> bool:
-        """Do what a click on a widget does; False where the widget can be clicked."""
+        """Does the same as a click on a widget. Returns False if the widget can be clicked."""
         ...
 
     def rename(self, name: str) -> bool:
-        """Give the chosen shape a name; False where there is a field to type it into."""
+        """Renames the selected shape. Returns False if there is a field to type into."""
         ...
 
     def viewport(self) -> Point:
@@ -162,10 +162,10 @@ class SessionStage(Protocol):
 
 
 def where(place: Place, stage: SessionStage) -> Point:
-    """The pixel of a place on a stage, as things stand.
+    """Returns the current pixel of a place on a stage.
 
     Raises:
-        InputError: where it is not on the screen.
+        InputError: if it is not on the screen.
     """
     editor = stage.workspace.editor
     if isinstance(place, Near):

@@ -49,7 +49,7 @@ def test_a_summary_is_the_first_line_of_the_command_s_help():
         assert first and group.get_command(None, name).help.startswith(first), name
 
 
-def test_a_command_whose_package_is_broken_is_listed_and_says_so(monkeypatch, capsys):
+def test_command_of_broken_package_is_listed_and_reports_the_error(monkeypatch, capsys):
     broken = EntryPoint("broken", "enliven.no_such_module:broken", "enliven.commands")
     monkeypatch.setattr("enliven.commands.lazy.contributed", lambda: {"broken": broken})
     from enliven import cli

@@ -92,7 +92,7 @@ def test_the_same_mesh_and_one_that_is_a_power_of_two_larger_give_the_same_graph
         np.testing.assert_allclose(skin.weights, skins[0].weights, atol=1e-5)
 
 
-def test_the_graph_remembers_the_surface_and_finds_it_anew():
+def test_skin_weights_are_equal_for_cached_and_copied_mesh():
     """Weights asked for at once, and those of an equal mesh that the graph does not know, are the same."""
     mesh = Mesh(*ball(np.zeros(3), 0.5, 12))
     graph = DeformationGraph.build(mesh, 40)

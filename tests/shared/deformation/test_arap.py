@@ -1,4 +1,4 @@
-"""Squash-and-stretch deformation against a slow dense twin, its laws, and what it refuses."""
+"""Tests of squash-and-stretch deformation against a slow dense reference, its laws, and its error checks."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def volume(mesh, vertices):
 
 
 class Twin:
-    """Section 4 as it is printed: dense matrices, one SVD and one eigenvalue problem a cell."""
+    """Implements section 4 literally: dense matrices, one SVD and one eigenvalue problem per cell."""
 
     def __init__(self, mesh, held, settings):
         self.rest, self.settings, self.held = mesh.vertices, settings, held
@@ -300,7 +300,7 @@ def add(solver, handle):
         (lambda s: (add(s, Handle("twin", (0,))), s.solve({"twin": [[3.0, 0, 0]]})), "'twin'"),
     ],
 )
-def test_bad_input_says_which_and_the_last_good_pose_stays(does, says):
+def test_bad_input_is_named_and_last_good_pose_stays(does, says):
     ball = sphere()
     mesh = Mesh(np.concatenate([ball.vertices, [[0.0, 3.0, 0.0]]]), ball.faces)
     solver = ArapSolver(mesh)
@@ -324,7 +324,7 @@ def test_meshes_that_cannot_be_deformed():
         ArapSolver(ball).solve()
 
 
-def test_one_iteration_still_moves_the_shape():
+def test_single_iteration_moves_the_shape():
     mesh = sphere()
     solver = ArapSolver(mesh, ArapSettings(iterations=1))
     solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])

@@ -1,4 +1,5 @@
-"""What a surface encloses, and the pressure that keeps it, against slow twins."""
+"""Tests of the enclosed volume of a surface, and of the pressure that preserves it, against slow
+references."""
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_a_small_hole_does_not_make_the_volume_depend_on_the_place():
     assert here == pytest.approx(volume.rest)
 
 
-def test_what_encloses_nothing_has_no_volume():
+def test_open_mesh_has_no_volume():
     half = blob(200)
     assert surface_of(Mesh(half.vertices, half.faces[: len(half.faces) // 2]), 1000).volume is None
     flat = Mesh(blob(200).vertices * [1.0, 1.0, 0.0], blob(200).faces)

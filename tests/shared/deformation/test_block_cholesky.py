@@ -52,7 +52,7 @@ def factor_of(pattern, blocks):
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(1, 15), st.floats(0, 1), st.integers(0, 2**32 - 1))
-def test_it_solves_what_numpy_solves(count, density, seed):
+def test_solution_matches_numpy(count, density, seed):
     pattern, blocks, dense = random_system(count, density, seed)
     right = np.random.default_rng(seed).normal(size=(count, 6))
     made, factor = factor_of(pattern, blocks)
@@ -65,7 +65,7 @@ def test_it_solves_what_numpy_solves(count, density, seed):
     assert (x[:, 6:] == 0).all()
 
 
-def test_a_matrix_that_is_not_positive_definite_is_told():
+def test_indefinite_matrix_is_reported():
     pattern = analyse(2, np.array([[1, 0]]))
     blocks = np.zeros(3 * 48, np.float32)
     assert not factor_of(pattern, blocks)[0]

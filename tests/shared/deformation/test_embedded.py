@@ -23,8 +23,8 @@ from enliven.errors import InputError
 
 EXACT = EmbeddedSettings(iterations=3000, tolerance=1e-14)
 ENOUGH = 1e-6
-"""Share of the energy that a step of the reference gains at its end. Each gains about half of the one
-before, so the minimum is as near: a hundredth of what the two are compared to."""
+"""Relative energy decrease of the last reference step. Each step gains about half of the one before, so the
+distance to the minimum is about the same: a hundredth of the compared tolerance."""
 NAMES = ("rotation", "smoothness", "constraint", "rigidity", "planes")
 
 
@@ -67,7 +67,7 @@ def make_points(graph, count, seed):
 
 
 def make_planes(graph, count, seed):
-    """Planes a little beside random points, some of them one-sided, some with a node given twice."""
+    """Returns planes close to random points, some of them one-sided, some with a node given twice."""
     held = make_points(graph, count, seed + 7)
     held.node_indices[::3, 1] = held.node_indices[::3, 0]
     rng = np.random.default_rng(seed)
@@ -166,7 +166,8 @@ CASES = [(False, "printed"), (True, "printed"), (True, "turning")]
 
 
 def made_solver(tail, translation, seed=1):
-    """A solver in a random state, with pulls, planes and stiffness; and what the slow energy needs."""
+    """Returns a solver in a random state, with point constraints, planes and stiffness; and the inputs of the
+    slow energy."""
     graph = make_graph(12, seed, tail)
     points, planes = make_points(graph, 9, seed), make_planes(graph, 7, seed)
     chosen = EmbeddedSettings(1.3, 8.0, 90.0, 0.7, rigid_translation=translation, planes=3.0)
@@ -213,7 +214,7 @@ def test_the_derivative_in_the_nodes_own_terms_is_that_of_the_slow_energy(tail, 
             value = residuals(flat_of(solver), *slow)
             ends.append(value @ value)
         x[:] = here
-        # What float32 makes of 1e-5 is not 1e-5.
+        # 1e-5 rounded to float32 differs from 1e-5.
         assert (ends[0] - ends[1]) / (2.0 * np.float64(np.float32(1e-5))) == pytest.approx(
             force[n], rel=1e-4, abs=1e-3
         )
@@ -295,7 +296,8 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
 
 @pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 10.0])
 def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
-    """Turns are numbers and shifts are metres: beside the one, the other must not be rounded to nothing."""
+    """Rotations are dimensionless and translations are in metres. The larger must not round the smaller to
+    zero."""
     graph = make_graph(30, 5)
     points = make_points(graph, 9, 5)
     small = replace(graph, positions=size * graph.positions)
@@ -326,7 +328,8 @@ def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
 @settings(deadline=None, max_examples=10)
 @given(st.integers(0, 2**32 - 1))
 def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(seed):
-    """As if it were made anew after all nodes have turned alike; so it serves a body that turns."""
+    """It equals a matrix recomputed after a common rotation of all nodes, so it also serves a rotating
+    body."""
     solver, _ = made_solver(False, "printed", seed % 30)
     rng = np.random.default_rng(seed)
     x, still = solver._x.reshape(-1), NO_PLANES
@@ -349,7 +352,7 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
 
 @pytest.mark.parametrize(("tail", "translation"), CASES)
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_finds_the_minimum_of_the_reference(tail, translation, seed):
+def test_solver_reaches_reference_minimum(tail, translation, seed):
     graph = make_graph(10, seed, tail)
     points = make_points(graph, 8, seed)
     chosen = replace(EXACT, rigid_translation=translation)
@@ -365,7 +368,7 @@ def test_it_finds_the_minimum_of_the_reference(tail, translation, seed):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_it_finds_the_minimum_of_the_reference_with_planes_and_stiffness(seed):
+def test_solver_reaches_reference_minimum_with_planes_and_stiffness(seed):
     graph = make_graph(10, seed, seed == 2)
     points, planes = make_points(graph, 8, seed), make_planes(graph, 6, seed)
     rng = np.random.default_rng(seed)
@@ -449,7 +452,7 @@ def test_a_frame_of_a_smooth_motion_is_within_two_thousandths():
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 2**32 - 1))
-def test_a_frame_whose_targets_jump_by_a_metre_is_within_a_hundredth(seed):
+def test_frame_after_jump_of_a_metre_is_within_one_percent(seed):
     graph = make_graph(30, seed % 20, tail=True)
     points = make_points(graph, 30, seed % 20)
     rng = np.random.default_rng(seed)
@@ -474,7 +477,7 @@ def test_a_rigid_motion_of_all_targets_moves_all_nodes_rigidly(seed, tail):
     rng = np.random.default_rng(seed)
     turn = rotation.from_rotation_vector(rng.normal(size=3))
     shift = rng.normal(size=3) * 3
-    # As printed, eq. 7 resists turning; without a loose part there is no eq. 7.
+    # The printed eq. 7 resists rotation; without a loose part there is no eq. 7.
     solver = EmbeddedSolver(graph, points, replace(EXACT, rigid_translation="turning" if tail else "printed"))
     linear, positions = solver.solve(rotation.rotate(turn, points.points) + shift)
     assert solver.energy["total"] < 1e-6
@@ -513,7 +516,7 @@ def test_the_energy_never_rises(seed, size):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 30.0))
-def test_no_node_comes_out_mirrored(seed, size):
+def test_nodes_are_never_mirrored(seed, size):
     graph = make_graph(12, seed % 20, tail=True)
     points = make_points(graph, 10, seed % 20)
     rng = np.random.default_rng(seed)
@@ -547,7 +550,7 @@ def test_lost_targets_are_left_out():
     np.testing.assert_allclose(EmbeddedSolver(graph, points, EXACT).solve(targets, weights)[1], b.state()[1])
 
 
-def test_wild_targets_never_break_it_and_it_recovers():
+def test_solver_recovers_from_extreme_targets():
     graph = make_graph(30, 8, tail=True)
     points = make_points(graph, 30, 8)
     rng = np.random.default_rng(0)
@@ -566,7 +569,7 @@ def test_wild_targets_never_break_it_and_it_recovers():
 
 
 @pytest.mark.parametrize("pulled", ["nothing", "no weight"])
-def test_without_constraints_it_stays_where_it_was(pulled):
+def test_unconstrained_solver_keeps_its_state(pulled):
     graph = make_graph(12, 5)
     points = make_points(graph, 10 if pulled == "no weight" else 0, 5)
     turn = rotation.to_matrix(rotation.from_rotation_vector([0.0, 1.0, 0.0]))

@@ -1,4 +1,5 @@
-"""The deformation graph: connected, local, and blind to what is near only through the air."""
+"""Tests of the deformation graph: connected, local, and without links between parts that are close only
+through the air."""
 
 import numpy as np
 import pytest
@@ -72,7 +73,7 @@ def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
 
 
 @pytest.mark.parametrize("nodes", [24, 64, 128])
-def test_no_edge_and_no_vertex_crosses_from_leg_to_leg(two_legs, nodes):
+def test_edges_and_weights_do_not_cross_between_legs(two_legs, nodes):
     graph = DeformationGraph.build(two_legs, nodes)
     of_node, of_vertex = side(graph.positions), side(two_legs.vertices)
     assert (of_node[graph.edges].prod(1) >= 0).all()

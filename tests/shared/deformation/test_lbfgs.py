@@ -1,4 +1,4 @@
-"""The direction of a step: L-BFGS' two loops, beside the plain ones."""
+"""Tests of the L-BFGS two-loop recursion against a plain implementation."""
 
 from functools import cache
 

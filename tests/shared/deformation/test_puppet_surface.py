@@ -1,4 +1,4 @@
-"""Surfaces of puppets: coarse and fine, warm and settled, and what they refuse."""
+"""Tests of puppet surfaces: coarse and fine, warm-started and converged, and their error checks."""
 
 from dataclasses import replace
 
@@ -72,7 +72,7 @@ def test_a_small_mesh_is_the_plain_solvers():
         assert alike(surface.solve(places), wanted, SOLVED)
 
 
-def test_where_every_vertex_is_solved_the_carried_surface_is_the_solved_one():
+def test_full_resolution_surface_equals_solved_surface():
     mesh = tube(12, 20)
     count = len(mesh.vertices)
     net = edges_around(mesh.vertices, mesh.faces)
@@ -174,7 +174,7 @@ def test_a_rigid_motion_of_the_control_points_is_the_meshs(seed):
     assert np.abs(again - (shape @ turn.T + 1.0)).max() < 4 * step + 1e-7
 
 
-def test_control_points_are_met_exactly_and_what_is_welded_to_them_goes_along():
+def test_control_points_and_welded_vertices_reach_targets_exactly():
     mesh = tube()
     soup = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3))
     held = [0, 2000, 5000]
@@ -269,7 +269,7 @@ def test_a_drag_arrives_where_settling_does():
     assert apart[0] < 0.02 and apart[0] < 0.5 * apart[1]
 
 
-def test_a_look_aside_leaves_the_drag_as_it_is():
+def test_sampling_another_time_does_not_disturb_a_drag():
     mesh = tube()
     held = ends(mesh)
     one, other = (PuppetSurface(mesh, held, settings=COARSE) for _ in range(2))
@@ -297,7 +297,7 @@ def test_other_control_points_are_as_a_new_surface(kind):
     assert np.array_equal(surface.solve(np.empty((0, 3))), mesh.vertices)
 
 
-def test_tiny_shells_and_loose_vertices_ride_on_what_is_nearest():
+def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
     body, bead = tube(), tube(6, 4, 0.02)
     bead = replace(bead, vertices=0.02 * bead.vertices + [0.16, 0.3, 0.0])
     loose = np.array([[0.17, 0.31, 0.0]])
@@ -323,7 +323,7 @@ def test_tiny_shells_and_loose_vertices_ride_on_what_is_nearest():
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
-def test_bad_input_says_which_and_the_last_good_pose_stays(kind):
+def test_bad_input_is_named_and_last_good_pose_stays(kind):
     tubes = tube()
     mesh = Mesh(np.concatenate([tubes.vertices, [[0.0, 3.0, 0.0]]]), tubes.faces)
     held = ends(tubes)
@@ -347,7 +347,7 @@ def test_bad_input_says_which_and_the_last_good_pose_stays(kind):
     assert np.isfinite(surface.solve(bent(mesh, held, 0.5))).all()
 
 
-def test_a_mesh_that_is_absurdly_large_is_refused_and_a_large_one_is_told_of():
+def test_huge_mesh_is_refused_and_large_mesh_is_reported():
     mesh = tube()
     with pytest.raises(InputError, match="too many"):
         PuppetSurface(mesh, [0], settings=replace(COARSE, most_carried=500))

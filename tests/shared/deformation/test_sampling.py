@@ -55,7 +55,7 @@ def slow_throw(positions, normals, radius):
 
 
 @pytest.mark.parametrize("radius", [0.02, 0.3, 5.0])
-def test_the_grid_finds_what_comparing_all_pairs_finds(radius):
+def test_grid_search_matches_brute_force(radius):
     rng = np.random.default_rng(3)
     positions = rng.random((300, 3))
     normals = rng.normal(size=(300, 3))
@@ -124,7 +124,7 @@ def test_normals_are_smooth_on_a_smooth_surface_and_not_across_an_edge():
     assert np.isclose(np.abs(corner.normals).max(1), 1).all()
 
 
-def test_what_cannot_be_sampled(chair):
+def test_invalid_mesh_is_not_sampled(chair):
     point = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
     for call in (
         lambda: poisson_disk(point),

@@ -81,7 +81,7 @@ def test_two_balls_cross_in_a_ring_and_not_inside():
     assert len(crossing_faces(inside.vertices, inside.faces)) == 0
 
 
-def test_a_sound_surface_has_none_however_it_is_bent_a_little():
+def test_slightly_bent_surface_has_no_self_intersection():
     mesh = ball(rings=12, around=20)
     assert len(crossing_faces(mesh.vertices, mesh.faces)) == 0
     assert len(crossing_faces(mesh.vertices * [1.0, 3.0, 0.5] + 4.0, mesh.faces)) == 0
@@ -102,7 +102,7 @@ def test_faces_in_one_plane_or_touching_do_not_cross():
     assert crossing_faces(square, np.array([[0, 1, 2], [3, 4, 5]], np.int32)).tolist() == [0, 1]
 
 
-def test_what_crosses_at_rest_is_not_told_again():
+def test_intersections_at_rest_are_not_reported():
     mesh = together(ball(), ball(centre=(0.7, 0.03, 0.05)), ball(0.3, (3.0, 0.0, 0.0)))
     crossing = SelfIntersection(mesh)
     assert len(crossing.newly_crossing(mesh.vertices)) == 0

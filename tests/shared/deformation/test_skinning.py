@@ -148,7 +148,7 @@ def test_moves_add_up(seed):
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 2**32 - 1))
-def test_normals_stay_orthogonal_to_what_was_tangent(seed):
+def test_normals_stay_orthogonal_to_tangents(seed):
     rng = np.random.default_rng(seed)
     character = random_character(rng)
     linear = np.eye(3) + 0.3 * rng.normal(size=(9, 3, 3))
@@ -188,7 +188,7 @@ def test_normals_of_a_bent_graph_are_nearly_those_of_the_bent_surface():
     assert np.quantile((bent * told).sum(1), 0.02) > 0.9
 
 
-def test_what_does_not_fit_is_refused_and_out_is_used(character):
+def test_mismatched_shapes_are_refused_and_out_is_used(character):
     pose = random_pose(0)
     out = np.empty((50, 3), np.float32)
     assert skin_vertices(character, pose, out) is out

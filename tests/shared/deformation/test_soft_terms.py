@@ -1,4 +1,4 @@
-"""The makers of soft planes: what is seen, the floor, limbs beside limbs; each by its laws."""
+"""Tests of soft planes from depth, the floor, and neighbouring limbs."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_spread_is_no_more_than_asked_and_misses_no_place(count, most, seed):
         assert gaps.max() < 3.5 / np.sqrt(len(few))
 
 
-def test_no_sets_join_to_nothing(trousers):
+def test_joining_no_sets_gives_an_empty_set(trousers):
     character, graph, _ = trousers
     assert joined_planes([]) is None
     above = FloorContact(character).planes(*rest(graph), 0.03)
@@ -102,7 +102,7 @@ def seen_of(mesh, every=3):
     return mesh.vertices[front], normals[front]
 
 
-def test_what_is_seen_where_the_surface_is_draws_nothing(trousers):
+def test_depth_on_the_surface_exerts_no_pull(trousers):
     character, graph, mesh = trousers
     planes = ObservedSurface(character).planes(*rest(graph), *seen_of(mesh))
     assert len(planes) > 100 and not planes.one_sided.any()
@@ -110,7 +110,7 @@ def test_what_is_seen_where_the_surface_is_draws_nothing(trousers):
     assert planes.weights.min() > 2.0
 
 
-def test_what_is_seen_before_the_surface_draws_it_there(trousers):
+def test_depth_in_front_of_the_surface_pulls_it(trousers):
     character, graph, mesh = trousers
     points, normals = seen_of(mesh)
     planes = ObservedSurface(character).planes(*rest(graph), points + FORWARD, normals)
@@ -119,7 +119,7 @@ def test_what_is_seen_before_the_surface_draws_it_there(trousers):
     assert before > 0.02 and after < 0.35 * before
 
 
-def test_what_does_not_fit_draws_nothing(trousers):
+def test_mismatched_depth_exerts_no_pull(trousers):
     character, graph, mesh = trousers
     points, normals = seen_of(mesh)
     surface = ObservedSurface(character)
@@ -202,7 +202,7 @@ def test_limbs_that_overlap_are_pushed_back_the_way_they_came(trousers):
     assert (planes.normals[facing][left, 0] > 0.3).all() and (planes.normals[facing][~left, 0] < -0.3).all()
 
 
-def test_nothing_sinks_into_the_floor(trousers):
+def test_surface_stays_above_the_floor(trousers):
     character, graph, _ = trousers
     floor = FloorContact(character, FloorSettings(use="above"))
     planes = floor.planes(*rest(graph), 0.03)
@@ -217,7 +217,7 @@ def test_nothing_sinks_into_the_floor(trousers):
 
 
 @given(way=st.floats(-0.5, 0.5), floor=st.floats(-0.2, 0.0))
-def test_what_is_raised_keeps_its_shape_and_touches_the_floor(trousers, way, floor):
+def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
     character, graph, _ = trousers
     contact = FloorContact(character, FloorSettings(use="raised"))
     linear, positions = rest(graph)

@@ -13,7 +13,7 @@ from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
 from enliven.kernels import hold
 
 GAP = 0.002
-"""Share of the minimum by which a frame may end above it."""
+"""Maximum relative excess of a frame's energy over the minimum."""
 INVISIBLE = 1e-6
 """An energy in which shares mean nothing: a point a tenth of a millimetre off has it."""
 BUCKLES = 880092, 19, 1.9291120993690865
@@ -34,7 +34,7 @@ def gap_of(peer, solver, targets):
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0))
 # A limb buckles in frame 15: the steps promise nothing there, and the minimum is 6 % lower.
 @example(*BUCKLES)
-def test_every_frame_ends_near_the_minimum_or_says_that_it_does_not(seed, nodes, pace):
+def test_frame_is_near_minimum_or_reports_that_it_is_not(seed, nodes, pace):
     problem = random_problem(seed, nodes, 16, pace)
     solver, peer = (
         EmbeddedSolver(problem.graph, problem.points),
@@ -65,7 +65,7 @@ def frame_on_a_ridge():
     raise AssertionError("no frame ends on a ridge")
 
 
-def test_a_frame_on_a_ridge_says_so_and_the_next_is_below_it():
+def test_frame_on_a_ridge_is_reported_and_next_frame_leaves_it():
     """Where a limb buckles no gradient tells of the lower energy; the next frame is there with it."""
     problem, solver, unasked, targets = frame_on_a_ridge()
     # It was found out without a change.
@@ -80,8 +80,8 @@ def test_a_frame_on_a_ridge_says_so_and_the_next_is_below_it():
 @settings(deadline=None, max_examples=6)
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48), st.floats(0.3, 2.0), st.sampled_from([60, 3]))
 @example(*BUCKLES, 60)
-def test_a_performer_who_stays_gets_the_minimum_though_nobody_asks(seed, nodes, pace, most):
-    """What a frame left, on a ridge or for want of steps, the next ones make up."""
+def test_static_targets_converge_to_the_minimum(seed, nodes, pace, most):
+    """Later frames reduce the excess that a frame left on a ridge or because of its step limit."""
     problem = random_problem(seed, nodes, 16, pace)
     solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(iterations=most))
     peer = PlainGaussNewton(problem.graph, problem.points)
@@ -94,7 +94,7 @@ def test_a_performer_who_stays_gets_the_minimum_though_nobody_asks(seed, nodes, 
 
 @settings(deadline=None, max_examples=6)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 6))
-def test_what_a_frame_cannot_do_in_its_steps_is_said_and_made_up_by_the_next(seed, most):
+def test_step_limit_is_reported_and_next_frames_catch_up(seed, most):
     problem = random_problem(seed, 32, 12, 2.0)
     solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(iterations=most))
     peer = PlainGaussNewton(problem.graph, problem.points)
@@ -111,7 +111,7 @@ def test_what_a_frame_cannot_do_in_its_steps_is_said_and_made_up_by_the_next(see
 
 @settings(deadline=None, max_examples=4)
 @given(st.integers(0, 2**32 - 1), st.integers(12, 48))
-def test_a_frame_beyond_its_budget_says_so_and_the_next_make_it_up(seed, nodes):
+def test_time_limit_is_reported_and_next_frames_catch_up(seed, nodes):
     """A budget far below what one step takes: each frame is one step, on any machine."""
     problem = random_problem(seed, nodes, 8, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
@@ -130,7 +130,7 @@ def test_a_frame_beyond_its_budget_says_so_and_the_next_make_it_up(seed, nodes):
     assert gap_of(peer, solver, targets) <= GAP
 
 
-def test_a_matrix_made_beside_is_the_one_that_would_be_made_at_once(monkeypatch):
+def test_matrix_from_background_thread_equals_direct_one(monkeypatch):
     """Frames are the same, bit for bit, whether another thread makes the matrices or the caller waits."""
     problem, frames = random_problem(3, 24, 8, 1.0), []
     for beside in (True, False):

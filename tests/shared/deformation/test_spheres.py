@@ -68,7 +68,7 @@ def test_every_vertex_and_every_face_is_covered(rings, inset, edges):
 
 @given(turn=vectors, shift=vectors, scale=st.floats(0.2, 4))
 @settings(max_examples=30, deadline=None)
-def test_they_follow_what_moves_as_one_exactly(turn, shift, scale):
+def test_spheres_follow_rigid_motion_exactly(turn, shift, scale):
     character = ball(8)
     proxies = pack_spheres(character)
     pose = rigid(character, turn, shift, scale)
@@ -106,7 +106,7 @@ def test_the_packing_is_that_of_the_plain_rule():
     assert len(_greedy(points, inner, order, radius, len(slow) - 1)) == 0
 
 
-def test_the_radius_is_the_papers_where_the_limits_allow_it():
+def test_radius_matches_paper_within_limits():
     character = ball(40, radius=0.3)
     corners = character.vertices[character.faces].astype(float)
     mean = np.linalg.norm(corners - np.roll(corners, -1, 1), axis=2).mean()

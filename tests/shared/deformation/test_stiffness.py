@@ -124,7 +124,7 @@ def test_a_stiffness_of_one_changes_nothing_to_the_bit(seed):
 
 @laws
 @given(SEEDS, st.floats(0.1, 10.0))
-def test_what_is_evenly_stiffer_and_pulled_as_much_harder_is_where_it_was(seed, factor):
+def test_uniform_scaling_of_stiffness_and_pull_changes_nothing(seed, factor):
     graph, points, targets = bent_ladder(seed)
     plain = EmbeddedSolver(graph, points, EmbeddedSettings(**EXACT)).solve(targets)
     harder = EmbeddedSettings(constraint=100.0 * factor, **EXACT)

@@ -97,7 +97,7 @@ def folded(step=0.024):
 
 
 @pytest.mark.parametrize("nodes", [24, 60])
-def test_weights_are_what_their_definition_says(nodes):
+def test_weights_match_their_definition(nodes):
     mesh = folded()
     graph = DeformationGraph.build(mesh, nodes)
     expected = slow_weights(mesh, graph, np.sqrt(mesh.area / nodes))

@@ -49,7 +49,7 @@ def test_a_project_file_keeps_a_puppet_bit_for_bit():
     assert project_bytes(project_of(data)) == data
 
 
-def test_the_history_shares_what_did_not_change():
+def test_history_shares_unchanged_data():
     history = History(project())
     mesh = history.project.puppet("chair").mesh
     changed = project().puppet("chair").with_changes(place=np.array([2.0, 0, 0]))
@@ -82,7 +82,7 @@ def test_the_wire_keeps_its_character():
         ({"turn": np.ones(4)}, "no unit quaternion"),
     ],
 )
-def test_what_does_not_fit_is_refused(changes, said):
+def test_inconsistent_puppet_is_refused(changes, said):
     with pytest.raises(InputError, match=said):
         puppet().with_changes(**changes)
 

@@ -36,7 +36,7 @@ def obvious(layer, time, length):
 
 @laws
 @given(maps, sixteenths, lengths)
-def test_what_is_played_is_what_a_hand_that_goes_over_the_take_shows(layer, time, length):
+def test_playback_matches_scrubbing_over_the_take(layer, time, length):
     assert layer.played(time, length) == obvious(layer, time, length)
 
 
@@ -48,7 +48,7 @@ def test_a_layer_that_begins_later_plays_the_same_later(layer, time, delay, leng
 
 @laws
 @given(maps, lengths, st.integers(0, 16))
-def test_a_second_is_played_when_it_is_said_to_be(layer, length, share):
+def test_inverse_time_map_matches_playback(layer, length, share):
     second = length * share / 16
     time = layer.time_of(second, length)
     played, rounds = layer.played(time, length)

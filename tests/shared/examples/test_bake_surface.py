@@ -77,7 +77,7 @@ def test_more_transforms_follow_more_closely():
 
 @laws
 @given(SEEDS)
-def test_what_is_rigid_stays_rigid(seed):
+def test_rigid_surface_stays_rigid(seed):
     rng = np.random.default_rng(seed)
     mesh = made_puppets.tube(8, 6)
     turns, moves = from_rotation_vector(2 * rng.normal(size=(6, 3))), rng.normal(size=(6, 3))
@@ -237,7 +237,7 @@ def slow_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, i
     return out
 
 
-def test_rounds_never_make_it_worse():
+def test_rounds_never_increase_the_error():
     mesh = made_puppets.tube()
     frames = bent(mesh, 12)
     errors = []

@@ -52,7 +52,7 @@ def test_an_example_is_met_exactly_without_the_acceleration_term(seed, count, ne
 
 @given(SEEDS, st.floats(-7, 7), st.lists(st.floats(-50, 50), min_size=3, max_size=3))
 @FEW
-def test_where_the_performer_stands_and_looks_does_not_matter(seed, angle, moved):
+def test_result_is_independent_of_performer_position_and_heading(seed, angle, moved):
     examples = examples_of(seed)
     rng = np.random.default_rng(seed)
     world, root, yaw = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3)), rng.normal(size=12)
@@ -73,9 +73,11 @@ def test_poses_and_examples_moved_together_give_the_same(seed, moved):
 
 
 def dense(mapping, poses, constraints, weight):
-    """The slow twin: all weights and what leaves the examples, as one bounded least squares problem.
+    """The slow reference: all weights and the deviations from the examples, as one bounded least-squares
+    problem.
 
-    Hard constraints are rows of great weight: good to 1e-6 or so."""
+    Hard constraints are rows of great weight: good to 1e-6 or so.
+    """
     nodes, examples = mapping.nodes(poses), mapping.examples
     points, frames, most = nodes.right.shape
     each = most + 3
@@ -119,7 +121,7 @@ def dense(mapping, poses, constraints, weight):
 
 @given(SEEDS, st.sampled_from([0.0, 0.05, 0.25, 100.0]), st.sampled_from([0.05, 0.3, 3.0]), st.booleans())
 @settings(max_examples=20, deadline=None)
-def test_the_band_solves_what_the_dense_twin_solves(seed, margin, weight, constrained):
+def test_banded_solution_matches_dense_reference(seed, margin, weight, constrained):
     examples = examples_of(seed, 5, 2)
     poses = motion_of(examples, 9, seed)
     mapping = ExampleMap(examples, ExampleSettings(margin=margin, acceleration=weight))
@@ -146,7 +148,7 @@ def test_the_band_solves_what_the_dense_twin_solves(seed, margin, weight, constr
 )
 @settings(max_examples=40, deadline=None)
 def test_long_motions_are_solved_to_the_end(seed, margin, weight, nearest, far, slack, noise):
-    """Each frame's best answer to what the accelerations pull is where the control point is."""
+    """Each control point is at the frame's optimum for the pull of the accelerations."""
     how = ExampleSettings(margin=margin, acceleration=weight, nearest=nearest, far=far, slack=slack)
     mapping = ExampleMap(examples_of(seed, 8, 2), how)
     poses = motion_of(mapping.examples, 240, seed)

@@ -158,7 +158,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         (("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9), "from 9 s to 3 s is nothing"),
     ],
 )
-def test_what_cannot_be_done_is_said(folder, capsys, words, said):
+def test_impossible_request_is_reported(folder, capsys, words, said):
     full_session(folder / "full.toml", loose=True)
     (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n')
     still = (folder / "full.toml").read_text().replace("[[layer]]\n", "[[layer]]\nmuted = true\n", 1)
@@ -169,7 +169,7 @@ def test_what_cannot_be_done_is_said(folder, capsys, words, said):
     assert not (folder / "out.glb").exists() and not (folder / "new.toml").exists()
 
 
-def test_what_is_missing_is_said_before_anything_is_solved(folder, capsys):
+def test_missing_input_is_reported_before_solving(folder, capsys):
     (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n[[point]]\nvertex = 3\n')
     assert examples(folder, "check", "bare.toml") == 3
     said = capsys.readouterr().out
@@ -189,7 +189,7 @@ def test_help_has_worked_examples(capsys):
         assert said in capsys.readouterr().out
 
 
-def test_a_muted_layer_is_not_what_decides_how_long_it_is(folder, capsys):
+def test_muted_layer_does_not_set_the_length(folder, capsys):
     project = full_session(folder / "full.toml")
     muted = change_layers(project, "stool", [1], muted=True)
     write_project(folder / "muted.enliven", muted)

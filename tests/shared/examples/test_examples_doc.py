@@ -1,4 +1,5 @@
-"""The code of docs/examples.md runs as it stands and says what the page says; its session is one."""
+"""Tests that the code of docs/examples.md runs unchanged and prints the page's output, and that its session
+is valid."""
 
 import re
 import tomllib
@@ -51,7 +52,7 @@ def test_its_session_can_be_played(tmp_path):
     assert motion_of(read.project, puppet, 0).places.shape == (91, 2, 3)
 
 
-def test_every_module_that_it_names_is_there():
+def test_modules_named_in_the_page_exist():
     table = PAGE.read_text(encoding="utf-8").split("| module of `enliven.examples` | |")[1].split("## ")[0]
     for name in re.findall(r"^\| (.*?) \|", table, re.MULTILINE)[1:]:
         for module in re.findall(r"`([\w.]+)`", name):

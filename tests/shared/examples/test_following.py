@@ -22,7 +22,8 @@ LEASH = LocomotionSettings().leash
 
 
 def performance(seed, kind, seconds):
-    """A clip of somebody who stays in place, walks, or turns, with hands and feet that do anything."""
+    """Returns a clip of a person that stays in place, walks, or turns, with random motion of hands and
+    feet."""
     rng = np.random.default_rng(seed)
     clip = walker(seconds, turning=0.4 if kind == "walks" else 0.0, swing=0.45 if kind == "walks" else 0.2)
     if kind == "walks":
@@ -41,7 +42,8 @@ def performance(seed, kind, seconds):
 
 
 def project_of(seed, kind, body, seconds):
-    """A stool that steps, whose feet are never posed apart (a base), or that has none (it swims)."""
+    """Returns a stool that steps, one with feet that are never posed apart (a base), or one without feet (it
+    swims)."""
     project = puppet_project(seed, clip=performance(seed, kind, seconds))
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     seen = performed(clip, ["LeftFoot", "RightFoot"]).poses
@@ -123,7 +125,7 @@ def test_a_walker_goes_as_far_as_its_own_steps_and_another_size_counts_where_nob
 
 @given(st.integers(0, 10**6), st.floats(-3, 3))
 @few
-def test_standing_feet_of_a_walker_do_not_slide_while_it_is_drawn_back(seed, angle):
+def test_drift_correction_does_not_slide_planted_feet(seed, angle):
     """Its performer is carried aside by 6 cm a second, which its steps know nothing of."""
     walks = project_of(seed, "walks", "steps", 8)
     clip, (_, free) = walks.takes["walk"], loose(walks)
@@ -144,7 +146,7 @@ def test_standing_feet_of_a_walker_do_not_slide_while_it_is_drawn_back(seed, ang
 
 @given(st.integers(0, 10**6), st.integers(2, 40))
 @few
-def test_many_rounds_lead_it_no_farther_astray_than_one(seed, rounds):
+def test_drift_does_not_grow_with_loops(seed, rounds):
     project = project_of(seed, "stays", "steps", 5)
     made = motion_of(project, project.puppets["stool"], 0)
     turn, offset = float(made.yaw[-1]), made.path[-1]
@@ -174,7 +176,7 @@ def test_feet_alternate_that_go_to_and_fro_or_up_and_down_on_the_ground():
 
 @given(st.floats(0.05, 0.5), st.floats(-3, 3), st.floats(1 / 120, 1 / 20))
 @few
-def test_within_the_leash_nothing_happens_and_beyond_it_the_rate_does_not_matter(far, angle, step):
+def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     how = LocomotionSettings(leash=0.1)
     off = far * np.exp(1j * angle)
     follows = Following(1.0, how, step, 2)
@@ -195,7 +197,7 @@ def test_within_the_leash_nothing_happens_and_beyond_it_the_rate_does_not_matter
     assert abs(follows.held[0]) < 1e-3, "a lifted foot goes back to its place"
 
 
-def test_who_does_not_travel_keeps_its_spot():
+def test_puppet_without_travel_stays_in_place():
     project = puppet_project(0, travel=False)
     now = state_of(project, project.puppets["stool"], 1.3)
     assert_alike(now.root, np.zeros(3))

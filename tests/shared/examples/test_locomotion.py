@@ -41,7 +41,7 @@ def test_the_anchor_does_not_slide_and_nothing_goes_under(seed):
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=20, deadline=None)
-def test_what_flies_falls_and_lands_when_the_performer_does(seed):
+def test_jumping_puppet_lands_with_the_performer(seed):
     places, yaw = walker(120, seed)
     switches = [Switch(0, "contact"), Switch(40, "flight"), Switch(70, "contact")]
     placed = locate(places, 0 * yaw, STEP, switches, [0, 1])
@@ -61,7 +61,7 @@ def test_what_flies_falls_and_lands_when_the_performer_does(seed):
     )
 
 
-def test_free_flight_ends_where_gravity_says():
+def test_free_flight_follows_gravity():
     places, yaw = walker(120)
     # It stretches its legs by 2 m/s before it leaves the floor.
     places[:, :2, 1] = -1.0 - np.interp(np.arange(120), [0, 30, 39], [0, 0, 9 * STEP * 2.0])[:, None]
@@ -116,7 +116,7 @@ def test_the_foot_that_the_performer_stands_on_is_the_anchor(seed):
     assert placed.world[:, :2, 1].min() > -1e-9
 
 
-def test_who_shuffles_goes_on_by_the_performers_feet():
+def test_shuffling_puppet_moves_by_the_performers_feet():
     """Feet of the mesh that are hardly lifted: by their heights the wrong one would hold it back."""
     t = np.arange(240) * STEP
     phase = 2 * np.pi * t

@@ -37,12 +37,12 @@ def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
     assert np.ptp(turned[:, 0]) < 1e-9 and guess_joints(man(), turned) == MEANT
 
 
-def test_what_is_in_the_middle_follows_the_trunk():
+def test_middle_points_follow_the_trunk():
     joints = guess_joints(man(), np.concatenate([CACTUS, [[0.0, 0.55, 0.0]]]))
     assert joints[:5] == MEANT and joints[5] in ("hips", "spine", "chest")
 
 
-def test_elbows_are_below_hands_that_are_raised_and_nobody_follows_who_is_taken():
+def test_elbows_pair_below_raised_hands_and_joints_pair_once():
     arms = np.array([[0.44, 1.07, 0.0], [-0.44, 1.07, 0.0], [0.4, 0.66, 0.0], [-0.4, 0.66, 0.0]])
     rest = np.concatenate([arms, [[0.0, 1.3, 0.0], [0.15, 0.0, 0.0], [-0.15, 0.0, 0.0]]])
     hanging = man()
@@ -69,7 +69,7 @@ def test_a_chess_piece_has_a_head_and_hips(rest):
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10_000), st.integers(3, 9))
 def test_a_joint_that_does_not_move_is_no_suggestion(seed, count):
-    """Whatever the mesh; the base of what stands on one foot alone may follow the hips."""
+    """This holds for any mesh. The base of an object on a single foot may follow the hips."""
     random = np.random.default_rng(seed)
     clip = random_motion(random, man(), frames=6, size=0.5)
     motion = joint_motion(clip)
@@ -100,7 +100,7 @@ FISH_PARTNERS = (0, 1, 2, 4, 3)
 
 
 def acting(names, seed=0, frames=40):
-    """A clip of somebody whose joints of these names move about, and the others as much as people sway."""
+    """Returns a clip in which the named joints of a person move, and the others only sway."""
     random, body = np.random.default_rng(seed), man()
     clip = random_motion(random, body, frames=frames, size=0.03)
     turns = clip.turns.copy()
@@ -150,7 +150,7 @@ def test_joints_of_feet_are_those_from_the_ankle_on():
     assert mirror_joint(man(), "Left toe") == "Right toe" and mirror_joint(man(), "chest") == "chest"
 
 
-def test_a_hand_is_followed_once_and_its_mirror_image_goes_with_what_is_left_out():
+def test_hand_is_paired_once_and_its_mirror_with_remaining_points():
     parents = [-1, 0, 1, 0, 3, 4, 5, 5, 0, 8, 9, 10, 10]
     side = [(0.2, 0.9, 0), (0.5, 0.9, 0), (0.8, 0.9, 0), (0.9, 0.9, 0), (0.85, 0.9, 0.05)]
     places = [(0, 0, 0), (0, 1, 0), (0, 1.4, 0), *side, *(np.array(side) * [-1, 1, 1])]
@@ -168,5 +168,5 @@ def test_more_points_than_joints_share_them():
     assert len(joints) == 100 and max(joints.count(name) for name in joints) == -(-100 // count)
 
 
-def test_no_points_have_no_joints():
+def test_empty_point_list_gives_no_pairs():
     assert guess_joints(man(), np.zeros((0, 3))) == ()

@@ -1,4 +1,4 @@
-"""A performer who walks elsewhere and turns around makes the same poses."""
+"""Tests that a performer's poses do not depend on position and heading."""
 
 import numpy as np
 import pytest

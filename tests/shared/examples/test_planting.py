@@ -1,4 +1,4 @@
-"""Feet that stand are still in the world, and what is no foot stays as it was."""
+"""Tests that planted feet are still in the world, and that other points do not change."""
 
 import numpy as np
 import pytest
@@ -46,12 +46,12 @@ def test_feet_that_stand_do_not_slide(seed):
         both = stands[1:, k] & stands[:-1, k]
         moved = np.linalg.norm(np.diff(world[:, k], axis=0)[:, [0, 2]], axis=1)
         assert moved[both].max() < 1e-9
-        # It gets there smoothly: what is taken back, and what it goes meanwhile, over the time of a blend.
+        # The transition is smooth over the time of a blend, for the correction and the concurrent motion.
         before = np.linalg.norm(np.diff(placed.world[:, k], axis=0)[:, [0, 2]], axis=1)
         blend = how.contact.blend
         far = np.linalg.norm((world - placed.world)[:, k], axis=1).max() + before.max() * blend / STEP
         assert (moved - before).max() < 1.6 * far * STEP / blend + 1e-9
-    # Who is the anchor and stands is where it was.
+    # A standing anchor stays in place.
     for f in range(FRAMES):
         anchor = int(placed.anchors[f])
         if stands[f, anchor] and not stands[max(f - 8, 0) : f + 8].all(1).any():
@@ -60,7 +60,7 @@ def test_feet_that_stand_do_not_slide(seed):
 
 @given(st.integers(0, 10**6), st.floats(0.0, 1.0))
 @settings(max_examples=10, deadline=None)
-def test_a_part_of_it_is_a_part_of_the_way(seed, part):
+def test_partial_planting_moves_part_of_the_way(seed, part):
     places, yaw, stands = shuffler(seed)
     placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
     whole, some = (

@@ -1,4 +1,4 @@
-"""What a puppet does: its key poses, wherever the performer stands; mixed, looped and played by others."""
+"""Tests of a puppet's motion: its key poses at any performer position; mixing, loops and other performers."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_key_poses_are_met_exactly_without_the_acceleration_term(seed):
 
 @given(seeds, st.floats(-3, 3), st.floats(-9, 9), st.floats(-9, 9))
 @few
-def test_where_the_performer_stands_and_looks_changes_nothing(seed, yaw, x, z):
+def test_motion_is_independent_of_performer_position_and_heading(seed, yaw, x, z):
     clip = walker()
     turn = from_rotation_vector(np.array([0.0, yaw, 0.0]))
     moved = replace(
@@ -70,7 +70,8 @@ def test_where_the_performer_stands_and_looks_changes_nothing(seed, yaw, x, z):
 
 
 def leashed(project, leash):
-    """The project with a stool that its own steps may lead so many of its sizes from the performer's way."""
+    """Returns the project with a stool whose drift from the performer's path is limited to a number of its
+    sizes."""
     puppet = project.puppets["stool"]
     how = replace(puppet.locomotion, leash=leash)
     return project.with_characters(replace(puppet, locomotion=how))
@@ -78,7 +79,7 @@ def leashed(project, leash):
 
 @given(seeds)
 @few
-def test_a_mesh_of_a_performer_who_stays_stays_too(seed):
+def test_puppet_of_stationary_performer_stays(seed):
     clip = walker()
     clip = replace(clip, root=np.repeat(clip.root[:1], len(clip.root), 0))
     project = puppet_project(seed, clip=clip)
@@ -107,7 +108,7 @@ def test_the_anchor_does_not_slide_also_between_frames(seed, part):
         np.testing.assert_allclose(spots, np.tile(spots[0], (3, 1)), atol=1e-9)
 
 
-def test_the_lowest_foot_is_as_high_as_at_rest_and_the_mesh_begins_where_it_was_modeled():
+def test_lowest_foot_keeps_rest_height_and_motion_starts_at_rest_position():
     project = puppet_project(play=True)
     puppet = project.puppets["stool"]
     begin = state(project, 0.0)
@@ -181,7 +182,7 @@ def test_the_upper_layer_lies_on_the_lower_and_only_the_first_that_has_feet_trav
     assert not np.array_equal(state(alone, 1.0).root, under.root)
 
 
-def test_who_does_not_travel_stays():
+def test_puppet_without_travel_stays():
     project = puppet_project(travel=False)
     made = motion(project)
     assert not made.travels and made.switches == ()
@@ -193,7 +194,7 @@ def test_who_does_not_travel_stays():
 
 @given(seeds, st.integers(-3, 5))
 @few
-def test_a_loop_joins_and_goes_on_from_where_it_ended(seed, rounds):
+def test_loop_is_continuous_in_pose_and_position(seed, rounds):
     project = with_settings(puppet_project(seed, loop=True, level_feet=False), acceleration=0.0)
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     seam = rounds * clip.duration
@@ -240,7 +241,7 @@ def test_backwards_is_from_the_end(time):
     np.testing.assert_allclose(a.root, b.root, atol=1e-9)
 
 
-def test_the_clock_stops_at_both_ends_and_goes_round_where_it_loops():
+def test_time_is_clamped_or_wrapped_in_loops():
     project = puppet_project(offset=1.0, speed=2.0)
     layer, made = project.puppets["stool"].layers[0], motion(project)
     assert clock(layer, made, 0.5) == (0.0, 0)
@@ -285,7 +286,7 @@ def test_the_pose_on_the_wire_is_the_state():
 
 
 def child(names=JOINTS, front=0.0, size=0.6):
-    """The walker's motion by somebody smaller, whose joints are called otherwise and who rests elsewhere."""
+    """Returns the walker's motion by a smaller person, with other joint names and another rest pose."""
     clip = walker(names=names, size=size)
     away = from_rotation_vector(np.array([0.0, front, 0.0]))
     back = from_rotation_vector(np.array([0.0, -front, 0.0]))
@@ -298,7 +299,7 @@ ODD = ("Pelvis", "foot.L", "foot.R", "back", "hand.L", "hand.R", "skull")
 
 @given(seeds, st.floats(-3, 3), st.sampled_from([JOINTS, ODD]))
 @few
-def test_a_child_drives_what_an_adult_posed(seed, front, names):
+def test_child_drives_key_poses_of_an_adult(seed, front, names):
     project = puppet_project(seed)
     other = play_take(project.with_takes(child(names, front)), "stool", "child")
     mine, theirs = motion(project), motion(other, 1)
@@ -330,7 +331,7 @@ def test_a_joint_that_nobody_has_is_named_with_those_that_there_are():
     assert "Known: j0, j1, j2" in str(refused.value)
 
 
-def test_what_is_missing_is_said_until_it_can_move():
+def test_missing_parts_are_reported_until_puppet_can_move():
     project = Project().with_takes(walker())
     project = puppet_project(poses=0, play=False)
     assert missing(project, project.puppets["stool"]) == ("Pose two examples.",)
@@ -347,7 +348,7 @@ def test_what_is_missing_is_said_until_it_can_move():
     assert missing(ready, ready.puppets["stool"]) == ()
 
 
-def test_what_is_shown_for_the_left_is_meant_for_the_right():
+def test_left_key_poses_are_mirrored_to_the_right():
     """In a walk feet are farther apart to and fro than across: left and right are those of the rest pose."""
     project = with_settings(puppet_project(poses=2, level_feet=False), acceleration=0.0)
     project = leashed(project, 1000.0)
@@ -382,7 +383,7 @@ def test_there_is_no_layer_of_that_number():
         motion(project, 4)
 
 
-def test_settings_are_part_of_what_a_motion_is_kept_by():
+def test_changed_settings_recompute_the_motion():
     project = puppet_project()
     puppet = project.puppets["stool"]
     other = project.with_characters(puppet.with_changes(examples=ExampleSettings(acceleration=3.0)))

@@ -31,7 +31,7 @@ def test_as_many_are_suggested_as_there_are_poses():
     assert len({f // 80 for f in found.frames}) == 4
 
 
-def test_who_never_moves_is_refused():
+def test_motionless_take_is_refused():
     with pytest.raises(InputError, match="never moves"):
         suggest_poses(np.ones((50, 3, 3)))
 
@@ -71,7 +71,7 @@ def test_partners_are_found_on_the_mesh():
         doubled(one_sided(), (1, 2, 0), rest, np.array([1.0, 0, 0]))
 
 
-def test_what_rests_does_so_in_the_mirror_where_the_mesh_is_not_quite_symmetric():
+def test_resting_points_stay_at_rest_when_mirrored_on_nearly_symmetric_mesh():
     rng = np.random.default_rng(0)
     rest = np.array([[2, 0, 1], [0.02, 0, 1], [1.05, 1, 1.0]])
     normal = np.array([1.0, 0, 0])
@@ -82,7 +82,7 @@ def test_what_rests_does_so_in_the_mirror_where_the_mesh_is_not_quite_symmetric(
     np.testing.assert_allclose(mirrored_places(once, rest, ORDER, normal), places, atol=1e-12)
 
 
-def test_further_poses_are_the_farthest_from_what_there_is():
+def test_next_suggestion_is_farthest_from_existing_poses():
     rng = np.random.default_rng(5)
     poses = rng.normal(size=(200, 4, 3))
     known = poses[[3, 70]] + 0.01 * rng.normal(size=(2, 4, 3))
@@ -97,7 +97,7 @@ def test_further_poses_are_the_farthest_from_what_there_is():
     np.testing.assert_allclose(distance_to(poses, known), away[:, :2].min(1))
 
 
-def test_no_more_are_needed_where_every_pose_is_an_example():
+def test_complete_examples_need_no_suggestions():
     poses = np.random.default_rng(6).normal(size=(3, 5, 3))[np.arange(120) // 40]
     found = further_poses(poses, poses[[0, 40, 80]])
     assert found.count == 0 and found.frames == ()

@@ -1,4 +1,4 @@
-"""Readers, bodies and puppets for tests are in the folders of what they read and test."""
+"""Adds the folders with the readers, bodies and puppets for these tests to the import path."""
 
 import sys
 from pathlib import Path

@@ -117,7 +117,7 @@ def check_places(clip, names, places, scale=1.0):
 
 @settings(max_examples=60, deadline=None)
 @given(clips(), st.sampled_from(["m", "cm"]))
-def test_every_joint_is_where_it_was_for_two_readers(clip, unit):
+def test_joint_positions_survive_in_two_readers(clip, unit):
     text = bvh_text(performance_of_clip(clip), unit)
     scale = {"m": 1.0, "cm": 0.01}[unit]
     names, parents, places = obvious(text)
@@ -154,7 +154,7 @@ def test_angles_do_not_jump_between_frames():
     assert np.abs(np.diff(rows[:, 3:], axis=0)).max() < 10.1
 
 
-def test_a_rigged_shape_is_baked_with_what_moves_it(tmp_path):
+def test_rigged_shape_is_baked_with_its_motion(tmp_path):
     at = np.array([[0, 1, 0], [0.2, 1, 0], [0.2, 0, 0], [-0.2, 1, 0.1], [-0.2, 0, 0.1]], float)
     skeleton = Skeleton(("hips", "left hip", "left foot", "right hip", "right foot"), [-1, 0, 1, 0, 3], at)
     random = np.random.default_rng(4)
@@ -177,7 +177,7 @@ def test_a_rigged_shape_is_baked_with_what_moves_it(tmp_path):
             )
 
 
-def test_what_a_bvh_file_cannot_hold_is_said():
+def test_content_unsupported_by_bvh_is_reported():
     mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]))
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     stream = PoseStream("dance", np.tile(np.eye(3), (2, 1, 1, 1)), np.zeros((2, 1, 3)), 0.1)

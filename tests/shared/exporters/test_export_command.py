@@ -167,7 +167,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
         (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "is nothing. Choose another start"),
     ],
 )
-def test_what_cannot_be_done_is_said_and_leaves_nothing(show, capsys, words, code, said):
+def test_impossible_export_is_reported_and_leaves_no_file(show, capsys, words, code, said):
     write_recording(show / "empty.mcap", [])
     with Recorder(show / "depth.mcap") as recorder:
         recorder.write_frame(
@@ -191,7 +191,7 @@ def test_a_character_of_bones_that_hang_on_nothing_is_refused(recorded, tmp_path
     assert "hangs on nothing" in capsys.readouterr().err
 
 
-def test_a_glb_of_sticks_has_the_skeleton_that_it_draws(made, tmp_path):
+def test_stick_glb_contains_its_skeleton(made, tmp_path):
     project, _ = made
     (tmp_path / "dance.bvh").write_text(bvh_text(performance_of_clip(project.takes["walk"])))
     assert export(tmp_path, "dance.bvh", "-o", "dance.glb") == 0

@@ -13,7 +13,7 @@ SEEDS = st.integers(0, 2**31)
 
 @laws
 @given(SEEDS, st.floats(1e-4, 0.5))
-def test_what_is_left_out_lies_within_the_tolerance(seed, tolerance):
+def test_omitted_keys_are_within_the_tolerance(seed, tolerance):
     rng = np.random.default_rng(seed)
     values = np.cumsum(np.cumsum(0.01 * rng.normal(size=(80, 3)), 0), 0)
     keys = needed_keys(values, tolerance)
@@ -38,7 +38,7 @@ def test_turns_too(seed, tolerance):
     assert (2 * np.arccos(np.clip(np.abs(between[:, 0]), 0, 1))).max() <= tolerance * 1.02 + 1e-6
 
 
-def test_what_goes_straight_needs_two_and_no_tolerance_keeps_all():
+def test_linear_motion_needs_two_keys_and_zero_tolerance_keeps_all():
     line = np.arange(50.0)[:, None] * [1.0, -2.0, 0.5]
     assert needed_keys(line, 1e-6).tolist() == [0, 49]
     assert len(needed_keys(line, 0.0)) == 50

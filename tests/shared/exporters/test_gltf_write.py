@@ -66,7 +66,7 @@ def vertices_of(project, shape_id, time):
 
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000))
-def test_what_is_written_is_right_and_moves_as_here(tmp_path_factory, seed):
+def test_written_glb_is_valid_and_moves_alike(tmp_path_factory, seed):
     random = np.random.default_rng(seed)
     shape = random_shape(random, "squid")
     project, shape = playing(Project(), shape, random_clip(random, shape.skeleton))
@@ -134,7 +134,7 @@ def test_a_shape_that_stands_still_has_no_animation_and_its_pose(tmp_path):
     np.testing.assert_allclose(seen, vertices_of(project, "statue", 0.0), atol=1e-5)
 
 
-def test_names_say_where_a_bone_begins_and_where_it_leads(tmp_path):
+def test_bone_names_contain_both_ends(tmp_path):
     at = np.array([[0, 1, 0], [0, 2, 0], [0, 3, 0.1], [1, 2, 0], [0.0, 0.0, 0.0]], float)
     skeleton = Skeleton(("hips", "chest", "head", "hand", "foot"), np.array([-1, 0, 1, 1, 0]), at)
     mesh = Mesh(np.repeat(at, 3, 0) + np.tile(np.eye(3), (5, 1)), np.arange(15).reshape(5, 3))
@@ -165,7 +165,7 @@ def test_a_clean_skin_means_the_same(seed):
             assert shares[v][made[v] == bone].sum() == pytest.approx(expected, abs=1e-6)
 
 
-def test_what_cannot_be_written_is_said(tmp_path):
+def test_unwritable_content_is_reported(tmp_path):
     random = np.random.default_rng(1)
     shape = random_shape(random, "squid")
     bare = still_shape("bare", shape.skeleton)

@@ -1,4 +1,4 @@
-"""Exporters are found by a file's ending, and what cannot be written is refused before any work."""
+"""Tests that exporters are found by file suffix, and that an unwritable file is refused before any work."""
 
 import sys
 
@@ -36,14 +36,14 @@ def check_csv(tmp_path, clip):
     assert path.read_text().splitlines()[1] == "still,0.5,1.0,0.0,0.0,1.0,0.0,0.0"
 
 
-def test_one_file_and_one_line_are_an_exporter(tmp_path, monkeypatch, clip):
+def test_exporter_needs_one_file_and_one_line(tmp_path, monkeypatch, clip):
     (tmp_path / "made_csv_exporter.py").write_text(ONE_FILE)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(registry._BUILT_IN, "csv", "made_csv_exporter:CSV")
     check_csv(tmp_path, clip)
 
 
-def test_one_file_and_an_entry_point_of_a_package_are_an_exporter(tmp_path, monkeypatch, clip):
+def test_exporter_can_be_a_package_entry_point(tmp_path, monkeypatch, clip):
     (tmp_path / "packaged_csv_exporter.py").write_text(ONE_FILE)
     about = tmp_path / "packaged_csv_exporter-1.0.dist-info"
     about.mkdir()
@@ -64,13 +64,13 @@ def test_one_file_and_an_entry_point_of_a_package_are_an_exporter(tmp_path, monk
         ("moveis/out.glb", {}, ResourceError, "no folder .*moveis"),
     ],
 )
-def test_what_cannot_be_written_is_refused_and_nothing_is_made(tmp_path, name, options, error, words):
+def test_unwritable_export_is_refused_without_output(tmp_path, name, options, error, words):
     with pytest.raises(error, match=words):
         exporter_of(tmp_path / name, **options)
     assert not list(tmp_path.iterdir())
 
 
-def test_an_exporter_is_imported_when_it_is_asked_for(tmp_path, monkeypatch):
+def test_exporter_is_imported_lazily(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "enliven.exporters.bvh")
     monkeypatch.setitem(registry._BUILT_IN, "glb", "a.module.that.is.not:there")
     exporter = exporter_of(tmp_path / "OUT.BVH", unit="cm")

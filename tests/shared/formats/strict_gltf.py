@@ -1,7 +1,7 @@
-"""A strict reading of a GLB: what the specification demands of what we write, and a little more.
+"""A strict checker for GLB files: the requirements of the specification, and a few more.
 
-It shares no code with the package. What a public validator (Khronos' glTF-Validator) checks was compared on
-files of every kind that we write: it found no error, warning or hint in them.
+It shares no code with the package. Files of every kind that we write were also checked with a public
+validator (Khronos' glTF-Validator): it found no error, warning or hint.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ STEP = 1 / 60
 
 
 def moving(seed, seconds=1.5, reach=1.2):
-    """(F, N, 3) metres, a man who bends all of his joints smoothly, from a pose of its own."""
+    """Returns (F, N, 3) metres of a man that bends all joints smoothly, starting from a separate pose."""
     random, skeleton = np.random.default_rng(seed), man()
     times, count = np.arange(round(seconds / STEP)) * STEP, len(skeleton)
     axes, about = random.normal(size=(count, 3)) * reach / 2, random.normal(size=(count, 3)) * 0.4
@@ -46,7 +46,7 @@ def posed(skeleton, turns):
 
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 10_000), held=st.integers(1, 40), at_end=st.booleans())
-def test_a_pose_that_was_added_is_left_out_however_long_it_is_held(seed, held, at_end):
+def test_added_pose_is_left_out_at_any_length(seed, held, at_end):
     motion, rest = moving(seed), man().positions - man().positions[0]
     added = np.repeat(rest[None], held, 0)
     both = np.concatenate([motion, added] if at_end else [added, motion])
@@ -55,7 +55,7 @@ def test_a_pose_that_was_added_is_left_out_however_long_it_is_held(seed, held, a
 
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 10_000), coarse=st.integers(1, 4))
-def test_nothing_of_a_motion_is_left_out(seed, coarse):
+def test_real_motion_is_kept_completely(seed, coarse):
     """At 60 to 15 frames a second, with the pose of its first frame as rest pose or without."""
     motion = moving(seed, 2.0)[::coarse]
     assert added_frames(motion, STEP * coarse) == (0, 0)
@@ -74,7 +74,7 @@ def test_a_rest_pose_that_fades_into_the_motion_is_left_out(fade):
 
 
 def test_a_motion_that_begins_fast_is_kept():
-    """A kick within the first frames, and somebody who runs off."""
+    """Returns a kick within the first frames, and a person that runs off."""
     motion, times = moving(3), np.arange(90)[:, None, None] * STEP
     kick = np.exp(-((times - 0.05) ** 2) / 0.005) * [0.0, 0.2, 0.4]
     kicked = motion.copy()
@@ -89,7 +89,7 @@ def test_a_short_or_still_take_is_kept():
     assert added_frames(moving(1)[::30], STEP) == (0, 0)
 
 
-def test_a_file_says_what_was_left_out_and_keeps_its_rest_pose(tmp_path):
+def test_omitted_pose_is_reported_and_rest_pose_kept(tmp_path):
     random, skeleton, path = np.random.default_rng(1), man(), tmp_path / "take.bvh"
     count, times = len(skeleton), np.linspace(0.0, 1.0, 30)[:, None, None]
     plain = random.normal(size=(count, 3)) * 50.0 + 10.0 * np.sin(

@@ -87,7 +87,7 @@ def slow_world(joints, row) -> list[np.ndarray]:
 
 @settings(max_examples=60, deadline=None)
 @given(skeletons())
-def test_a_file_is_posed_as_it_says(made) -> None:
+def test_poses_match_the_file(made) -> None:
     joints, rows = made
     text, order = written(joints, rows)
     capture = parse_bvh(text)
@@ -163,7 +163,7 @@ def test_a_row_too_many_is_read_and_noted() -> None:
         ("ROOT Hips", "JOINT Hips", 2, "does not belong here"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_line(old: str, new: str, line: int, words: str) -> None:
+def test_error_names_the_line(old: str, new: str, line: int, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
         parse_bvh(SIMPLE.replace(old, new, 1))
     assert f"line {line}" in caught.value.where

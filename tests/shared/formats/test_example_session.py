@@ -114,7 +114,7 @@ def test_a_session_by_hand(folder):
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=5, deadline=None)
-def test_what_is_written_is_read_back_bit_for_bit(tmp_path_factory, seed):
+def test_session_survives_writing_and_reading_bit_for_bit(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("session") / "a" / "stool.toml"
     project = full_project(seed)
     write_session(path, project, "stool")
@@ -147,7 +147,7 @@ def layers(draw):
 
 @given(st.lists(layers(), max_size=4))
 @settings(max_examples=25, deadline=None)
-def test_any_layer_is_read_back_as_it_was(tmp_path_factory, made):
+def test_layer_survives_writing_and_reading(tmp_path_factory, made):
     path = tmp_path_factory.mktemp("session") / "stool.toml"
     project = puppet_project(poses=0, play=False).with_takes(walker(1, "short"))
     project = project.with_characters(project.puppets["stool"].with_changes(layers=made))
@@ -179,7 +179,7 @@ def root_layers(draw):
 
 @given(st.lists(root_layers(), min_size=1, max_size=3), st.floats(0.0, 4.0))
 @settings(max_examples=25, deadline=None)
-def test_what_moves_the_whole_puppet_is_read_back_as_it_was(tmp_path_factory, made, second):
+def test_root_layers_survive_writing_and_reading(tmp_path_factory, made, second):
     path = tmp_path_factory.mktemp("session") / "stool.toml"
     first = MotionKey(second, (3.0, -20.0, 0.1), "linear", (0.5, 0.0, -1.25))
     clips = [
@@ -196,7 +196,7 @@ def test_what_moves_the_whole_puppet_is_read_back_as_it_was(tmp_path_factory, ma
 
 
 def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
-    """By hand: two keys of the whole, of which the second one stands a metre aside."""
+    """Returns hand-made root keys; the second one is a metre to the side."""
     project = key_characters(puppet_project(), ["stool"], 0.0)
     project = key_characters(project, ["stool"], 2.0, (1.0, 0.0, 0.0))
     before = [vertices_of(project, "stool", time).mean(0) for time in (0.0, 1.0, 2.0)]
@@ -210,7 +210,7 @@ def test_a_puppet_that_crosses_the_stage_does_so_after_its_session_is_read():
 
 
 def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
-    """What is said to come from files is not written again, and gives the same puppet."""
+    """Content that comes from files is not written again, and gives the same puppet."""
     mesh = MeshTable("stool.ply", 1.0)
     loaded = fit_height(load_mesh(folder / "stool.ply").mesh, 1.0)
     project = full_project()
@@ -220,12 +220,12 @@ def test_files_that_there_are_stay_where_the_mesh_and_the_takes_are(folder):
     write_session(folder / "made.toml", project, "stool", mesh, takes)
     assert not (folder / "made.enliven").exists()
     assert same(read_session(folder / "made.toml").project.puppets["stool"], puppet)
-    # A take that has no file goes beside.
+    # A take without a file is saved next to the session.
     write_session(folder / "part.toml", project, "stool", mesh, {"walk": takes["walk"]})
     assert same(read_session(folder / "part.toml").project, project)
 
 
-def test_what_is_not_posed_yet_is_written_as_no_move(folder):
+def test_unposed_point_is_written_without_offset(folder):
     project = puppet_project(poses=0, play=False)
     rest = project.puppets["stool"].rest
     project = add_key_pose(project, "stool", "walk", 0.5, rest)
@@ -281,7 +281,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("right", "wrong", "said"), WRONG)
-def test_an_error_says_which_table_which_key_and_what_to_do(folder, right, wrong, said):
+def test_error_names_table_key_and_fix(folder, right, wrong, said):
     assert right in BY_HAND
     path = folder / "session.toml"
     path.write_text(BY_HAND.replace(right, wrong, 1))
@@ -332,7 +332,7 @@ def test_a_mesh_that_looks_elsewhere_is_turned(folder):
     np.testing.assert_allclose(high - low, [0.2, 0.5, 0.3], atol=1e-6)
 
 
-def test_files_may_be_where_the_environment_says(folder, monkeypatch):
+def test_file_path_may_start_with_environment_variable(folder, monkeypatch):
     path = folder / "deeper" / "session.toml"
     path.parent.mkdir()
     text = BY_HAND.replace("stool.ply", "$MODELS/stool.ply").replace(

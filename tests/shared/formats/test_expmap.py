@@ -68,7 +68,7 @@ def test_the_rest_pose_is_a_person(tmp_path) -> None:
         (",".join(["nan"] * 117), "line 1.*finite"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, text: str, words: str) -> None:
+def test_invalid_file_is_reported(tmp_path, text: str, words: str) -> None:
     path = tmp_path / "a.txt"
     path.write_text(text)
     with pytest.raises(InputError, match=words):

@@ -57,14 +57,14 @@ def test_a_surface_at_rest_is_that_of_the_format(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", [*MOVING[:5], "scaled_unevenly", "scaled_parent", "scaled_chain"])
-def test_a_mesh_without_its_clips_is_mirrored_as_the_format_says(tmp_path, kind):
+def test_mesh_without_clips_is_mirrored_and_scaled(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
     expected = SlowGltf(path).vertices_at(None, 0.0)
     np.testing.assert_allclose(load_mesh(path).mesh.vertices, expected, atol=5e-5)
 
 
 @pytest.mark.parametrize("kind", MOVING)
-def test_a_clip_moves_a_surface_as_the_format_says(tmp_path, kind):
+def test_clip_moves_surface_like_reference_skinning(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
     (clip,) = rig.clips
@@ -88,7 +88,7 @@ def test_an_exported_clip_moves_a_surface_as_the_format_says(tmp_path, kind):
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10_000))
-def test_joints_mirrored_anywhere_move_as_the_format_says(tmp_path_factory, seed):
+def test_mirrored_joints_move_like_reference_skinning(tmp_path_factory, seed):
     random = np.random.default_rng(seed)
     twin, joints = waving()
     for joint in joints:
@@ -124,7 +124,7 @@ def test_a_mirroring_that_comes_and_goes_is_played_saved_and_written(tmp_path):
         np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=2e-4)
 
 
-def test_what_pops_up_has_a_shape_and_grows(tmp_path):
+def test_part_scaled_up_by_a_clip_has_a_shape(tmp_path):
     path = hidden(True).write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
     assert np.ptp(rig.shape.mesh.vertices[:, 1]) == pytest.approx(1.9, abs=1e-4)
@@ -133,7 +133,7 @@ def test_what_pops_up_has_a_shape_and_grows(tmp_path):
         np.testing.assert_allclose(seen(rig, rig.clips[1], seconds), expected, atol=1e-3)
 
 
-def test_what_has_no_size_at_any_time_is_left_out(tmp_path):
+def test_part_that_is_never_visible_is_left_out(tmp_path):
     path = hidden(False).write(tmp_path / "a.glb")
     for mesh, notes in ((read_gltf(path).shape.mesh, read_gltf(path).notes), load_mesh(path)):
         assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.6)
@@ -219,7 +219,7 @@ def test_a_required_extension_without_effect_is_accepted_with_a_note(tmp_path, n
 
 
 def compressed(data: bytes) -> Twin:
-    """A chain whose vertices are compressed by Draco."""
+    """Returns a chain with Draco-compressed vertices."""
     twin = Twin()
     chain(twin)
     primitive = twin.json["meshes"][0]["primitives"][0]
@@ -283,7 +283,7 @@ def odd_keys() -> Twin:
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_keys_and_jumps_of_a_file_are_in_what_is_written(tmp_path, number):
+def test_written_file_keeps_keys_and_jumps(tmp_path, number):
     path = odd_keys().write(tmp_path / "a.glb")
     slow, exportable = SlowGltf(path), exportables_of(path).found[number]
     (tmp_path / "b.glb").write_bytes(glb_of([exportable.sample(0.0, None, None, False, True)]))
@@ -301,7 +301,7 @@ def test_keys_and_jumps_of_a_file_are_in_what_is_written(tmp_path, number):
         np.testing.assert_allclose(shown, slow.vertices_at(number, begin + seconds), atol=2e-3)
 
 
-def test_what_is_written_and_read_again_has_its_jumps(tmp_path):
+def test_jumps_survive_writing_and_reading(tmp_path):
     path = odd_keys().write(tmp_path / "a.glb")
     first = exportables_of(path).found[1].sample(0.0, None, None, False, True)
     (tmp_path / "b.glb").write_bytes(glb_of([first]))
@@ -325,7 +325,7 @@ def test_a_clip_with_its_own_keys_is_cut_and_scaled_with_them(tmp_path):
 
 
 @pytest.mark.parametrize("kind", sorted(TWINS))
-def test_what_is_written_of_any_kind_is_right_in_every_way(tmp_path, kind):
+def test_written_files_of_all_kinds_are_valid(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
     checked_glb(glb_of([exportables_of(path).found[-1].sample(0, None, None, False, True)]))
     save_mesh(load_mesh(path).mesh, tmp_path / "b.glb")
@@ -335,12 +335,12 @@ def test_what_is_written_of_any_kind_is_right_in_every_way(tmp_path, kind):
 FOREIGN = re.compile(
     r"\b\w*(Error|Exception|Warning)\b|NoneType|'\w+' object|Expecting |subscriptable|not iterable"
 )
-"""What only Python and its parsers write."""
+"""Matches text that only Python and its parsers write."""
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(sorted(TWINS)), st.integers(0, 2**32 - 1))
-def test_no_message_about_a_damaged_file_speaks_python(tmp_path_factory, kind, seed):
+def test_errors_of_damaged_files_contain_no_python_terms(tmp_path_factory, kind, seed):
     """Values of the JSON are replaced, left out or moved; messages and notes are read."""
     random, twin = np.random.default_rng(seed), TWINS[kind]()
     twin.json["buffers"] = [{"byteLength": len(twin.blob)}]
@@ -378,7 +378,7 @@ HOUSE = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize("package", ["shared/enliven", "edge/enliven_edge", "viewer/enliven_viewer"])
-def test_no_sentence_names_the_class_of_an_exception(package):
+def test_messages_contain_no_exception_class_names(package):
     """``type(error).__name__`` and ``{error!r}`` are for logs of programmers, not for reasons."""
     found = []
     for path in sorted((HOUSE / package).rglob("*.py")):
@@ -392,7 +392,7 @@ def test_no_sentence_names_the_class_of_an_exception(package):
                 named = [a.arg for a in node.args.args if a.arg in ("error", "exception", "exc")]
                 found += [f"{path}:{line}" for name in named for line in lines_that_name(node, name)]
     allowed = [one for one in found if "sensors/isolation/helper.py" in one]
-    # The helper process sends the class of enliven's own errors, from which the edge makes the same error.
+    # The helper process sends the class of enliven's own errors, from which the edge recreates the error.
     assert len(allowed) <= 2 and not set(found) - set(allowed)
 
 

@@ -34,7 +34,7 @@ def vertices_of(rig, clip, frame):
 
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000))
-def test_a_rig_that_only_turns_moves_as_gltf_says(tmp_path_factory, seed):
+def test_rotating_rig_moves_like_reference_skinning(tmp_path_factory, seed):
     path = random_rig(seed, tmp_path_factory.mktemp("rig") / "odd.gltf")
     rig, slow = read_gltf(path), SlowGltf(path)
     (clip,) = rig.clips
@@ -250,7 +250,7 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
         (lambda d: d["asset"].update(version="1.0"), "cannot be read as glTF 2"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, spoil, words):
+def test_invalid_file_is_reported(tmp_path, spoil, words):
     made = two_joints()
     path = made.write(tmp_path / "wrong.gltf")
     document = json.loads(path.read_text())

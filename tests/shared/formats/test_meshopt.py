@@ -84,7 +84,7 @@ def test_every_door_reads_a_compressed_file(tmp_path):
 
 
 @pytest.mark.parametrize("module", ["meshopt", "DracoPy"])
-def test_every_door_names_the_file_and_what_to_install_without_a_decoder(tmp_path, monkeypatch, module):
+def test_missing_decoder_error_names_file_and_package(tmp_path, monkeypatch, module):
     make = {"meshopt": lambda: packed("waving"), "DracoPy": lambda: compressed(packed_chain())}
     path = make[module]().write(tmp_path / "a.glb")
     monkeypatch.setitem(sys.modules, module, None)
@@ -210,7 +210,7 @@ def test_an_optional_compression_and_its_plain_data_agree(tmp_path):
 
 @pytest.mark.skipif(NODE is None or not GLTFPACK.is_file(), reason="gltfpack is not here: make test-web")
 @pytest.mark.parametrize("level", ["-c", "-cc"])
-def test_what_gltfpack_compresses_is_read(tmp_path, level):
+def test_gltfpack_output_is_read(tmp_path, level):
     path, out = TWINS["waving"]().write(tmp_path / "a.glb"), tmp_path / "b.glb"
     subprocess.run([str(NODE), str(GLTFPACK), "-i", path, "-o", out, level, "-noq", "-kn"], check=True)
     assert b"meshopt_compression" in out.read_bytes()

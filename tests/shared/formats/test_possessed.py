@@ -60,7 +60,7 @@ def write(path, *casts, pose=pose):
             put("pose", ["not", "a", "pose"], 1)
 
 
-def test_a_take_becomes_shapes_that_play_it(tmp_path):
+def test_take_becomes_shapes_that_play_it(tmp_path):
     jittered = 5 + np.sort(np.arange(0, 2, STEP) + np.random.default_rng(0).uniform(0, 0.005, 60))
     chair, lamp = box("chair"), box("lamp")
     write(tmp_path / "take.mcap", (chair, 1, jittered), (lamp, 4, 6 + np.arange(0, 1, STEP)))

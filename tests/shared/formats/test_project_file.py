@@ -38,7 +38,7 @@ STORED = Path(__file__).parent / "projects"
 
 
 def possessed():
-    """A possessed triangle: a character of two nodes, and what they did."""
+    """Returns a possessed triangle: a character of two nodes, and their motion."""
     skin = SkinWeights(
         np.array([[0, 1, 0, 0]] * 3, np.uint16), np.array([[0.75, 0.25, 0, 0]] * 3, np.float32)
     )
@@ -230,7 +230,7 @@ def spoiled(change):
         (lambda h, a: h["project"]["takes"].pop("walk"), "there is no take 'walk'", "shape"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said(change, words, where):
+def test_damaged_file_is_reported(change, words, where):
     with pytest.raises(InputError, match=words) as caught:
         project_of(spoiled(change), "my.enliven")
     assert caught.value.where.startswith("my.enliven") and where in caught.value.where

@@ -8,7 +8,8 @@ from enliven.formats.rig.rig_tree import tree_of
 
 
 def bodies(*joints):
-    """Joints as (name, parent, place), each of which moves some surface, and no animation."""
+    """Returns joints given as (name, parent, position), each of which moves part of the surface, without
+    animation."""
     still = np.zeros((0, 4)), np.zeros((0, 3))
     return [LinkBody(name, above, np.array(at, float), *still, mass=1.0) for name, above, at in joints]
 

@@ -1,6 +1,7 @@
-"""Models whose clips move and scale joints: played, saved, cut, merged, scaled and written with that motion.
+"""Tests of models whose clips move and scale joints: played, saved, cut, merged, scaled and written with that
+motion.
 
-The twin is glTF's own skinning, one vertex at a time (slow_gltf).
+The reference is glTF's own skinning, one vertex at a time (slow_gltf).
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def agree(a, b, size):
 
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000))
-def test_a_stretched_rig_moves_as_gltf_says(folder, seed):
+def test_stretched_rig_moves_like_reference_skinning(folder, seed):
     path, rig, project, shape = model(folder, seed)
     slow, (clip,) = SlowGltf(path), rig.clips
     assert clip.strains is not None and not [note for note in rig.notes if "not kept" in note]
@@ -71,7 +72,7 @@ def test_a_stretched_rig_moves_as_gltf_says(folder, seed):
 
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
-def test_it_is_written_as_it_is_seen_and_read_again(folder, seed):
+def test_written_file_matches_displayed_motion(folder, seed):
     # Nodes have no shear, which unlike factors of joints above one another make.
     _, rig, project, shape = model(folder, seed, 0.0)
     made = folder / "out.glb"
@@ -113,7 +114,7 @@ def test_size_and_mirror_go_with_the_stretches(folder, seed, factor):
 
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.2, 0.8), st.floats(0.05, 0.7))
-def test_nothing_moves_where_it_is_cut_or_merged(folder, seed, at, time):
+def test_cut_and_merge_keep_world_pose(folder, seed, at, time):
     _, _, project, shape = model(folder, seed)
     bare = shape.with_changes(mesh=None, skin=None)
     project = project.with_characters(bare)
@@ -150,12 +151,12 @@ def named(project, shape_id, time):
 def same(before, after, size):
     for name, (place, linear) in before.items():
         agree(after[name][0], place, size)
-        # The root of what was cut off is new: no bone ends there.
+        # The root of the cut-off part is new, so no bone ends there.
         if name in after:
             agree(after[name][1], linear, 1.0)
 
 
-def test_it_is_saved_smoothed_and_retargeted_with_its_tracks(folder):
+def test_saving_smoothing_and_retargeting_keep_stretch_tracks(folder):
     _, rig, project, shape = model(folder, 5)
     write_project(folder / "kept.enliven", project)
     loaded = read_project(folder / "kept.enliven")

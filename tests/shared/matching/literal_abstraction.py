@@ -1,4 +1,4 @@
-"""Section 4.1 word for word, slowly: the whole tree is looked at anew in every step."""
+"""A literal, slow implementation of section 4.1, which examines the whole tree in every step."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def literal_candidates(positions, links, root=None):
                 del tree[gone]
             tree[node] = (tree[node] - {way[-1]}) | {leaf}
             tree[leaf] = {node}
-        # Step 3: branch nodes with only one neighbour that is no leaf.
+        # Step 3: branch nodes with only one neighbour that is not a leaf.
         found = [
             j
             for j in tree

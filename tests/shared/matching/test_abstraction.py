@@ -186,7 +186,7 @@ def test_one_joint_has_no_candidate():
         ([(0, 1), (2, 3)], "hang on nothing: toe, tail"),
     ],
 )
-def test_what_is_no_tree_is_refused_with_its_joints(links, told):
+def test_non_tree_error_names_joints(links, told):
     with pytest.raises(InputError, match=told.split(":")[0]) as caught:
         abstract(np.eye(4, 3), links, names=["hip", "knee", "toe", "tail"])
     if "cycle" in told:

@@ -39,7 +39,7 @@ def test_the_best_is_shown_at_once():
     assert list(Performer().point(58)) == [2]
 
 
-def test_between_two_it_does_not_flicker():
+def test_choice_does_not_flicker_between_equal_matches():
     performer = Performer()
     next(performer.point(20))
     raw = set()
@@ -49,7 +49,7 @@ def test_between_two_it_does_not_flicker():
     assert raw == {0, 1}, "the best itself does change"
 
 
-def test_what_is_better_for_a_while_takes_over_but_not_sooner():
+def test_better_match_takes_over_only_after_a_delay():
     performer = Performer(patience=0.3)
     next(performer.point(0))
     arms = list(performer.point(60, 20))
@@ -92,7 +92,7 @@ def test_after_a_while_without_a_key_the_pose_decides_again():
     assert arms[-1] == 1
 
 
-def test_what_is_accepted_stays_until_the_reset():
+def test_accepted_match_stays_until_reset():
     performer = Performer()
     next(performer.point(0))
     assert performer.picker.accept().pairs[0].chain == (0, 1)
@@ -119,7 +119,7 @@ def test_holding_still_accepts_after_the_time_and_not_sooner():
     assert performer.seconds == pytest.approx((5 + 10 + 30) / 30, abs=0.07)
 
 
-def test_somebody_who_merely_stands_there_accepts_nothing():
+def test_standing_still_accepts_no_match():
     performer = Performer(by_holding=True, still_seconds=1.0)
     list(performer.point(0, 120, jitter=2.0))
     assert not performer.pick.accepted

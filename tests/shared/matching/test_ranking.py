@@ -150,7 +150,7 @@ def test_choices_equal_scipys_assignment(gain):
 
 @given(gains)
 @settings(max_examples=40, deadline=None)
-def test_assignment_uses_what_it_must_and_not_what_it_must_not(gain):
+def test_assignment_respects_required_and_excluded_pairs(gain):
     m, n = gain.shape
     state = np.zeros(n, np.int8)
     state[n - 1] = 1
@@ -182,7 +182,7 @@ def test_a_cost_that_is_not_finite_is_refused(bad):
 
 
 def star(arms, seed=0):
-    """A middle with arms, from which a source cannot be driven choice by choice."""
+    """Returns a tree with arms around a middle, which a source cannot drive choice by choice."""
     rng = np.random.default_rng(seed)
     positions = np.concatenate([np.zeros((1, 3)), rng.normal(size=(arms, 3))])
     return positions, [(0, i) for i in range(1, arms + 1)]
@@ -277,7 +277,7 @@ def test_dot_products_let_long_branches_decide():
     assert best("dot").score == pytest.approx(0.6)
 
 
-def test_in_perspective_what_is_seen_counts():
+def test_ranking_uses_projected_directions_in_perspective():
     points = np.array([[1, 0, -4], [1, 0, -3], [2, 0, -4], [1, 1, -4]], float)
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     flat = Matcher(abstract(points, [(0, 1), (0, 2), (0, 3)]), points)

@@ -1,4 +1,4 @@
-"""What is seen of bones, and from where more of them can be seen."""
+"""Tests of the visible length of bones, and of viewing directions that show more of them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_a_view_without_a_direction_is_refused(direction):
         ScreenView(direction)
 
 
-def test_bones_seen_end_on_are_told():
+def test_foreshortened_bones_are_reported():
     vectors = np.array([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.5, 1.0], [0.0, 0.0, 0.0]])
     assert end_on(vectors, ScreenView()).tolist() == [True, True, False, False]
     assert end_on(vectors, ScreenView(), 0.05).tolist() == [True, False, False, False]
@@ -57,7 +57,7 @@ def test_bones_seen_end_on_are_told():
 
 @given(seeds, st.integers(1, 12))
 @settings(max_examples=40, deadline=None)
-def test_no_direction_of_many_shows_more_bone(seed, count):
+def test_suggested_view_shows_most_bone_length(seed, count):
     rng = np.random.default_rng(seed)
     vectors = rng.normal(size=(count, 3)) * rng.uniform(0.1, 2.0, (count, 1))
     view = ScreenView(rng.normal(size=3), rng.normal(size=3))
@@ -82,7 +82,7 @@ def test_a_flat_skeleton_is_seen_from_the_front():
 
 @given(seeds, st.floats(0.05, 1.2))
 @settings(max_examples=40, deadline=None)
-def test_it_stays_near_the_current_view_where_that_is_asked(seed, most_turn):
+def test_suggested_view_stays_near_current_view_on_request(seed, most_turn):
     rng = np.random.default_rng(seed)
     vectors, view = rng.normal(size=(5, 3)), ScreenView(rng.normal(size=3), rng.normal(size=3))
     found = best_view(vectors, view, most_turn)

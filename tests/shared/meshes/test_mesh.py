@@ -1,4 +1,4 @@
-"""Meshes: areas, normals, welding, refining, fitting, and what is repaired and said."""
+"""Tests of meshes: areas, normals, welding, refining, fitting, and reported repairs."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def test_wrong_arrays_are_refused(vertices, faces):
         Mesh(vertices, np.array(faces))
 
 
-def test_welding_joins_what_a_soup_has_cut():
+def test_welding_joins_triangle_soup():
     welded, welded_of = weld(soup(box()))
     assert len(welded.vertices) == 8
     np.testing.assert_array_equal(welded.vertices[welded_of], soup(box()).vertices)
@@ -153,7 +153,7 @@ def test_a_good_mesh_needs_no_repair():
     assert mesh.area == box().area
 
 
-def test_every_repair_is_said():
+def test_every_repair_is_reported():
     vertices = np.concatenate([BOX_VERTICES, [[np.nan, 0, 0], [5, 5, 5]]])
     bad = [[0, 1, 8], [0, 0, 1], [1, 3, 0], [3, 1, 0]]
     mesh, notes = repair(Mesh(vertices, np.array(BOX_FACES + bad)))
@@ -169,7 +169,7 @@ def test_every_repair_is_said():
         assert words in said
 
 
-def test_shells_doubles_and_flatness_are_kept_and_said():
+def test_shells_duplicates_and_flat_meshes_are_kept_and_reported():
     two = Mesh(
         np.concatenate([BOX_VERTICES, BOX_VERTICES + 9]), np.concatenate([BOX_FACES, np.array(BOX_FACES) + 8])
     )
@@ -186,7 +186,7 @@ def test_a_mesh_without_faces_is_refused(faces):
         repair(Mesh(BOX_VERTICES, faces))
 
 
-def test_submesh_keeps_colours_beside_their_vertices():
+def test_submesh_keeps_vertex_colours():
     colours = np.arange(24, dtype=np.uint8).reshape(8, 3)
     part = submesh(Mesh(BOX_VERTICES, np.array(BOX_FACES), "box", colours), np.arange(12) < 2)
     np.testing.assert_array_equal(part.vertices, BOX_VERTICES[[0, 1, 2, 3]])

@@ -19,7 +19,7 @@ TETRAHEDRON = Mesh(
 
 
 @pytest.mark.parametrize("suffix", WRITABLE)
-def test_what_is_written_is_read_back(tmp_path, suffix):
+def test_mesh_survives_writing_and_reading(tmp_path, suffix):
     path = tmp_path / f"t{suffix}"
     save_mesh(TETRAHEDRON, path)
     mesh, notes = load_mesh(path)
@@ -161,7 +161,7 @@ def test_missing_files_and_folders(tmp_path):
         load_mesh(tmp_path)
 
 
-def test_what_cannot_be_written(tmp_path):
+def test_unwritable_mesh_is_refused(tmp_path):
     with pytest.raises(InputError, match="Known"):
         save_mesh(TETRAHEDRON, tmp_path / "mesh.docx")
     with pytest.raises(ResourceError):
@@ -169,7 +169,7 @@ def test_what_cannot_be_written(tmp_path):
 
 
 @pytest.mark.parametrize("coloured", [False, True])
-def test_a_glb_says_what_its_buffers_are_for(tmp_path, coloured):
+def test_glb_declares_buffer_targets(tmp_path, coloured):
     """With that, Khronos' validator has no error, warning or hint for it."""
     colours = np.full((len(TETRAHEDRON.vertices), 3), 90, np.uint8) if coloured else None
     save_mesh(Mesh(TETRAHEDRON.vertices, TETRAHEDRON.faces, colours=colours), tmp_path / "made.glb")

@@ -30,7 +30,8 @@ def test_of_a_ball_the_near_half_is_there_and_faces_the_sensor(x, y, away, radiu
     distance = np.linalg.norm(mesh.vertices - centre, axis=1)
     assert np.abs(distance - radius).max() < 0.01
     towards = viewpoint - centre
-    # What can be seen of a ball is less than its half, by how near it is; its rim is seen too flatly.
+    # Less than half of a ball is visible, depending on its distance, and its rim is seen at too flat an
+    # angle.
     seen = 2 * np.pi * radius**2 * (1 - radius / np.linalg.norm(towards))
     assert 0.65 * seen < mesh.area < 1.1 * seen
     middles = mesh.vertices[mesh.faces].mean(1)
@@ -48,7 +49,7 @@ def test_a_step_and_a_gap_stay_open() -> None:
     assert mesh.area == pytest.approx(0.3 * 0.6 + 0.07 * 0.6 + 0.13 * 0.6, rel=0.1)  # 3 cm are hidden
 
 
-def test_what_was_not_measured_is_left_out_and_specks_too() -> None:
+def test_unmeasured_areas_and_specks_are_left_out() -> None:
     points = ball(np.array([0.0, 0.0, -2.0]), 0.3)
     specks = np.array([[1.0, 1.0, -2.0], [1.005, 1.0, -2.0], [1.0, 1.008, -2.0], [np.nan, 0.0, -2.0]])
     mesh = surface_through(np.concatenate([points, specks]), np.zeros(3))
@@ -56,13 +57,13 @@ def test_what_was_not_measured_is_left_out_and_specks_too() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_too_few_points_are_said(count: int) -> None:
+def test_too_few_points_are_reported(count: int) -> None:
     with pytest.raises(InputError, match="no surface"):
         surface_through(np.ones((count, 3)), np.zeros(3))
 
 
 def pcd(path: Path, points: np.ndarray, kind: str) -> Path:
-    """A PCD file whose points are preceded by a colour and padded, seen from (0, 1, 0)."""
+    """Returns a PCD file with padding and a colour before the points, seen from (0, 1, 0)."""
     head = "# .PCD v0.7\nVERSION 0.7\nFIELDS rgb x y z _\nSIZE 4 4 4 4 1\nTYPE U F F F U\nCOUNT 1 1 1 1 4\n"
     head += f"WIDTH {len(points)}\nHEIGHT 1\nVIEWPOINT 0 1 0 1 0 0 0\nPOINTS {len(points)}\nDATA {kind}\n"
     if kind == "ascii":
@@ -96,7 +97,7 @@ def test_pcd_files_are_read_and_become_meshes(tmp_path, kind) -> None:
         (lambda data: data.replace(b"rgb x y z", b"rgb u v w"), "do not agree"),
     ],
 )
-def test_damaged_pcd_files_are_said(tmp_path, damage, said) -> None:
+def test_damaged_pcd_files_are_reported(tmp_path, damage, said) -> None:
     path = pcd(tmp_path / "a.pcd", ball(np.array([0.0, 0.0, -2.0]), 0.3, 500), "binary")
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(InputError, match=said) as caught:

@@ -210,7 +210,7 @@ def test_layouts_of_obj(tmp_path, layout) -> None:
     ],
 )
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_what_is_wrong_in_an_obj_has_its_line(tmp_path, old, new, words, end) -> None:
+def test_obj_error_names_the_line(tmp_path, old, new, words, end) -> None:
     path = tmp_path / "a.obj"
     path.write_bytes(OBJ.replace(old, new).replace("\n", end).encode())
     with pytest.raises(InputError, match=words):

@@ -56,7 +56,7 @@ def random_skin(count, bones, seed=0):
 
 
 def on_bone(mesh, bone):
-    """A skin all of which follows one bone."""
+    """Returns skin weights that follow one bone entirely."""
     indices, weights = np.zeros((len(mesh.vertices), 4)), np.zeros((len(mesh.vertices), 4))
     indices[:, 0], weights[:, 0] = bone, 1.0
     return SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))

@@ -56,7 +56,7 @@ def graph_world():
 
 def puppet_world():
     """A bean that dances by three examples, and travels."""
-    # What flies falls as gravity has it, whatever its size: this one stays on the floor.
+    # A jumping puppet falls by gravity regardless of its size, so this one stays on the floor.
     first = PuppetLayer("dance", offset=0.1, speed=0.8, switches=(Switch(0, "contact"),))
     layers = (first, PuppetLayer("dance", ("near",), weight=0.4))
     mesh = made_puppets.tube(rings=10, around=8)
@@ -97,5 +97,5 @@ worlds = pytest.mark.parametrize("rig", ALL)
 
 
 def kind(rig):
-    """What rig a world has, with keys or without."""
+    """Returns the rig kind of a test project, with or without keys."""
     return rig.split()[-1]

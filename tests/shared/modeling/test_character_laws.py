@@ -115,7 +115,7 @@ def test_a_shift_in_time_commutes_with_time(rig, delay, time):
 @worlds
 @laws
 @given(time=TIMES, later=TIMES)
-def test_what_is_muted_is_silent(rig, time, later):
+def test_muted_layer_has_no_effect(rig, time, later):
     project, name = WORLDS[rig]
     count = len(project.characters[name].playing)
     silent = change_layers(project, name, range(count), muted=True)
@@ -141,7 +141,7 @@ def test_a_layer_twice_as_fast_plays_the_same_in_half_the_time(rig, speed, time)
 @worlds
 @laws
 @given(seed=SEEDS, time=TIMES)
-def test_a_copy_does_the_same_elsewhere_and_when_it_is_deleted_nothing_has_happened(rig, seed, time):
+def test_copy_moves_alike_and_deleting_restores_project(rig, seed, time):
     project, name = WORLDS[rig]
     offset = np.random.default_rng(seed).normal(size=3)
     copied, copy = copy_character(project, name, offset=offset)
@@ -281,7 +281,7 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
 
 
 @worlds
-def test_a_layer_is_taken_away_or_it_is_said_why_not(rig):
+def test_layer_removal_works_or_gives_the_reason(rig):
     project, name = WORLDS[rig]
     if kind(rig) in GRAPHS:
         with pytest.raises(InputError, match="no other motion"):
@@ -320,7 +320,7 @@ def test_the_pose_for_viewers_and_the_name(rig):
 
 
 @worlds
-def test_what_cannot_be_done_is_said(rig):
+def test_impossible_edit_is_reported(rig):
     project, name = WORLDS[rig]
     two, copy = copy_character(project, name)
     refused = [
@@ -352,7 +352,7 @@ def test_what_cannot_be_done_is_said(rig):
 @worlds
 @laws
 @given(seed=SEEDS, cut=st.floats(0, 1, exclude_max=True))
-def test_what_is_sent_of_a_character_is_that_character_at_rest_and_a_part_of_it_is_refused(rig, seed, cut):
+def test_sent_character_is_at_rest_and_partial_data_is_refused(rig, seed, cut):
     project, name = WORLDS[rig]
     random = np.random.default_rng(seed)
     project = move_character(
@@ -371,7 +371,7 @@ def test_what_is_sent_of_a_character_is_that_character_at_rest_and_a_part_of_it_
         project_of(data[: int(cut * len(data))])
 
 
-def test_a_mesh_alone_is_sent_as_what_it_is():
+def test_plain_mesh_is_sent_unchanged():
     mesh = tube()
     sent = project_of(character_bytes(project_of_mesh(mesh, "post"), "post"))
     near(sent.graph("post").mesh.vertices, mesh.vertices, 1e-6)

@@ -69,7 +69,7 @@ def test_a_split_lane_plays_as_before_at_all_times(rig, share, time, speed, loop
 @rigs
 @laws
 @given(low=st.floats(0.05, 0.45), high=st.floats(0.55, 0.95), within=st.floats(0, 1), speed=SPEEDS)
-def test_a_trimmed_clip_keeps_what_is_inside_and_grows_back(rig, low, high, within, speed):
+def test_trimmed_clip_can_be_extended_again(rig, low, high, within, speed):
     project, name, numbers = world(rig, speed)
     (clip,) = clips_of(project, name, 0)
     begin, end = inside(clip, low), inside(clip, high)
@@ -105,7 +105,7 @@ def test_a_slip_plays_another_part_at_the_same_time_and_slipped_back_is_nothing(
 @rigs
 @laws
 @given(blend=st.floats(0.05, 0.3), time=TIMES, jump=st.floats(-0.3, 0.3), within=st.floats(0.0, 1.0))
-def test_a_blend_is_each_side_outside_of_it_and_has_no_jump(rig, blend, time, jump, within):
+def test_blend_is_continuous_and_local(rig, blend, time, jump, within):
     project, name, numbers = world(rig)
     (clip,) = clips_of(project, name, 0)
     cut = split_clip(project, name, numbers, inside(clip, 0.5))
@@ -147,7 +147,7 @@ def test_a_stretched_clip_plays_the_same_in_another_time_and_back_is_nothing(rig
 @rigs
 @laws
 @given(share=SHARES, delay=st.floats(-1, 1), time=TIMES, speed=SPEEDS)
-def test_what_is_done_to_clips_commutes_with_a_shift(rig, share, delay, time, speed):
+def test_clip_edits_commute_with_time_shift(rig, share, delay, time, speed):
     project, name, numbers = world(rig, speed)
     (clip,) = clips_of(project, name, 0)
 
@@ -279,7 +279,7 @@ def test_markers_are_added_moved_named_and_removed():
             wrong()
 
 
-def test_a_lane_of_segments_says_what_is_wrong_with_it():
+def test_invalid_segments_are_reported():
     for wrong, words in (
         ([Segment(0, 0)], "no length"),
         ([Segment(1, 2)], "does not begin"),

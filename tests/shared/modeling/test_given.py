@@ -45,13 +45,13 @@ FOLDED = 0.2
 
 
 def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
-    """The chair that is performed, and beside it a stool that stands still."""
+    """Returns a performed chair, and a still stool next to it."""
     mesh = replace(STOOL, vertices=STOOL.vertices * size)
     project, name = paste_character(WORLD, project_of_mesh(mesh, "stool"), "stool")
     return move_character(project, name, place)
 
 
-def test_a_still_mesh_performs_where_it_stands_as_large_as_it_is():
+def test_transferred_performance_keeps_position_and_size():
     before = with_stool(0.5)
     stood = vertices_of(before, "stool", 0.0)
     project, name = give_performance(before, SOURCE, "stool", nodes=NODES)
@@ -85,7 +85,7 @@ def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size,
         )
 
 
-def test_it_plays_when_the_one_plays_that_it_comes_from():
+def test_transferred_performance_keeps_timing():
     project = change_layers(shift_character(with_stool(), SOURCE, 1.5), SOURCE, [0], speed=0.5, loop=True)
     made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
     part, source = made.graph(name).parts[0], made.graph(SOURCE).parts[0]
@@ -106,20 +106,20 @@ def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     assert second == f"{name} performed 2" and set(again.characters) == {*made.characters, second}
 
 
-def test_a_mesh_as_it_was_opened_is_the_one_that_moves():
+def test_unedited_mesh_receives_the_motion_itself():
     project = make_puppet(WORLD, replace(STOOL, vertices=2.0 * STOOL.vertices), "stool")
     made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
     assert name == "stool" and set(made.characters) == set(project.characters)
     assert made.graph("stool").parts[0].possession is not None
 
 
-def test_what_moves_already_is_copied_too():
+def test_animated_target_is_copied():
     project, copied = paste_character(WORLD, WORLD, SOURCE)
     made, name = give_performance(project, SOURCE, copied, nodes=NODES)
     assert name == f"{copied} performed" and same(made.graph(copied), project.graph(copied))
 
 
-def test_what_cannot_be_given_is_said():
+def test_impossible_transfer_is_reported():
     project = with_stool()
     with pytest.raises(InputError, match="performers moved no part"):
         give_performance(project, "stool", SOURCE)

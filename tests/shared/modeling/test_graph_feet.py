@@ -130,7 +130,7 @@ def test_held_feet_stay_held_through_edits_and_are_found_again_after_an_edit_of_
     assert len(later.graph("table").over) == 1, "one layer holds them"
 
 
-def test_what_has_no_feet_or_way_says_so() -> None:
+def test_missing_feet_or_unknown_mode_are_reported() -> None:
     project = walking()
     with pytest.raises(InputError, match="sometimes"):
         lock_feet(project, "table", [0], "sometimes")

@@ -50,7 +50,7 @@ def turn_apart(a, b) -> float:
 
 @laws
 @given(frames, st.lists(angles, min_size=6, max_size=6), st.sampled_from(EASES))
-def test_at_a_key_the_bone_is_turned_by_it_after_its_motion(at, degrees, ease):
+def test_key_rotates_bone_after_its_motion(at, degrees, ease):
     project = keyed(at, degrees, ease)
     for frame, each in zip(at, degrees, strict=False):
         time = frame * KEY_STEP
@@ -156,7 +156,7 @@ def test_a_copy_has_keys_of_its_own():
     assert keys_of(changed, other, BONE)[0][1].degrees == (0, -40, 0)
 
 
-def test_what_is_exported_has_the_keys():
+def test_export_contains_the_keys():
     project = set_key(set_key(PROJECT, ARM, BONE, 0.0, (0, 0, 0)), ARM, BONE, 1.0, (0, 60, 0))
     performance = performance_of(project, ARM, 0.0, 1.0, 30.0)
     last = posed(project, project.shape(ARM), 1.0)[0]
@@ -164,7 +164,7 @@ def test_what_is_exported_has_the_keys():
     assert turn_apart(last[BONE], posed(PROJECT, PROJECT.shape(ARM), 1.0)[0][BONE]) > 0.1
 
 
-def test_what_is_no_key_is_refused():
+def test_invalid_key_is_refused():
     project = set_key(PROJECT, ARM, BONE, 0.5, (0, 40, 0))
     late = change_layers(project, ARM, [key_layer(project, ARM, BONE)], offset=1.0)
     for wrong, words in (

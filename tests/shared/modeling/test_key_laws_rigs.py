@@ -101,7 +101,7 @@ def test_keys_of_anything_are_a_layer_as_any_other(rig, handle, at, degrees, way
 @wholes
 @laws
 @given(frames, angles, ways, st.floats(-0.5, 3))
-def test_at_a_key_the_whole_is_turned_and_moved_by_it_and_between_it_is_rigid(rig, at, degrees, way, time):
+def test_root_key_moves_character_rigidly(rig, at, degrees, way, time):
     project, name = keyed(rig, None, at[:1], degrees, way)
     plain = WORLDS[rig][0]
     project = set_key(project, name, None, at[1] * KEY_STEP, (0, 0, 0), metres=(0, 0, 0))
@@ -116,7 +116,7 @@ def test_at_a_key_the_whole_is_turned_and_moved_by_it_and_between_it_is_rigid(ri
 @nodes
 @laws
 @given(frames, angles, ways)
-def test_at_a_key_the_node_is_there_and_what_is_far_away_stays(rig, handle, at, degrees, way):
+def test_node_key_moves_node_and_not_distant_parts(rig, handle, at, degrees, way):
     project, name = keyed(rig, handle, at, degrees, way)
     plain, time = WORLDS[rig][0], at[0] * KEY_STEP
     before = graph_pose(plain, plain.graph(name), time)
@@ -166,7 +166,7 @@ EDITS = {
 @pytest.mark.parametrize("edit", EDITS)
 @settings(deadline=None, max_examples=3)
 @given(st.integers(0, 60), angles, ways, ways)
-def test_set_by_hand_it_is_there_and_other_keys_stay(rig, handle, edit, frame, degrees, way, to):
+def test_dragged_key_reaches_target_and_keeps_other_keys(rig, handle, edit, frame, degrees, way, to):
     project, name = keyed(rig, handle, [90], degrees, way)
     project, time = EDITS[edit](project, name), frame * KEY_STEP
     late = vertices_of(project, name, 3.0)
@@ -185,7 +185,7 @@ def test_set_by_hand_it_is_there_and_other_keys_stay(rig, handle, edit, frame, d
 
 
 @wholes
-def test_a_key_is_set_by_hand_of_what_plays_within_layers_and_beside_another(rig):
+def test_key_can_be_set_within_layers_and_next_to_another(rig):
     project, name = keyed(rig, None, [0, 30], (0, 40, 5), (0.2, 0.1, 0))
     first = key_layer(project, name, None)
     layer = project.character(name).playing[first]
@@ -199,7 +199,7 @@ def test_a_key_is_set_by_hand_of_what_plays_within_layers_and_beside_another(rig
 
 
 @wholes
-def test_a_handle_of_what_keys_moved_goes_where_it_is_dragged_and_bones_point_there(rig):
+def test_dragged_handle_of_keyed_character_reaches_target(rig):
     project, name = keyed(rig, None, [0, 30], (0, 40, 5), (0.2, 0.1, 0))
     if rig != "bones":
         return
@@ -214,7 +214,7 @@ def test_a_handle_of_what_keys_moved_goes_where_it_is_dragged_and_bones_point_th
 
 
 @things
-def test_what_is_exported_has_the_keys(rig, handle):
+def test_export_contains_the_keys(rig, handle):
     project, name = keyed(rig, handle, [0, 30], (0, 40, 0), (0.3, 0.2, 0))
     seen, before = (vertices_of(one, name, 1.0) for one in (project, WORLDS[rig][0]))
     assert np.abs(seen - before).max() > 0.02
@@ -245,7 +245,7 @@ def test_a_merge_goes_on_with_the_keys_of_its_host(rig):
     assert keys_of(whole, name, None) == keys_of(project, name, None) and list(whole.characters) == [name]
 
 
-def test_what_takes_no_keys_is_refused():
+def test_character_without_keys_is_refused():
     for rig, handle, words in (
         ("points", 1, "no node 1"),
         ("cage", "front", "no node 'front'"),

@@ -144,7 +144,7 @@ def test_clips_are_split_trimmed_and_shifted_under_curves(rig, fast, weights, ti
 
 
 @worlds
-def test_what_is_exported_is_what_is_seen(rig):
+def test_export_matches_displayed_motion(rig):
     project, name = WORLDS[rig]
     numbers = all_of(project, name)
     for number in numbers:

@@ -28,7 +28,7 @@ from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.rotation import rotate
 
 BAKED = 0.02
-"""Share of a puppet's size by which it may be off when it is baked (BakeSettings): what the note says."""
+"""Maximum error of a baked puppet relative to its size (BakeSettings), as stated in the note."""
 ROUNDED = 2e-3
 """Metres between two frames of a recorded skeleton: rotations are mixed in proportion there."""
 FRAME = 1.0 / 60.0
@@ -40,7 +40,7 @@ pairs = pytest.mark.parametrize(("host", "graft"), [*UNLIKE, ("bones", "possesse
 
 
 def beside(host, graft, time):
-    """Both in one project, the graft so far to the right that the two do not touch."""
+    """Returns both in one project, with the graft far enough to the right not to touch the host."""
     project, ours = paste_character(Project(), *WORLDS[host])
     project, theirs = paste_character(project, *WORLDS[graft])
     one, other = (vertices_of(project, name, time) for name in (ours, theirs))
@@ -104,7 +104,7 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
 
 @settings(deadline=None, max_examples=8)
 @given(factor=st.floats(0.4, 2.5), time=st.floats(-0.5, 2.0), seed=st.integers(0, 99))
-def test_what_rides_is_scaled_mirrored_and_moved_with_its_host_at_every_time(factor, time, seed):
+def test_graft_follows_scaling_mirroring_and_moving_of_host(factor, time, seed):
     project, ours, theirs = beside("bones", "graph", 0.5)
     merged = merge_characters(project, ours, theirs, 0.5, loose=True)
     seen, random = vertices_of(merged, ours, time), np.random.default_rng(seed)
@@ -134,7 +134,7 @@ def test_a_loop_goes_on_for_ever():
         assert off(vertices_of(merged, name, at), vertices_of(project, name, at)) < ROUNDED
 
 
-def test_what_cannot_be_merged_is_said():
+def test_impossible_merge_is_reported():
     project, ours, theirs = beside("bones", "points", 0.2)
     bare = project.with_characters(project.shape(ours).with_changes(mesh=None, skin=None))
     with pytest.raises(InputError, match="no mesh"):

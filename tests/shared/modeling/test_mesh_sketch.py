@@ -1,4 +1,4 @@
-"""Sketches: any closed stroke becomes a closed, even, weighted part whose bones run where they should."""
+"""Tests of sketches: any closed stroke becomes a closed, even, weighted part with correctly placed bones."""
 
 import numpy as np
 import pytest
@@ -155,7 +155,7 @@ def test_the_ends_of_a_stroke_may_run_past_each_other():
         (np.zeros((0, 2)), "dot or a line"),
     ],
 )
-def test_what_is_no_outline_is_refused_with_a_reason(stroke, why):
+def test_invalid_outline_is_refused_with_a_reason(stroke, why):
     with pytest.raises(InputError, match=why):
         shape_from_stroke(np.array(stroke, float))
 

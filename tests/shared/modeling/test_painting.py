@@ -50,7 +50,7 @@ def painted(seed=3):
 
 @laws
 @given(SEEDS, BRUSHES, st.floats(0.1, 1.5))
-def test_a_stroke_changes_what_it_covers_and_nothing_else(seed, brush, radius):
+def test_stroke_changes_only_covered_surface(seed, brush, radius):
     rng = np.random.default_rng(seed)
     mesh = painted(seed % 7).graph("block").mesh
     stroke = rng.uniform(-1, 1, (4, 3))
@@ -95,7 +95,7 @@ def test_undo_is_bit_for_bit_and_clearing_leaves_nothing():
 
 @laws
 @given(SEEDS, st.floats(-0.7, 0.7))
-def test_a_cut_and_a_merge_carry_what_is_painted(seed, x):
+def test_cut_and_merge_keep_paint(seed, x):
     project = painted(seed % 5)
     mesh = project.graph("block").mesh
     known = {tuple(v): s for v, s in zip(mesh.vertices.tolist(), mesh.stiffness.tolist(), strict=True)}
@@ -117,7 +117,7 @@ def test_a_cut_and_a_merge_carry_what_is_painted(seed, x):
             assert value == pytest.approx(known[tuple(place)], rel=1e-6)
 
 
-def test_copy_move_scale_mirror_save_send_and_refine_carry_what_is_painted():
+def test_all_edits_keep_paint():
     project = painted()
     own = project.graph("block").mesh.stiffness
     copied, name = copy_character(project, "block")

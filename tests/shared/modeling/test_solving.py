@@ -1,4 +1,5 @@
-"""The motion of a possessed mesh is solved again by its performers: what fits still, and what follows."""
+"""Tests of solving a possessed mesh's motion again from its performers: which solutions stay valid, and which
+follow."""
 
 from __future__ import annotations
 
@@ -72,7 +73,7 @@ def similar(project, name, kind, random):
 
 @laws
 @given(seed=SEEDS)
-def test_what_carries_the_whole_shape_along_keeps_the_motion_and_solving_gives_the_same(seed):
+def test_rigid_edits_keep_motion_and_solution(seed):
     """Solving commutes with moves, turns, scales, mirrors and times, in any order."""
     random, (project, name) = np.random.default_rng(seed), WORLD
     for kind in random.permutation(6):
@@ -156,8 +157,8 @@ def leg_cut(project, name, time=0.0):
 
 @laws
 @given(seed=st.integers(0, 20))
-def test_with_a_leg_cut_off_both_go_on_and_are_solved_as_what_they_are(seed):
-    """The chair follows its performer as nearly as before, and what is above the seat hardly knows."""
+def test_both_parts_are_solved_after_cutting_a_leg(seed):
+    """The chair follows its performer as closely as before, and parts above the seat hardly change."""
     project, name = possessed_chair(frames=30, seed=seed)
     whole = vertices_of(project, name, 0.7)
     cut, (chair, leg) = leg_cut(project, name)
@@ -189,7 +190,7 @@ def test_a_merge_is_solved_part_by_part_and_a_ride_goes_on():
         assert np.linalg.norm(off, axis=1).mean() < 0.02
 
 
-def test_a_paste_brings_performers_along_and_history_gives_back_what_was_solved():
+def test_paste_keeps_performers_and_undo_restores_solution():
     project, name = WORLD
     other, copied = paste_character(Project(), project, name)
     assert list(other.bodies) == ["sway"] and not is_stale(other, copied)
@@ -267,7 +268,7 @@ def test_progress_notes_and_refusals():
         settings_of(replace(how, settings='{"fades": 1}'))
 
 
-def test_what_is_painted_counts_when_the_performers_take_hold_again():
+def test_painted_softness_affects_the_next_solve():
     project, name = WORLD
     middle, wide = project.graph(name).mesh.vertices.mean(0)[None], 5.0
     soft = paint_character(project, name, middle, wide, "softer")

@@ -1,4 +1,4 @@
-"""The code of docs/surgery.md runs as it stands and says what the page says."""
+"""Tests that the code of docs/surgery.md runs unchanged and prints the page's output."""
 
 import re
 from pathlib import Path

@@ -92,7 +92,7 @@ def volume(mesh):
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def test_a_shape_plays_what_was_recorded(walking):
+def test_shape_plays_the_recording(walking):
     project, character, poses = walking
     shape = project.graph("block")
     for k in (0, 5, 12):
@@ -263,7 +263,7 @@ def test_undo_knows_possessed_meshes_too(walking):
     assert same(history.undo(), project)
 
 
-def test_what_cannot_be_done_is_said(walking):
+def test_impossible_edit_is_reported(walking):
     project, character, poses = walking
     shape = project.graph("block")
     unplayed = shape.with_changes(parts=(GraphPart("nothing", shape.parts[0].nodes),))

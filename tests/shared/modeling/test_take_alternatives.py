@@ -1,4 +1,4 @@
-"""Takes of which one is heard: kept beside one another, chosen, and dropped with all that was theirs."""
+"""Tests of alternative takes (comping): stored together, selected, and removed with all their data."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def turn(project: Project, second: float = 0.25) -> np.ndarray:
     return pose_of(project, "arm", second).turns
 
 
-def test_the_last_is_heard_and_each_plays_as_if_it_were_the_only_one() -> None:
+def test_last_alternative_plays_and_each_plays_alone() -> None:
     project = three()
     assert takes_beside(project, "take 1") == {"take 1": False, "take 2": False, "take 3": True}
     assert alternatives_of(project, "take 2") == "take 1" and alternatives_of(project, "take 0") == "take 0"
@@ -57,7 +57,7 @@ def test_the_last_is_heard_and_each_plays_as_if_it_were_the_only_one() -> None:
 
 @given(st.permutations([1, 2, 3]))
 @settings(max_examples=6)
-def test_dropping_leaves_the_others_and_nothing_of_what_is_dropped(order) -> None:
+def test_dropping_removes_one_alternative_completely(order) -> None:
     project = three()
     for left, number in zip((2, 1, 0), order, strict=True):
         was = takes_beside(project, "take 1")

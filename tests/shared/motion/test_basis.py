@@ -23,7 +23,7 @@ def axes(q):
 
 @laws
 @given(vectors, vectors, vectors)
-def test_it_is_what_the_paper_says(first, view, up):
+def test_basis_matches_the_paper(first, view, up):
     x, y, z = axes(basis_of(first, view, up))
     np.testing.assert_allclose(z, first / np.linalg.norm(first), atol=1e-9)
     np.testing.assert_allclose(np.cross(y, z), x, atol=1e-9)
@@ -96,7 +96,7 @@ def test_a_bend_upward_of_a_right_arm_is_one_of_a_left_arm():
     assert rotate(bend, [1.0, 0, 0])[1] > 0.4 and rotate(turned, [-1.0, 0, 0])[1] > 0.4
 
 
-def test_no_direction_is_refused():
+def test_zero_direction_is_refused():
     for bad in ([0.0, 0.0, 0.0], [np.nan, 0, 0], [1.0, 0.0]):
         with pytest.raises(InputError, match="no direction"):
             basis_between(bad, [0.0, 0.0, 1.0])

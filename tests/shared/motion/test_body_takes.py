@@ -1,4 +1,4 @@
-"""Takes of joints: every frame as it was measured, whatever is missing in it."""
+"""Tests that takes of joints store every measured frame, including incomplete ones."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def frames_of(in_view, seed: int) -> list[BodyFrame]:
 
 
 @given(people_in_view, st.integers(0, 99))
-def test_every_frame_comes_back_as_it_was_measured(in_view, seed):
+def test_frames_are_returned_unchanged(in_view, seed):
     frames = frames_of(in_view, seed)
     begin = next((i for i, who in enumerate(in_view) if who), None)
     if begin is None:
@@ -71,7 +71,7 @@ def test_a_recording_is_a_take(tmp_path):
         ({"confidence": np.full((2, 1, 20), 1.5)}, "confidence"),
     ],
 )
-def test_what_does_not_fit_is_refused(change, message):
+def test_inconsistent_take_is_refused(change, message):
     whole = {
         "seconds": [0.0, 0.1],
         "people": [1],

@@ -33,7 +33,7 @@ _TRUNK = [[0, 0.95, 0], [0, 1.05, 0], [0, 1.4, 0], [0, 1.6, 0]]
 _ARM = np.array([[0.2, 1.4, 0], [0.22, 1.12, 0], [0.22, 0.88, 0], [0.22, 0.8, 0]])
 _LEG = np.array([[0.1, 0.9, 0], [0.1, 0.5, 0], [0.1, 0.1, 0], [0.1, 0.05, 0.1]])
 STANDING = np.concatenate([_TRUNK, _ARM, _ARM * [-1, 1, 1], _LEG, _LEG * [-1, 1, 1]])
-"""(20, 3) somebody who stands with hanging arms."""
+"""(20, 3) joints of a standing person with hanging arms."""
 
 
 def joints_of(clip):
@@ -82,7 +82,7 @@ def test_a_capture_is_its_joints_in_metres(seed, unit, carrier, rest):
         assert angle(clip.turns[at_rest], np.tile(EYE, (20, 1))) < 1e-6
 
 
-def test_the_zero_pose_is_the_rest_where_it_stands():
+def test_standing_zero_pose_is_the_rest_pose():
     capture = a_capture(np.random.default_rng(0))
     clip = clip_of_capture(capture, "take")
     floor = np.percentile(capture.positions[:, :, 1].min(1), 10)
@@ -103,7 +103,7 @@ def test_the_zero_pose_is_the_rest_where_it_stands():
     )
 
 
-def test_what_a_file_cannot_be_asked():
+def test_invalid_file_options_are_refused():
     capture = a_capture(np.random.default_rng(0))
     with pytest.raises(InputError, match="no rest pose 12"):
         clip_of_capture(capture, "take", rest=12)

@@ -29,7 +29,7 @@ def steps(phases, stride=0.5, lift=0.3):
     return np.array(at), np.array(stood)
 
 
-def test_a_walking_foot_stands_where_it_stood():
+def test_planted_foot_stays_in_place():
     at, stood = steps([0.5, 0.4, 0.6, 0.4, 0.5])
     contacts = contacts_of(at, STEP, 0.9, HOW)
     assert len(contacts.starts) == 3
@@ -53,7 +53,7 @@ def test_a_foot_in_the_air_or_sliding_does_not_stand():
     assert (contacts_of(flying, STEP, 0.9, HOW).ends - contacts_of(flying, STEP, 0.9, HOW).starts < 0.3).all()
 
 
-def test_one_moment_stands():
+def test_single_frame_is_a_contact():
     contacts = contacts_of(np.array([[1.0, 2.0, 3.0]]), 1.0, 0.9, HOW)
     assert contacts.starts[0] == -np.inf and np.array_equal(contacts.places, [[1, 2, 3]])
 
@@ -111,6 +111,6 @@ def test_between_two_contacts_the_place_moves_without_a_jump():
     assert weights[(fine <= 1.0) | (fine >= 1.15)].min() == 1.0
 
 
-def test_nothing_to_hold():
+def test_no_contacts_change_nothing():
     weights, goals = held([0.0, 1.0], [], [], [])
     assert not weights.any() and not goals.any()

@@ -34,7 +34,7 @@ def posed(clip, chain):
 
 
 def line(rng, joints, bend=0.3):
-    """A polyline whose bones are about as long and about as one."""
+    """Returns a polyline with a length of about one and similar bones."""
     links = np.array([0.0, -0.2, 0.0]) + rng.normal(size=(joints, 3)) * 0.2 * bend
     names = tuple(f"j{i}" for i in range(joints))
     return Skeleton(names, np.arange(-1, joints - 1, dtype=np.int32), links.cumsum(0))
@@ -65,7 +65,7 @@ def test_the_end_is_where_the_takes_is(seed, joints, mirrored):
 
 @laws
 @given(seeds)
-def test_on_its_own_polyline_it_is_the_take(seed):
+def test_retargeting_to_own_polyline_gives_the_take(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 6, branching=0.0)
     clip = random_clip(rng, skeleton)

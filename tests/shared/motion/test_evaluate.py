@@ -81,7 +81,8 @@ def any_spans(rng, names):
 
 
 def any_project(rng):
-    """Two takes, four layers played anyhow, and a shape whose every bone has any spans of them."""
+    """Returns two takes, four layers with random parameters, and a shape with random spans of them on every
+    bone."""
     clips = [random_clip(rng, random_skeleton(rng, 6), 7, name) for name in ("one", "two")]
     layers = []
     for i in range(4):
@@ -302,7 +303,7 @@ def test_there_must_be_such_a_shape():
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0, 2.0])
-def test_a_looped_take_goes_on_from_where_it_ended(speed):
+def test_looped_take_continues_from_its_end(speed):
     rng = np.random.default_rng(8)
     project, clip, _ = scene(rng)
     project = bind_chain(project, "shape", (0,), "take", (0,), basis=random_turn(rng), speed=speed, loop=True)
@@ -313,6 +314,6 @@ def test_a_looped_take_goes_on_from_where_it_ended(speed):
     for rounds in (-2, 1, 5):
         later = player.root(times + rounds * period)
         np.testing.assert_allclose(later, player.root(times) + rounds * way, atol=1e-9)
-    # Over the ground there is no jump where it begins again.
+    # The position over the ground has no jump where the loop restarts.
     seam = rotate(conjugate(layer.basis), np.diff(player.root(period + np.array([-1e-9, 1e-9])), axis=0)[0])
     assert np.abs(seam[[0, 2]]).max() < 1e-6

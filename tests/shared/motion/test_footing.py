@@ -118,7 +118,7 @@ def test_without_a_word_feet_stand_as_they_did():
     assert foot_modes(project, shape, held_pins(shape)) is None
 
 
-def test_feet_are_found_and_what_is_no_way_is_refused():
+def test_feet_are_found_and_unknown_modes_are_refused():
     project = walking(walk())
     made = lock_feet(project, "walker", [0, 1], "always")
     assert {pin.joint for pin in made.shape("walker").pins} == set(ANKLES)

@@ -28,7 +28,7 @@ def bent(limb, goal, side=FRONT):
 
 @laws
 @given(seeds)
-def test_two_bones_meet_what_they_can_reach(seed):
+def test_two_bones_reach_reachable_targets(seed):
     rng = np.random.default_rng(seed)
     limb = rng.normal(size=(3, 3))
     a, b = np.linalg.norm(np.diff(limb, axis=0), axis=1)
@@ -83,7 +83,7 @@ def test_odd_limbs_stay_finite():
 
 @laws
 @given(seeds, st.integers(2, 12), st.booleans())
-def test_chains_meet_what_they_can_reach(seed, count, straight):
+def test_chains_reach_reachable_targets(seed, count, straight):
     rng = np.random.default_rng(seed)
     links = np.tile(rng.normal(size=3), (count - 1, 1)) if straight else rng.normal(size=(count - 1, 3))
     sizes = np.linalg.norm(links, axis=1)

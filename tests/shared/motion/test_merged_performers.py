@@ -23,7 +23,7 @@ def body(who: int, number: int, x: float = 0.0):
 
 
 def frames(count: int, who) -> list[BodyFrame]:
-    """Frames in which the function says who is seen, each with a place."""
+    """Returns frames in which the function determines the visible people and their positions."""
     return [BodyFrame([body(i, n, x) for i, x in who(n)], n * STEP, "edge") for n in range(count)]
 
 
@@ -50,12 +50,12 @@ def test_24_losses_make_one_take() -> None:
     assert list(takes) == ["take 1"] and takes["take 1"] == pytest.approx(24 * 40 / 30, abs=0.2)
 
 
-def test_the_same_id_is_one_take_however_long_it_was_away() -> None:
+def test_same_id_is_one_take_after_any_gap() -> None:
     takes = recorded(frames(600, lambda n: [] if 100 < n < 400 else [(1, 0.0)]))
     assert list(takes) == ["take 1"] and takes["take 1"] == pytest.approx(599 / 30, abs=0.1)
 
 
-def test_who_is_lost_holds_still_and_does_not_slide() -> None:
+def test_lost_performer_stays_still() -> None:
     seen = frames(200, lambda n: [(1, 0.0)] if n < 60 else [(1, 1.2)] if n > 140 else [])
     merged = merge_performers(seen)
     hips = {f.time_ns // STEP: b.joints[0, 0] for f in merged.frames for b in f.bodies}
@@ -63,7 +63,7 @@ def test_who_is_lost_holds_still_and_does_not_slide() -> None:
     assert last > 125 and hips[last] == pytest.approx(hips[59]), "still until shortly before"
 
 
-def test_two_performers_who_cross_while_lost_keep_their_own_takes() -> None:
+def test_crossing_performers_keep_their_takes() -> None:
     def who(n: int):
         if 80 <= n < 90:
             return []
@@ -77,7 +77,7 @@ def test_two_performers_who_cross_while_lost_keep_their_own_takes() -> None:
     assert merged.people == {1: 1, 2: 2, 8: 1, 9: 2}, "by where they were lost"
 
 
-def test_somebody_else_who_comes_later_or_elsewhere_has_a_take_of_their_own() -> None:
+def test_different_person_gets_a_separate_take() -> None:
     later = frames(400, lambda n: [(1, 0.0)] if n < 100 else [(2, 0.2)] if n > 260 else [])
     assert merge_performers(later).people == {1: 1, 2: 2}
     elsewhere = frames(200, lambda n: [(1, 0.0)] if n < 100 else [(2, 4.0)] if n > 105 else [])
@@ -86,14 +86,14 @@ def test_somebody_else_who_comes_later_or_elsewhere_has_a_take_of_their_own() ->
     assert merge_performers(beside).people == {1: 1, 2: 2}, "both are there at once"
 
 
-def test_a_hold_that_was_handed_over_tells_who_it_is() -> None:
+def test_handed_over_hold_identifies_the_performer() -> None:
     """Even after a long time and far away, as the edge knows that it is the same performer."""
     seen = frames(400, lambda n: [(1, 0.0)] if n < 100 else [(5, 3.0)] if n > 300 else [])
     takes = recorded(seen, held(1), held(5, 10.1, "take over", 1))
     assert list(takes) == ["take 1"]
 
 
-def test_who_held_nothing_is_an_onlooker() -> None:
+def test_unattached_person_is_an_onlooker() -> None:
     seen = frames(200, lambda n: [(1, 0.0), (2, 3.0), *([(3, -3.0)] if n > 100 else [])])
     assert list(recorded(seen, held(2))) == ["take 1", "take 1 onlooker 1", "take 1 onlooker 2"]
     assert list(recorded(seen)) == ["take 1 1", "take 1 2", "take 1 3"], (

@@ -1,4 +1,4 @@
-"""What was performed live becomes takes and layers that play as it was seen."""
+"""Tests that a live performance becomes takes and layers that play as displayed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size
 
 @given(BENDS, st.floats(0.0, 4.0))
 @settings(max_examples=25)
-def test_a_shape_plays_as_it_was_seen_from_the_second_of_the_recording_on(bends, start: float) -> None:
+def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     own = waving(bends)
     made, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
     shape = made.shape("arm")
@@ -53,7 +53,7 @@ def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_tak
 
 @given(BENDS, BENDS, st.booleans())
 @settings(max_examples=15)
-def test_what_is_shown_while_it_is_recorded_is_what_plays_afterwards(first, second, replaces: bool) -> None:
+def test_live_display_matches_later_playback(first, second, replaces: bool) -> None:
     before, _ = with_performed(Project().with_characters(ARM), performed(waving(first)), BEGIN)
     live = performed(waving(second), "take 2", root=0.0)
     after, _ = with_performed(before, live, BEGIN, replaces=replaces)
@@ -71,7 +71,7 @@ def test_what_is_shown_while_it_is_recorded_is_what_plays_afterwards(first, seco
             np.testing.assert_allclose(alone.linear, played.linear, atol=1e-6)
 
 
-def test_a_root_that_goes_takes_the_shape_along_from_where_it_stands() -> None:
+def test_moving_root_carries_shape_from_its_position() -> None:
     made, _ = with_performed(
         Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
     )
@@ -80,7 +80,7 @@ def test_a_root_that_goes_takes_the_shape_along_from_where_it_stands() -> None:
     np.testing.assert_allclose(went[1] - went[0], [0.5, 0.0, 0.0], atol=1e-3)
 
 
-def test_who_was_in_view_is_a_take_and_what_stood_still_adds_nothing() -> None:
+def test_visible_performers_become_takes_and_still_parts_add_nothing() -> None:
     still = performed(waving({}))
     rng = np.random.default_rng(0)
     joints = rng.normal(size=(20, 3))

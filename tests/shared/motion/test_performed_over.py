@@ -1,4 +1,4 @@
-"""What is performed over a possessed mesh, and what is punched in, leaves everything else as it was."""
+"""Tests that an overdub of a possessed mesh, and a punch-in, leave everything else unchanged."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def chair() -> Project:
 
 
 def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Performed:
-    """What an edge would publish of the chair held by its top: it swings, aside of where it plays."""
+    """Returns an edge's messages for the chair held at its top: it swings, away from its playing position."""
     character, poses = character_of_graph(shape), []
     top = shape.positions[:, 1] > np.quantile(shape.positions[:, 1], 0.7)
     stands = to_matrix(from_rotation_vector(np.array([0.0, 0.7, 0.0])))
@@ -60,7 +60,7 @@ def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Perfor
     return Performed("take 2", BEGIN, characters={key: character}, poses={key: poses})
 
 
-def test_what_was_held_moves_over_what_plays_and_the_rest_plays_as_before(chair: Project) -> None:
+def test_overdub_changes_only_attached_parts(chair: Project) -> None:
     before = chair.graph("chair")
     made, names = with_performed(chair, lifted(before), BEGIN)
     after = made.graph("chair")
@@ -73,7 +73,7 @@ def test_what_was_held_moves_over_what_plays_and_the_rest_plays_as_before(chair:
         assert apart[~low].max() > 0.05, "its back bows"
 
 
-def test_what_is_shown_while_it_is_recorded_is_what_plays_afterwards(chair: Project) -> None:
+def test_live_display_matches_later_playback(chair: Project) -> None:
     done = lifted(chair.graph("chair"))
     made, _ = with_performed(chair, done, BEGIN)
     live = LiveOver(chair, "chair", done.characters["chair", 2])
@@ -153,7 +153,7 @@ def seen(project: Project, name: str, second: float) -> np.ndarray:
 
 @given(st.floats(0.2, 0.9))
 @settings(max_examples=5)
-def test_edits_of_the_whole_carry_what_was_performed_over_it(chair: Project, second: float) -> None:
+def test_global_edits_keep_overdub(chair: Project, second: float) -> None:
     made, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
     was = seen(made, "chair", second)
     moved = move_character(made, "chair", [1.0, 0.5, 0.0])
@@ -170,7 +170,7 @@ def test_edits_of_the_whole_carry_what_was_performed_over_it(chair: Project, sec
     )
 
 
-def test_a_cut_and_a_merge_keep_what_was_performed_over_it(chair: Project) -> None:
+def test_cut_and_merge_keep_overdub(chair: Project) -> None:
     made, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
     middle = seen(made, "chair", 0.6).mean(0)
     cut, (near, far) = cut_character(made, "chair", PlaneCut(middle, np.array([0.0, 1.0, 0.0])), 0.6)
@@ -190,7 +190,7 @@ SPANS = st.tuples(st.floats(0.0, 1.5), st.floats(0.3, 1.0))
 
 @given(SPANS, st.booleans(), st.booleans())
 @settings(max_examples=30)
-def test_a_punch_leaves_a_layer_as_it_was_outside_of_its_span(span, hold: bool, loop: bool) -> None:
+def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: bool) -> None:
     own = waving({1: 0.7})
     project, _ = with_performed(Project().with_characters(ARM), performed(own), BEGIN - 500_000_000)
     layer = replace(project.shape("arm").layers[0], hold=hold, loop=loop)

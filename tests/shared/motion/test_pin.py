@@ -131,7 +131,7 @@ def test_there_is_no_jump(rise):
         assert steps.max() < np.linalg.norm(np.diff(free[:, joint], axis=0), axis=1).max() + 0.002
 
 
-def test_one_time_is_as_many_times():
+def test_pinned_pose_at_one_time_matches_sampled_poses():
     project = pin_feet(walking(walk()), "walker", FEET)
     turns, joints = Player(project, "walker").sample(TIMES)
     player = Player(project, "walker")
@@ -246,12 +246,12 @@ def test_pins_come_and_go():
         ([99], None, "no joint 99"),
     ],
 )
-def test_what_cannot_be_pinned(joints, start, said):
+def test_unpinnable_joint_is_refused(joints, start, said):
     with pytest.raises(InputError, match=said):
         pin_feet(walking(walk()), "walker", joints, start=start)
 
 
-def test_where_a_limb_bends():
+def test_bending_joint_of_a_limb():
     middle, side = bend_of(WALKER, (1, 2, 3))
     assert middle == 1 and np.allclose(side, [0, 0, 0.02], atol=1e-3)
     straight = Skeleton(

@@ -138,7 +138,7 @@ def test_one_frame_is_played_for_ever():
     ("chain", "said"),
     [((), "no joint"), ((0, 9), "no joint 9"), ((0, 2), "no neighbours"), ((0, 1, 0), "twice")],
 )
-def test_what_is_no_chain_is_refused(chain, said):
+def test_invalid_chain_is_refused(chain, said):
     skeleton = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.eye(3))
     clip = random_clip(np.random.default_rng(0), skeleton)
     with pytest.raises(InputError, match=said):

@@ -1,4 +1,4 @@
-"""Turns of bones from the places of joints: the kernel against the same in plain NumPy, and what is odd."""
+"""Tests of bone rotations from joint positions: the kernel against plain NumPy, and special cases."""
 
 import sys
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_the_kernel_is_the_definition(seed, oriented):
         assert angle(ours[f], plain_turns(skeleton, positions[f], None if known is None else known[f])) < 1e-6
 
 
-def test_joints_on_top_of_one_another_keep_what_carries_them():
+def test_coincident_joints_keep_parent_rotation():
     at = np.array([[0, 1.0, 0], [0, 2, 0], [0, 2, 0], [0, 3, 0]])
     skeleton = Skeleton(tuple("abcd"), np.array([-1, 0, 1, 2], np.int32), at)
     now = np.array([[0, 1.0, 0], [1, 1, 0], [1, 1, 0], [1, 1, 0]])
@@ -87,7 +87,7 @@ def test_bones_at_rest_are_as_long_as_they_mostly_are(seed):
         np.testing.assert_allclose(link, wanted * direction(skeleton.vectors[j]), atol=1e-9)
 
 
-def test_what_was_never_seen_stays_as_it_was_given():
+def test_never_visible_joints_keep_initial_rotation():
     positions = np.arange(24.0).reshape(4, 2, 3)
     seen = np.array([[True, False]] * 4)
     np.testing.assert_array_equal(filled([-1, 0], positions, seen), positions)

@@ -24,7 +24,7 @@ RATE = 30
 
 
 def waving(id: int, seconds: float) -> Body:
-    """Somebody whose left arm swings."""
+    """Returns a person whose left arm swings."""
     joints = STANDING.copy()
     arm = from_rotation_vector([-np.sin(3 * seconds), 0, 0])
     joints[5:8] = joints[4] + rotate(arm, STANDING[5:8] - STANDING[4])
@@ -61,7 +61,7 @@ def test_one_person_gives_the_take_its_name_and_a_short_gap_is_bridged():
     np.testing.assert_allclose(joints_of(clip)[21], waving(1, 21 / RATE).joints, atol=0.01)
 
 
-def test_who_passes_by_is_no_take(tmp_path):
+def test_passer_by_is_not_a_take(tmp_path):
     path = tmp_path / "empty.mcap"
     with Recorder(path) as recorder:
         for i in range(5):
@@ -71,7 +71,7 @@ def test_who_passes_by_is_no_take(tmp_path):
     assert len(clips_of_recording(path, settings=TakeSettings(shortest=0.1))) == 1
 
 
-def test_what_an_edge_published_is_a_take_too(tmp_path):
+def test_published_bodies_become_a_take(tmp_path):
     """The bodies of a performance that was recorded come as the wire carries them, to a millimetre or two."""
     path = tmp_path / "show.mcap"
     with Recorder(path) as recorder:

@@ -43,7 +43,7 @@ def polyline(rng, joints, id="line"):
 
 
 def with_node(shape: Shape, bone: int, at: float) -> Shape:
-    """The shape with a node inside a bone, and what carries each joint's number on."""
+    """Returns the shape with a node inserted into a bone, and a map of the joint numbers."""
     old = shape.skeleton
     place = old.positions[old.parents[bone]] + at * old.vectors[bone]
     names = (*old.names[:bone], f"node {len(old)}", *old.names[bone:])
@@ -210,7 +210,7 @@ def test_a_copy_of_motion_keeps_the_total_turn_and_every_layer(seed, first, seco
     times = times_of(clip)
     one, other = (Player(copied, name).sample(times)[0] for name in ("one", "other"))
     assert angle(multiply(multiply(basis, one[:, -1]), conjugate(basis)), other[:, -1]) < 1e-9
-    # Onto itself, in the place of what is there, it changes nothing.
+    # Retargeting a take onto itself, in place of the existing layer, changes nothing.
     again = copy_motion(project, "one", range(first), "one", range(first), basis=EYE, replaced=True)
     assert angle(Player(again, "one").sample(times)[0], one) < 1e-9
 

@@ -37,12 +37,12 @@ HALF = [
     (Joint.ANKLE_LEFT, (0.22, 0.10, 0.0)),
     (Joint.FOOT_LEFT, (0.22, 0.02, 0.10)),
 ]
-"""The left side of a person who stands in the chair, metres."""
+"""The left side of a person standing in the chair, metres."""
 TRUNK = [(0.0, 0.95, 0.0), (0.0, 1.10, 0.0), (0.0, 1.40, 0.0), (0.0, 1.60, 0.0)]
 
 
 def standing(bow: float = 0.0) -> Body:
-    """A person in the chair who bows by so many radians."""
+    """Returns a person in the chair that bows by an angle in radians."""
     joints = np.zeros((J, 3))
     joints[:4] = TRUNK
     for joint, place in HALF:
@@ -57,7 +57,7 @@ def performed() -> tuple[Project, str]:
     return possess(load_sample("chair"), bodies, STEP, nodes=64)
 
 
-def test_a_possessed_mesh_starts_as_it_was_and_moves(performed):
+def test_possessed_mesh_starts_at_rest_and_moves(performed):
     project, chair = performed
     rest = load_sample("chair").vertices
     assert np.abs(mesh_at(project, chair, 0.0).vertices - rest).max() < 0.02
@@ -71,7 +71,7 @@ def test_a_second_one_has_a_name_of_its_own(performed):
     assert (mesh_at(both, chair, 0.5).vertices == mesh_at(project, chair, 0.5).vertices).all()
 
 
-def test_what_is_cut_is_where_it_was(performed):
+def test_cut_keeps_world_pose(performed):
     project, chair = performed
     whole = mesh_at(project, chair, 0.3).vertices
     parts, names = cut(project, chair, PlaneCut(np.array([0, 1.0, 0]), np.array([0, 1.0, 0])), 0.3)
@@ -80,7 +80,7 @@ def test_what_is_cut_is_where_it_was(performed):
     assert len(names) == 2 and lost == []
 
 
-def test_a_copy_is_beside_and_later(performed):
+def test_copy_is_offset_in_space_and_time(performed):
     project, chair = performed
     twice, second = copy(project, chair, offset=np.array([1.0, 0.0, 0.0]), delay=0.2)
     here, there = mesh_at(twice, chair, 0.1).vertices, mesh_at(twice, second, 0.3).vertices
@@ -102,7 +102,7 @@ def _skeleton():
     return Skeleton(names, np.array([-1, 0, 1, 0, 3, 0, 5]), places)
 
 
-def test_what_cannot_be_done_is_refused_with_a_way_out(performed, tmp_path):
+def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
     project, chair = performed
     far = standing()
     far = replace(far, joints=far.joints + 9.0)

@@ -1,4 +1,4 @@
-"""What is read from orientations, and the mirror's laws."""
+"""Tests of quantities derived from orientations, and of mirror symmetry."""
 
 import numpy as np
 from hypothesis import given, settings

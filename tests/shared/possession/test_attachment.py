@@ -22,7 +22,7 @@ LEFT_ARM = (Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_
 
 
 def standing():
-    """(20, 3) a person of 1.75 m at the origin who faces +Z, forearms held forward, feet apart."""
+    """(20, 3) a person of 1.75 m at the origin, facing +Z, forearms forward, feet apart."""
     joints = np.zeros((J, 3))
     spine = {Joint.HIP_CENTER: 0.95, Joint.SPINE: 1.08, Joint.SHOULDER_CENTER: 1.42, Joint.HEAD: 1.6}
     for joint, height in spine.items():
@@ -143,7 +143,7 @@ def test_out_of_reach_nothing_is_held(graph):
     assert_alike(rest[1], graph.positions, SOLVED)
 
 
-def test_what_is_unknown_does_not_take_hold(graph):
+def test_unknown_joints_are_not_attached(graph):
     joints, sure = standing(), SURE.copy()
     joints[Joint.ELBOW_LEFT] = np.nan
     sure[Joint.KNEE_RIGHT] = 0.0
@@ -291,7 +291,7 @@ def test_taking_hold_of_a_deformed_mesh_moves_nothing(graph):
     forth = (forth * again.node_weights[..., None]).sum(1)
     gaps = np.linalg.norm(forth - again.targets(lifted), axis=1)
     assert np.median(gaps) < 1e-3 and gaps.max() < 0.03
-    # What was stretched relaxes a little; nothing leaps.
+    # Stretched parts relax a little; nothing jumps.
     after = EmbeddedSolver(graph, again, start=state).solve(again.targets(lifted))[1]
     moves = np.linalg.norm(after - positions, axis=1)
     assert moves.mean() < 0.01 and moves.max() < 0.06
@@ -366,7 +366,7 @@ def test_each_limb_reaches_until_enough_of_it_holds(graph, enough, farthest):
         np.testing.assert_allclose(grown.node_weights[found], plain.node_weights[expected], atol=1e-12)
 
 
-def test_who_names_an_arm_takes_hold_with_it_however_far_the_mesh_is(graph):
+def test_named_arm_is_attached_at_any_distance(graph):
     joints = standing()
     joints[[Joint.WRIST_LEFT, Joint.HAND_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_LEFT]] += [0.3, 0.0, 0.0]
     grow = Growth(0.25, 5.0)

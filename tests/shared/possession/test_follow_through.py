@@ -1,4 +1,4 @@
-"""Follow-through: what is soft swings, what is stiff does not, and what goes evenly is where it is."""
+"""Tests of follow-through: soft parts swing, stiff parts do not, and uniform motion has no lag."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -29,7 +29,7 @@ def shown(way, stiffness, exaggeration=1.0):
 
 @laws
 @given(SEEDS, st.floats(0.0, 4.0))
-def test_what_is_not_soft_is_shown_where_it_is_to_the_bit(seed, exaggeration):
+def test_rigid_parts_are_unchanged_bit_for_bit(seed, exaggeration):
     way = way_of(seed)
     np.testing.assert_array_equal(shown(way, None, exaggeration), way)
     np.testing.assert_array_equal(shown(way, np.geomspace(1.0, 50.0, 5), exaggeration), way)
@@ -51,7 +51,7 @@ def test_an_even_speed_is_followed_and_a_rest_is_reached(seed):
 
 @laws
 @given(SEEDS, st.floats(0.1, 2.0), st.floats(0.02, 0.9))
-def test_it_is_linear_in_the_motion_the_exaggeration_and_the_softness(seed, size, stiffness):
+def test_follow_through_is_linear_in_motion_exaggeration_and_softness(seed, size, stiffness):
     way = way_of(seed)
     whole = shown(way, np.full(5, SOFTEST)) - way
     softness = min(np.log(stiffness) / np.log(SOFTEST), 1.0)

@@ -101,7 +101,7 @@ def test_ends_that_the_artist_names_are_taken_as_they_are():
         find_body_in_mesh(mesh, graph, found.ends[:3])
 
 
-def test_what_cannot_be_decided_is_said():
+def test_ambiguity_is_reported():
     """Without feet, and with straight limbs, front and back are alike."""
     mesh, graph = built([*BIPED[:6], ((0, 1.65, 0), (0, 1.66, 0))], [*GIRTH[:6], 0.1], turn=np.pi / 2)
     assert any("front" in doubt for doubt in find_body_in_mesh(mesh, graph).doubts)

@@ -67,7 +67,7 @@ def test_the_chair_is_brought_back_to_where_it_was_made(chair, quarter, x, z, sc
     assert fit > 0.25
 
 
-def test_who_stands_in_a_horse_has_legs_in_legs_and_looks_where_it_does(horse) -> None:
+def test_performer_in_horse_has_matching_legs_and_heading(horse) -> None:
     yaw, offset, _ = best_stand(horse, [standing_figure()])
     np.testing.assert_allclose(turn_about_y(yaw) @ FRONT, [1.0, 0.0, 0.0], atol=1e-6)
     assert abs(offset[2]) < 0.06
@@ -101,7 +101,7 @@ def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
             assert found[s, p] == (grid[tuple(cell)] if inside else 0.0)
 
 
-def test_nothing_but_the_place_of_a_mesh_changes(chair) -> None:
+def test_only_the_meshs_position_changes(chair) -> None:
     other = moved(chair, 1, 2.0, 0.5)
     back, _ = fit_standing_person(other)
     lengths = [

@@ -52,8 +52,8 @@ def kernels_of(nodes: int, *, warm: bool) -> set[str]:
 
 @pytest.mark.timeout(700)
 @pytest.mark.parametrize("nodes", [40, 230])
-def test_nothing_is_compiled_or_loaded_after_the_warm_up(nodes):
-    """Below and above the number of nodes from which a matrix is made after every frame."""
+def test_warm_up_compiles_all_kernels(nodes):
+    """Node counts below and above the threshold for recomputing the matrix after every frame."""
     assert kernels_of(nodes, warm=True) == set()
 
 

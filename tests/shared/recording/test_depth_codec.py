@@ -91,7 +91,7 @@ def test_the_same_image_gives_the_same_bytes():
     assert encode_depth(room(3), 19) == encode_depth(room(3), 19)
 
 
-def test_it_is_smaller_than_zstd_alone_and_smaller_again_for_archives():
+def test_codec_is_smaller_than_zstd_and_archive_mode_smaller_still():
     image = room(height=240, width=320)
     alone = len(zstandard.ZstdCompressor(level=1).compress(image.tobytes()))
     fast, small = len(encode_depth(image, 1)), len(encode_depth(image, 19))
@@ -150,7 +150,7 @@ def test_the_prediction_is_the_median_edge_detector():
         np.zeros((1, 70000), np.uint16),
     ],
 )
-def test_what_is_no_depth_image_is_refused(image):
+def test_invalid_depth_image_is_refused(image):
     with pytest.raises(InputError, match="expected"):
         encode_depth(image)
 
@@ -219,7 +219,7 @@ def test_a_stated_size_is_limited_before_anything_is_allocated():
         decode_depth(encode_depth(room()), max_pixels=100)
 
 
-def test_a_later_version_says_so():
+def test_later_version_is_reported():
     payload = bytearray(encode_depth(room()))
     payload[0] = 2
     with pytest.raises(InputError, match="version 2"):

@@ -1,4 +1,4 @@
-"""A recorder whose file may not grow: an error that says so, and everything before is readable."""
+"""Tests of a recorder whose file cannot grow: the error is reported, and earlier data is readable."""
 
 import math
 import subprocess
@@ -36,7 +36,7 @@ LIMITED = """
 
 @pytest.mark.parametrize("sync_seconds", ["0.5", "0.0"])
 @pytest.mark.parametrize("limit", [9_000, 60_000, 200_123])
-def test_what_was_written_before_the_disk_was_full_is_readable(tmp_path, limit, sync_seconds):
+def test_data_before_full_disk_is_readable(tmp_path, limit, sync_seconds):
     path = tmp_path / "a.mcap"
     command = [sys.executable, "-c", textwrap.dedent(LIMITED), str(path), str(limit), sync_seconds]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
@@ -60,7 +60,7 @@ def test_the_first_messages_are_on_the_disk_before_a_chunk_of_full_size_is_there
 
 
 def test_a_damaged_first_chunk_of_a_cut_recording_costs_its_messages_only(tmp_path):
-    """What the topics are was in it alone, and nothing of the file could be read."""
+    """Only that chunk listed the topics, so nothing of the file could be read."""
     path = tmp_path / "a.mcap"
     recorder = Recorder(path, sync_seconds=0.0)
     for i in range(10):

@@ -185,7 +185,7 @@ def test_without_syncing_the_bytes_depend_on_the_messages_alone(tmp_path):
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_an_existing_file_is_kept_unless_it_is_said(tmp_path):
+def test_existing_file_is_kept_by_default(tmp_path):
     path = write(tmp_path / "a.mcap", [depth_frame(0)])
     before = path.read_bytes()
     with pytest.raises(InputError, match="exists already"):
@@ -195,7 +195,7 @@ def test_an_existing_file_is_kept_unless_it_is_said(tmp_path):
     assert "/bodies" in Recording(path).info.topics
 
 
-def test_a_recorder_says_what_it_cannot_do(tmp_path):
+def test_recorder_reports_errors(tmp_path):
     with pytest.raises(InputError, match="folder does not exist"):
         Recorder(tmp_path / "no" / "a.mcap")
     with pytest.raises((InputError, ResourceError), match=r"exists already|cannot be written"):
@@ -269,7 +269,7 @@ def test_no_single_damaged_byte_costs_more_than_its_chunk(tmp_path):
     ],
     ids=["missing", "empty", "short", "text", "binary"],
 )
-def test_what_is_no_recording_is_refused(tmp_path, content, expected):
+def test_non_recording_is_refused(tmp_path, content, expected):
     path = tmp_path / "a.mcap"
     if content is not None:
         path.write_bytes(content)
@@ -373,7 +373,7 @@ def test_a_killed_recorder_loses_at_most_the_last_second(tmp_path):
     assert written[-1] - times[-1] < 1_000_000_000
 
 
-def test_sync_hands_over_what_came_before_a_silence(tmp_path):
+def test_sync_writes_data_before_a_pause(tmp_path):
     recorder = Recorder(tmp_path / "a.mcap", sync_seconds=math.inf)
     recorder.write_frame(body_frame(0))
     recorder.sync()

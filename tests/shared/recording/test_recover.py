@@ -1,4 +1,5 @@
-"""enliven recover: every whole message of a cut or damaged recording, and what was lost, said."""
+"""Tests of enliven recover: it keeps every whole message of a truncated or damaged recording, and reports the
+losses."""
 
 import math
 import random
@@ -72,7 +73,7 @@ def test_a_cut_recording_keeps_every_whole_message_and_has_an_index_again(tmp_pa
 
 
 @pytest.mark.parametrize("cut", [False, True], ids=["with its index", "without"])
-def test_damaged_chunks_are_left_out_and_told_by_time_and_topic(tmp_path, cut):
+def test_damaged_chunks_are_skipped_and_reported(tmp_path, cut):
     path = write(tmp_path / "a.mcap")
     data, refs = bytearray(path.read_bytes()), chunks(path)
     for k in (0, 5, 6, 20):
@@ -127,7 +128,7 @@ def enliven(*arguments) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
-def test_the_command_says_what_was_lost_and_overwrites_nothing(tmp_path):
+def test_command_reports_losses_and_overwrites_nothing(tmp_path):
     path = write(tmp_path / "broken.mcap")
     data, refs = bytearray(path.read_bytes()), chunks(path)
     data[refs[5].offset + 60] ^= 0x55
@@ -144,7 +145,7 @@ def test_the_command_says_what_was_lost_and_overwrites_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording at all" * 30, b"\x89MCAP0\r\n" + b"\x01" * 60])
-def test_what_is_no_recording_is_refused_and_leaves_nothing_behind(tmp_path, content):
+def test_non_recording_is_refused_without_leftovers(tmp_path, content):
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(InputError):
         recover(tmp_path / "a.mcap", tmp_path / "b.mcap")

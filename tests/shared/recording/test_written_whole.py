@@ -65,7 +65,7 @@ def bounded(size: int, act: Callable[[], None]) -> type[BaseException] | None:
 
 
 @pytest.mark.parametrize("name", list(WRITERS))
-def test_a_full_disk_leaves_what_was_there(name: str, tmp_path: Path) -> None:
+def test_full_disk_keeps_the_existing_file(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(b"before" * 5000)
     assert bounded(40, lambda: WRITERS[name](path)) is EnlivenError

@@ -19,7 +19,7 @@ def mesh() -> Mesh:
     return load_sample("cactus")
 
 
-def test_it_is_closed_and_its_own_mirror_image(mesh: Mesh) -> None:
+def test_cactus_is_closed_and_symmetric(mesh: Mesh) -> None:
     edges = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, 1)], -1).reshape(-1, 2), 1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
@@ -30,7 +30,7 @@ def test_it_is_closed_and_its_own_mirror_image(mesh: Mesh) -> None:
     assert (mesh.colours == mesh.colours[other]).all(1).mean() > 0.97
 
 
-def test_it_stands_on_the_floor_and_has_two_arms(mesh: Mesh) -> None:
+def test_cactus_stands_on_the_floor_with_two_arms(mesh: Mesh) -> None:
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     assert low[1] == pytest.approx(0.0)
     assert 1.3 < high[1] < 1.4
@@ -48,7 +48,7 @@ def test_the_puppet_can_move_and_is_the_same_every_time() -> None:
     assert same(project, cactus_project(0.05))
 
 
-def test_arms_do_what_the_performers_arms_do() -> None:
+def test_arms_follow_the_performers_arms() -> None:
     project = cactus_project(0.05)
     puppet = project.puppet("cactus")
     examples = examples_of(project, puppet)

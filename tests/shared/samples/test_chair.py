@@ -51,7 +51,7 @@ def test_a_standing_person_fits(chair):
     assert arms[:, 2].max() > 0.4
 
 
-def test_it_is_symmetric_and_coloured(chair):
+def test_chair_is_symmetric_and_coloured(chair):
     mirrored = chair.vertices * [-1, 1, 1]
     probe = mirrored[::97]
     gaps = np.linalg.norm(probe[:, None] - chair.vertices[None], axis=2).min(1)

@@ -44,7 +44,7 @@ def test_its_size(lamp):
     assert 1.1 < shade[:, 1].mean() < 1.6
 
 
-def test_no_part_hangs_in_the_air(lamp):
+def test_all_parts_are_connected(lamp):
     shell = shells(lamp.faces, len(lamp.vertices))
     joined, seen = {0}, [0]
     while seen:

@@ -1,4 +1,4 @@
-"""Depth images of simple surfaces whose distance is known, and what is fused from them."""
+"""Depth images of simple surfaces at known distances, and volumes fused from them."""
 
 import numpy as np
 

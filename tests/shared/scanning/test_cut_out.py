@@ -1,4 +1,4 @@
-"""What stands on the floor is cut out of a surface: the floor is found, soles and small holes are closed."""
+"""Tests of cutting out objects on the floor: the floor is found, contact areas and small holes are closed."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def scene(noise=0.0, seed=0):
 
 @settings(max_examples=8)
 @given(lean=st.tuples(*[st.floats(-0.35, 0.35)] * 2), turn=st.floats(-3, 3), high=st.floats(-1, 1))
-def test_the_thing_is_upright_on_the_floor_however_the_scan_lay(lean, turn, high):
+def test_object_is_upright_on_the_floor_for_any_scan_frame(lean, turn, high):
     move = rotation.multiply(
         rotation.from_rotation_vector([lean[0], 0.0, lean[1]]),
         rotation.from_rotation_vector([0.0, turn, 0.0]),
@@ -73,7 +73,7 @@ def test_the_thing_is_upright_on_the_floor_however_the_scan_lay(lean, turn, high
     assert (thing.colours == (200, 120, 40)).all()
 
 
-def test_the_thing_is_closed_where_it_stood():
+def test_contact_area_of_object_is_closed():
     mesh = scene(noise=0.001)
     thing = cut_out(mesh, find_ground(mesh), np.array([0.0, 0.3, 0.0]))
     assert not rims_of(thing)
@@ -99,7 +99,7 @@ def test_the_lower_plane_is_the_floor_where_a_table_is_as_large():
     assert abs(find_ground(Mesh(vertices, faces)).offset) < 1e-6
 
 
-def test_what_was_looked_at_is_where_the_axes_meet():
+def test_target_is_the_intersection_of_optical_axes():
     poses, target = [], np.array([0.4, 0.5, -0.3])
     for angle in (0.0, 1.0, 2.5):
         pose = np.eye(4)
@@ -110,7 +110,7 @@ def test_what_was_looked_at_is_where_the_axes_meet():
     np.testing.assert_allclose(focus_of(poses[:1]), poses[0][:3, 3] + poses[0][:3, 2], atol=1e-6)
 
 
-def test_nothing_to_cut_out_is_refused_in_words():
+def test_empty_cut_out_is_refused():
     vertices, faces = grid(-1, 1, -1, 1, 0.0)
     floor = Mesh(vertices, faces)
     with pytest.raises(InputError, match="nothing that stands on the floor"):
@@ -124,7 +124,7 @@ def test_nothing_to_cut_out_is_refused_in_words():
 
 @settings(max_examples=30)
 @given(st.integers(3, 12), st.lists(st.tuples(*[st.integers(0, 11)] * 3), min_size=1, max_size=40))
-def test_a_side_is_open_where_no_face_goes_back_along_it(count, corners):
+def test_open_side_has_no_opposite_face(count, corners):
     """The kernel finds what a set of all sides tells, for any faces."""
     faces = np.array(corners, np.int32) % count
     there = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}

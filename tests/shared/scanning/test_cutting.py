@@ -1,4 +1,4 @@
-"""What is meant is cut out of a scan: by a box, and as what stands where nothing was before."""
+"""Tests of cutting a selection out of a scan: by a box, and as a new object where nothing was before."""
 
 import sys
 from pathlib import Path
@@ -52,8 +52,8 @@ def parts_of(mesh):
     lean=st.floats(-0.3, 0.3),
     turn=st.floats(-3, 3),
 )
-def test_what_is_in_a_box_is_kept_and_nothing_else(low, high, tall, lean, turn):
-    """The kept surface is that of the clipped box, whose area is known, however the scan lies."""
+def test_box_keeps_only_its_content(low, high, tall, lean, turn):
+    """The kept surface is that of the clipped box, whose area is known, in any frame of the scan."""
     # A side of the thing that lies in a side of the box may count as in it, or not.
     assume(all(abs(abs(side) - 0.15) > 1e-6 for side in (*low, *high)))
     whole = Mesh(*standing((0.0, 0.0)))
@@ -80,7 +80,7 @@ def test_what_is_in_a_box_is_kept_and_nothing_else(low, high, tall, lean, turn):
     np.testing.assert_allclose(found.mesh.bounds.sum(0)[[0, 2]], 0.0, atol=1e-9)
 
 
-def test_a_box_takes_several_things_without_the_floor_and_is_closed_below():
+def test_box_keeps_several_objects_without_floor_and_closes_below():
     mesh = scene()
     found = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
     assert found.parts == 2 and parts_of(found.mesh) == 2
@@ -91,7 +91,7 @@ def test_a_box_takes_several_things_without_the_floor_and_is_closed_below():
     assert floor.area > found.area + 1.0 and floor.mesh.bounds[0, 1] == pytest.approx(0.0, abs=2e-3)
 
 
-def test_half_a_thing_is_closed_where_the_box_cut_it_off_below_only():
+def test_box_cut_is_closed_only_below():
     found = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
     assert not rims_of(found.mesh) and found.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
     half = cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.0, 0.9, 0.4)))
@@ -99,7 +99,7 @@ def test_half_a_thing_is_closed_where_the_box_cut_it_off_below_only():
     assert (half.mesh.vertices[rim][:, 0] > 0.074).mean() > 0.55, "it stays open at its upright side"
 
 
-def test_a_box_that_holds_nothing_says_where_the_surface_is():
+def test_empty_box_error_names_surface_position():
     with pytest.raises(InputError, match=r"no surface .* reaches from -1\.00,-?0\.00,-1\.00 to 1\.88"):
         cut_by_box(scene(), box((4.0, 0.0, 4.0), (5.0, 1.0, 5.0)))
     with pytest.raises(InputError, match="nothing but the floor"):
@@ -115,7 +115,7 @@ def test_a_box_that_holds_nothing_says_where_the_surface_is():
     offset=st.floats(-2, 2),
     at=st.tuples(*[st.floats(-2, 2)] * 3),
 )
-def test_the_upright_frame_has_the_floor_at_zero_under_what_was_looked_at(lean, offset, at):
+def test_upright_frame_has_floor_at_zero_under_target(lean, offset, at):
     normal = rotation.unit(np.array([lean[0], 1.0, lean[1]]))
     frame = upright_frame(Ground(normal, offset, 1.0), np.array(at))
     assert np.linalg.det(frame[:3, :3]) == pytest.approx(1.0)
@@ -147,7 +147,7 @@ BEFORE = images_of(*ROOM, noise=0.002)
     seed=st.integers(0, 1000),
 )
 @example(at=(-0.18584285883112323, -0.04553671344240057), tall=0.6858024062925904, seed=652)
-def test_what_is_new_is_the_thing_wherever_it_stands(at, tall, seed):
+def test_new_object_is_found_anywhere(at, tall, seed):
     vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
     vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)
     found = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
@@ -157,7 +157,7 @@ def test_what_is_new_is_the_thing_wherever_it_stands(at, tall, seed):
     assert found.area == pytest.approx(sides, rel=0.06)
 
 
-def test_on_a_table_it_stands_on_the_table():
+def test_object_on_table_stands_on_table():
     table = joined(ROOM, grid(-0.5, 0.5, -0.4, 0.4, 0.3))
     before = images_of(*table)
     thing, at = standing((0.1, 0.0), (0.2, 0.25, 0.2), FINE), np.array([0.0, 0.3, 0.0])
@@ -167,7 +167,7 @@ def test_on_a_table_it_stands_on_the_table():
     assert not rims_of(found.mesh)
 
 
-def test_a_thing_that_was_moved_is_kept_where_it_stands_now():
+def test_moved_object_is_kept_at_its_new_position():
     there = joined(ROOM, standing((-0.3, 0.1), (0.2, 0.4, 0.2), FINE))
     now = Mesh(*joined(ROOM, standing((0.25, 0.0), (0.2, 0.4, 0.2), FINE)))
     found = cut_what_is_new(now, images_of(*there), FLOOR)
@@ -175,7 +175,7 @@ def test_a_thing_that_was_moved_is_kept_where_it_stands_now():
     np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.4, 0.2], atol=0.01)
 
 
-def test_where_nothing_is_new_that_is_said():
+def test_missing_new_object_is_reported():
     with pytest.raises(InputError, match="nothing stands where there was nothing before"):
         cut_what_is_new(Mesh(*ROOM), BEFORE, FLOOR)
     with pytest.raises(InputError, match="nothing stands where there was nothing before"):
@@ -184,7 +184,7 @@ def test_where_nothing_is_new_that_is_said():
 
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10_000))
-def test_what_was_there_before_is_what_the_slow_twin_says(seed):
+def test_background_matches_slow_reference(seed):
     """The twin walks each ray's pixel by itself, with the camera's own projection."""
     from enliven.camera import project
     from enliven.scanning import DepthNoiseModel
@@ -213,7 +213,7 @@ def test_what_was_there_before_is_what_the_slow_twin_says(seed):
     assert not compared(points, []).any()
 
 
-def test_settings_of_the_smallest_thing_hold_for_boxes():
+def test_minimum_size_setting_applies_to_boxes():
     tiny = CutOutSettings(least_area=0.5)
     with pytest.raises(InputError, match="no surface"):
         cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.4, 0.3, 0.4)), tiny)

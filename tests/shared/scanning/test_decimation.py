@@ -27,7 +27,7 @@ def slow_distance(mesh, point):
 
 @settings(max_examples=12)
 @given(faces=st.integers(60, 4000), wobble=st.floats(0.0, 0.15))
-def test_it_keeps_to_its_budget_and_is_as_near_as_it_says(faces, wobble):
+def test_decimation_keeps_budget_and_reported_error(faces, wobble):
     mesh = ball(wobble)
     made = decimated(mesh, faces)
     assert 0.8 * faces <= len(made.mesh.faces) <= faces
@@ -45,7 +45,7 @@ def test_it_keeps_to_its_budget_and_is_as_near_as_it_says(faces, wobble):
     assert (made.mesh.colours[high < -0.05] == (20, 20, 220)).all()
 
 
-def test_what_is_flat_costs_hardly_anything():
+def test_flat_areas_need_few_faces():
     box = trimesh.creation.box((0.4, 0.3, 0.2)).subdivide_to_size(0.02)
     made = decimated(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
     assert made.most < 1e-5 and len(made.mesh.faces) <= 100
@@ -60,7 +60,7 @@ def test_the_distance_is_the_slow_one(place):
     assert abs(found - slow) < 0.004
 
 
-def test_a_small_mesh_stays_as_it_is():
+def test_small_mesh_is_unchanged():
     mesh = ball(detail=1)
     made = decimated(mesh, len(mesh.faces))
     assert made.mesh is mesh and made.mean == made.most == 0.0

@@ -66,7 +66,7 @@ def slow_tile(depth):
     seed=st.integers(0, 2**16),
     whole=st.booleans(),
 )
-def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, seed, whole):
+def test_prepared_image_matches_plain_loops(height, width, step, seed, whole):
     random = np.random.default_rng(seed)
     depth = (
         800.0
@@ -87,7 +87,7 @@ def test_a_prepared_image_is_what_plain_loops_make_of_it(height, width, step, se
     for v, u in zip(*np.nonzero(there), strict=True):
         assert view.points[v, u, :2] / view.points[v, u, 2] == pytest.approx(ray(camera, v, u), abs=1e-6)
         normal, worth = slow_fit(half, camera, v, u)
-        # What two rows of pixels tell hardly is told less exactly in float32.
+        # Values that depend weakly on two rows of pixels are less accurate in float32.
         assert view.normals[v, u] @ normal > 1.0 - 1e-4 and view.worth[v, u] == pytest.approx(worth, rel=0.01)
     np.testing.assert_allclose(np.linalg.norm(view.normals[there], axis=1), 1.0, rtol=1e-5)
     for r, c in np.ndindex(view.tiles.shape[:2]):

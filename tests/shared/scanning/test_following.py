@@ -1,4 +1,4 @@
-"""What is vacated, and how far points are from a surface: laws, and slow obvious twins."""
+"""Tests of vacated space, and of distances between points and a surface, against laws and slow references."""
 
 import sys
 from pathlib import Path
@@ -55,7 +55,7 @@ def slow_share(points, view, pose, clearance):
 
 @settings(max_examples=12)
 @given(angle=angles, aside=st.floats(0.0, 0.4))
-def test_what_is_vacated_is_what_the_slow_twin_says(angle, aside):
+def test_vacated_space_matches_slow_reference(angle, aside):
     pose = looking(angle)
     image = sphere_depth((aside, 0.0, 0.0), RADIUS, pose)
     wall = plane_depth(-pose[:3, 2], -0.7, pose)
@@ -68,7 +68,7 @@ def test_what_is_vacated_is_what_the_slow_twin_says(angle, aside):
 
 @settings(max_examples=12)
 @given(angle=angles)
-def test_what_stands_is_not_vacated_what_is_gone_is_and_what_is_hidden_says_nothing(angle):
+def test_only_visible_removed_objects_count_as_vacated(angle):
     pose, points = looking(angle), on_sphere()
     there = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
     behind = prepared(plane_depth(-pose[:3, 2], -0.7, pose))
@@ -83,7 +83,7 @@ def test_what_stands_is_not_vacated_what_is_gone_is_and_what_is_hidden_says_noth
 
 @settings(max_examples=12)
 @given(angle=angles, out=st.floats(-0.03, 0.03))
-def test_a_point_is_as_far_as_it_was_put_outside(sphere, angle, out):
+def test_distance_of_offset_point_is_its_offset(sphere, angle, out):
     pose = looking(angle)
     found = distances_in(sphere, prepared(sphere_depth((0, 0, 0), RADIUS + out, pose)), pose)
     view = prepared(sphere_depth((0, 0, 0), RADIUS + out, pose))
@@ -94,7 +94,7 @@ def test_a_point_is_as_far_as_it_was_put_outside(sphere, angle, out):
     assert np.isnan(found[view.worth == 0]).all(), "a pixel without depth has no distance"
 
 
-def test_beside_a_surface_nothing_is_known(sphere):
+def test_distance_next_to_surface_is_unknown(sphere):
     pose = looking(0.0)
     view = prepared(plane_depth(-pose[:3, 2], -0.9, pose))
     assert np.isnan(distances_in(sphere, view, pose)).all()

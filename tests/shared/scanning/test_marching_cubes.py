@@ -68,7 +68,7 @@ def test_cases_that_mirror_one_another_have_no_surface_or_as_much():
     assert single == [3] * 8
 
 
-def test_a_fused_ball_is_one_closed_ball_and_what_was_not_seen_stays_open():
+def test_fused_ball_is_closed_and_unseen_parts_stay_open():
     mesh = surface_of(fused_sphere())
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.25).mean() < 0.02 * SETTINGS.voxel * 5
     normals = (mesh.face_normals() * mesh.vertices[mesh.faces].mean(1)).sum(1)

@@ -81,12 +81,12 @@ def test_a_part_is_found_in_any_pose(turn, move):
     assert metres < 0.005 and radians < 0.01
 
 
-def test_what_looks_alike_in_two_poses_is_not_found():
+def test_ambiguous_pose_is_rejected():
     brick = Scanned(sampled(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
     assert registered(brick, Scanned(brick.surface.moved(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), [])) is None
 
 
-def test_another_thing_is_not_found():
+def test_different_object_is_rejected():
     ball = sampled(CRANE, 3000)
     ball = replace(ball, points=0.3 * ball.normals + 0.01 * ball.points)
     assert registered(Scanned(sampled(CRANE, 6000), []), Scanned(ball, [])) is None
@@ -94,7 +94,7 @@ def test_another_thing_is_not_found():
 
 @settings(max_examples=30)
 @given(turn=units)
-def test_no_turn_is_far_from_those_that_are_tried(turn):
+def test_tried_rotations_cover_all_rotations(turn):
     wanted = rotation.to_matrix(rotation.from_rotation_vector(3.1 * np.array(turn)))
     cosine = (np.einsum("nij,ij->n", turns(900), wanted).max() - 1) / 2
     assert np.arccos(np.clip(cosine, -1, 1)) < 0.45
@@ -115,7 +115,7 @@ def test_the_grid_knows_the_nearest_point(at):
 
 @settings(max_examples=10)
 @given(points=st.lists(units, min_size=1, max_size=20))
-def test_a_place_is_seen_through_where_two_images_see_behind_it(points):
+def test_point_is_seen_through_if_two_images_see_behind_it(points):
     poses = [looking(0.0), looking(0.3), looking(0.6)]
     views = [seen_depth(prepared(sphere_depth((0, 0, 0), 0.3, pose)), pose) for pose in poses]
     found = seen_through(np.array(points), views, 0.05)
@@ -138,7 +138,7 @@ def _clear(view, local):
 
 @settings(max_examples=15)
 @given(raised=st.floats(-0.02, 0.02), tilts=st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)))
-def test_a_floor_says_how_it_lies(raised, tilts):
+def test_floor_plane_is_estimated(raised, tilts):
     pose = looking(0.4, 1.2, tilt=0.9)
     normal = rotation.unit(np.array([-tilts[0], 1.0, -tilts[1]]))
     view = prepared(plane_depth(normal, raised * normal[1], pose, WIDE), WIDE)
@@ -163,7 +163,7 @@ def test_pixels_that_are_left_out_carve_and_make_no_surface():
     assert volume.integrate(empty, pose).new == 0
 
 
-def test_of_several_things_the_one_that_is_looked_at_comes_first():
+def test_object_at_the_view_target_comes_first():
     floor = box((-2, -0.05, -2), (2, 0, 2))
     small, large = box((-0.1, 0.0, -0.1), (0.1, 0.3, 0.1)), box((0.6, 0.0, -0.3), (1.1, 0.8, 0.3))
     scene, focus = together(floor, small, large), np.zeros(3)

@@ -96,7 +96,7 @@ def test_the_world_may_lie_anywhere(seed):
     assert max(max(apart(world @ a, b)) for a, b in zip(here, there, strict=True)) < 1e-5
 
 
-def test_what_is_felt_up_keeps_a_chain_level():
+def test_measured_gravity_keeps_a_chain_level():
     """Each link is a little tilted; the chain bends, but not where an accelerometer feels what is up."""
     tilt = moved(np.eye(4), np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.02]))
     links = [PoseLink(n, n + 1, tilt, np.diag([1e4] * 6)) for n in range(10)]

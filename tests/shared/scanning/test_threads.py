@@ -1,4 +1,4 @@
-"""Work that two threads share: each item is done once, and what fails is said."""
+"""Tests of work shared by two threads: each item is done once, and errors are raised."""
 
 import threading
 
@@ -17,7 +17,7 @@ def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
     def do(mine, item):
         assert mine == threading.get_ident()
         pieces = []
-        # What shares its pieces may be called in it.
+        # A function that shares its work may be called inside such work.
         in_pieces(lambda first, last: pieces.extend(range(first, last)), 10, 3)
         assert sorted(pieces) == list(range(10))
         done.append(item)
@@ -27,7 +27,7 @@ def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
 
 
 @pytest.mark.parametrize("failing", [0, 7, 19])
-def test_what_fails_in_either_thread_is_raised_and_the_next_call_works(failing):
+def test_error_in_either_thread_is_raised_and_next_call_works(failing):
     def do(_, item):
         if item == failing:
             raise ValueError(str(item))

@@ -88,7 +88,7 @@ def test_a_carried_camera_is_found_on_its_whole_way():
         for step, a in zip(steps, np.linspace(0, 1, 26), strict=True)
     ]
     assert np.max(errors, axis=0)[0] < 0.008 and np.max(errors, axis=0)[1] < 0.006
-    # What is said of the error is no promise that it does not keep.
+    # The reported error must be a reliable bound.
     assert all(
         error[0] < 4 * step.alignment.deviation for error, step in zip(errors[1:], steps[1:], strict=True)
     )
@@ -118,7 +118,7 @@ def test_a_blank_wall_is_unsure_and_not_fused():
     assert step.state is ScanState.UNSURE and step.alignment.deviation > 1.0
     assert scanner.volumes[0].weight.sum() == before
     values, vectors = np.linalg.eigh(step.alignment.covariance[:3, :3])
-    # Along the wall's normal the place is known, beside it is not.
+    # The position is known along the wall's normal, but not parallel to the wall.
     normal = np.abs(step.world_from_camera[:3, 2])
     assert np.abs(vectors[:, 0]) @ normal > 0.99 and values[0] < 1e-4 < values[1]
 
@@ -156,7 +156,7 @@ def test_of_any_plane_only_the_distance_and_the_tilt_are_known(tilt, distance, v
     assert found.information[2, 2] > 0.02**-2, "how far it is from the plane is known"
 
 
-def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
+def test_slope_noise_correction_matches_slow_sum():
     """The ten sums of the kernel, against the points of an image one by one."""
     scanner, _ = scanned()
     near, pose = room_depth(carried(0.5)), carried(0.5)
@@ -189,7 +189,8 @@ def test_the_noise_of_slopes_is_taken_off_as_a_slow_sum_says():
     told = camera_tracker._told(sums)
     # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
     assert np.abs(told - expected).max() < 0.3 * np.abs(matrix - expected).max()
-    # Looked at closely: products of slopes and normals, and a part of the rest for so many points.
+    # Corrected for noise: products of slopes and normals, and a fraction of the rest for the number of
+    # points.
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
     close, less = camera_tracker._told_closely(sums, independent), 1.0 / np.sqrt(independent * count)
@@ -202,7 +203,7 @@ def test_an_image_without_depth_does_nothing():
     assert step.state is ScanState.EMPTY and len(scanner.poses) == 1
 
 
-def test_a_lost_camera_fuses_nothing_and_is_found_where_it_was():
+def test_lost_camera_fuses_nothing_and_relocalizes():
     scanner, _ = scan(np.linspace(0.0, 0.8, 21))
     before = [volume.weight.sum() for volume in scanner.volumes]
     # It is put down before something else.
@@ -233,7 +234,7 @@ def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
     assert np.linalg.norm(step.world_from_camera[:3, 3] - carried(0.56)[:3, 3]) < 0.02
 
 
-def test_a_felt_direction_up_holds_what_the_image_leaves_open():
+def test_measured_gravity_constrains_undetermined_rotation():
     scanner, _ = scan([0.0])
     view = scanner.prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
     start = carried(0.0)

@@ -211,7 +211,7 @@ def test_colours_are_those_of_the_image():
     assert np.abs(mesh.colours[right & inside].astype(int) - (20, 220, 60)).max() <= 1
 
 
-def test_looks_without_a_colour_do_not_darken_and_what_none_told_takes_the_nearest():
+def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
     volume, pose = DistanceVolume(SETTINGS), looking(0.0)
     wall = plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose)
     for _ in range(5):

@@ -56,7 +56,7 @@ def test_materials_arrive_as_they_were_sent(faces: int, sets: int, tinted: bool,
     assert told[0] == told[1]
 
 
-def test_a_character_without_materials_is_the_message_that_it_was() -> None:
+def test_message_without_materials_is_unchanged() -> None:
     assert sent(replace(painted(2), materials=None)).materials is None
 
 

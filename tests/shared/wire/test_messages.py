@@ -174,7 +174,7 @@ def test_bodies_survive_within_half_a_millimetre() -> None:
         assert np.abs(a.confidence - b.confidence).max() <= 0.5 / 255 + 1e-12
 
 
-def test_what_is_known_of_a_body_survives() -> None:
+def test_body_survives_encoding() -> None:
     rng = np.random.default_rng(2)
     turns = normalized(rng.normal(size=(20, 4)))
     body = Body(1, np.zeros((20, 3)), np.ones(20), turns, np.array([0.25, 1.0]), 1.8042)
@@ -332,7 +332,7 @@ def test_cut_and_flipped_messages_never_raise_anything_else(message: object, dat
         assert error.kind and error.why
 
 
-def test_another_version_is_told_from_noise() -> None:
+def test_other_version_is_distinguished_from_noise() -> None:
     data = envelope.pack_stream(EXAMPLES[3]).replace(b"status\0\1", b"status\0\7")
     with pytest.raises(OtherVersion, match="version 7") as caught:
         envelope.unpack_stream(data)
@@ -365,7 +365,7 @@ def test_addresses(text: str, expected: Endpoint) -> None:
 
 
 @pytest.mark.parametrize("text", ["", ":5", "a:b", "a:0", "a:70000", "a:1:2:3", "a b", "a/b", "a:65535"])
-def test_no_addresses(text: str) -> None:
+def test_invalid_address_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="address"):
         parse_endpoint(text)
 
@@ -385,7 +385,7 @@ def test_more_performers_than_the_wire_names_do_no_harm() -> None:
     assert len(convert.message_to_owners(envelope.unpack_stream(topics_bytes)[1])) == 100
 
 
-def test_what_an_older_program_sends_means_what_it_meant() -> None:
+def test_messages_of_older_programs_keep_their_meaning() -> None:
     """Fields that came later are left out: Possess took over alone, Release was of everybody."""
     old = {"type": "Possess", "character": "chair", "body": 3, "parts": "legs"}
     asked = msgspec.convert(old, requests.Possess)
@@ -395,7 +395,7 @@ def test_what_an_older_program_sends_means_what_it_meant() -> None:
     assert cues.held is None and cues.owners == b""
 
 
-def test_cues_of_an_owner_who_is_not_named_are_refused() -> None:
+def test_cues_of_unknown_owner_are_refused() -> None:
     with pytest.raises(msgspec.ValidationError, match="owner"):
         msgspec.convert(["chair", "possessed", bytes(2), bytes(1), 3, 9, 1, [3], b"\1"], streams.CuesMessage)
 

@@ -1,4 +1,5 @@
-"""Puppets on the wire: whole there and back, rigid for who does not know them, small, and never trusted."""
+"""Tests of puppets on the wire: unchanged after a round trip, rigid for older programs, small, and
+validated."""
 
 from __future__ import annotations
 
@@ -71,7 +72,7 @@ def test_everything_that_the_solve_needs_comes_through() -> None:
     assert got.pulls[3] == 3.0
 
 
-def test_who_does_not_know_control_points_sees_one_rigid_piece() -> None:
+def test_older_program_sees_puppet_as_one_rigid_piece() -> None:
     class Before(msgspec.Struct, tag="CharacterMessage", frozen=True):
         """As programs had it that did not know control points."""
 
@@ -85,7 +86,7 @@ def test_who_does_not_know_control_points_sees_one_rigid_piece() -> None:
     np.testing.assert_array_equal(np.frombuffer(old.weights, "<f4").reshape(-1, 4)[:, 0], 1.0)
 
 
-def test_what_was_sent_before_surfaces_had_settings_is_read() -> None:
+def test_message_without_surface_settings_is_read() -> None:
     sent = character_to_message(character(), 0)
     older = replace_fields(sent, kind="points", pulls=None, surface=None)
     got = there_and_back(older)
@@ -119,7 +120,7 @@ def test_a_pose_of_twelve_points_comes_through_in_few_bytes(seed: int) -> None:
     assert np.abs(got.linear - pose.linear).max() < 0.01
 
 
-def test_settings_without_an_end_are_drawn_into_what_the_wire_takes() -> None:
+def test_unbounded_settings_are_clamped_for_the_wire() -> None:
     wild = ArapSettings(iterations=10**6, hold=1e300, most_stretch=1e300)
     got = there_and_back(character_to_message(character(surface=wild), 0))
     assert got.surface is not None
@@ -197,7 +198,7 @@ def replace_fields(message: CharacterMessage, **changes: object) -> CharacterMes
     return msgspec.structs.replace(message, **changes)
 
 
-def test_a_character_says_what_is_wrong_with_its_points() -> None:
+def test_invalid_points_are_reported() -> None:
     with pytest.raises(InputError, match="pull"):
         replace(character(), pulls=np.zeros(3, np.float32))
 

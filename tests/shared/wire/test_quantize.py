@@ -133,7 +133,7 @@ def test_the_stated_errors_hold(seed: int, spread: float, kind: str) -> None:
 
 @few
 @given(SEEDS)
-def test_equal_poses_give_equal_bytes_and_what_was_decoded_stays_put(seed: int) -> None:
+def test_encoding_is_deterministic_and_reencoding_is_stable(seed: int) -> None:
     codec, pose = PoseCodec(character(16, seed)), random_pose(16, seed, 0.3)
     data = codec.encode(pose).data
     assert codec.encode(pose).data == data == PoseCodec(character(16, seed)).encode(pose).data
@@ -194,7 +194,7 @@ def test_a_pose_of_another_character_or_damaged_bytes_are_refused() -> None:
             codec.decode(broken)
 
 
-def test_the_warm_up_compiles_what_a_pose_needs() -> None:
+def test_warm_up_compiles_pose_kernels() -> None:
     warm_up()
     compiled = [len(kernel.signatures) for kernel in (_restore, bits.decode_columns)]
     codec = PoseCodec(character(12))
@@ -216,7 +216,7 @@ def test_random_bytes_decode_to_finite_numbers_or_are_refused(noise: bytes) -> N
 
 @few
 @given(arrays(np.int32, (7, 3), elements=st.integers(-bits.LIMIT, bits.LIMIT) | st.integers(-5, 5)))
-def test_integers_survive_and_cost_what_the_slow_twin_says(table: np.ndarray) -> None:
+def test_integers_survive_with_size_of_slow_reference(table: np.ndarray) -> None:
     data = bits.encode_columns(table)
     data.setflags(write=False)  # as the bytes of a message are
     back = np.empty_like(table)

@@ -46,7 +46,7 @@ def test_the_turns_about_an_axis_come_back_exactly(axis, sign):
     np.testing.assert_array_equal(np.abs(unpack_quaternions(pack_quaternions(q))), np.abs(q))
 
 
-def test_what_is_no_rotation_goes_as_none():
+def test_invalid_rotation_is_sent_as_identity():
     q = np.array([[np.nan, 0, 0, 1], [0, 0, 0, 0], [np.inf, 0, 0, 0]])
     np.testing.assert_array_equal(unpack_quaternions(pack_quaternions(q)), np.tile([1.0, 0, 0, 0], (3, 1)))
 

@@ -31,7 +31,7 @@ def strategy(kind: type) -> st.SearchStrategy:
 @pytest.mark.parametrize("name", KINDS)
 @few
 @given(st.data())
-def test_what_is_accepted_is_encoded_and_decoded_again(name: str, data: st.DataObject) -> None:
+def test_accepted_values_survive_encoding(name: str, data: st.DataObject) -> None:
     kind = KINDS[name]
     made = data.draw(strategy(kind))
     back = msgspec.msgpack.decode(msgspec.msgpack.encode(made), type=kind)

@@ -68,6 +68,6 @@ def test_noise_is_refused_or_waited_for_and_nothing_else(noise, before):
         GREETING + READY + framed(b"x", 64),
     ],
 )
-def test_what_is_no_zmtp_or_too_long_ends_the_connection(said):
+def test_invalid_or_oversized_zmtp_closes_the_connection(said):
     with pytest.raises(ZmtpError):
         heard(ZmtpSession("ROUTER", 100), [said])

@@ -1,4 +1,4 @@
-"""The training samples as tensors, on the device that trains: drawn, and mirrored, there."""
+"""Training samples as tensors on the training device. They are drawn and mirrored there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class TensorBatch:
 
     Attributes:
         image: (N, 4, 80, 64) float32 channels of the crop.
-        parts: (N, 40, 32) uint8 the part of the body at each label, or the label of the background.
+        parts: (N, 40, 32) uint8 the body part at each label cell, or the background label.
         joints: (N, 20, 3) metres, crop coordinates.
         facing: (N,) radians; NaN in samples without a person.
         cell: (N,) metres of a cell of the crop.
@@ -32,17 +32,17 @@ class TensorBatch:
 
     @property
     def is_person(self) -> Tensor:
-        """(N,) whether a sample shows a person."""
+        """Returns (N,) True for samples that show a person."""
         return self.facing.isfinite()
 
     @property
     def ways(self) -> Tensor:
-        """(N,) the way to face, 0 to 7, or 8 without a person."""
+        """Returns the (N,) facing class, 0 to 7, or 8 without a person."""
         ways = torch.round(self.facing.nan_to_num() * FACINGS / (2.0 * torch.pi)).long() % FACINGS
         return torch.where(self.is_person, ways, FACINGS)
 
     def mirrored(self, some: Tensor) -> TensorBatch:
-        """Returns the batch with left and right exchanged in the samples of a mask (N,)."""
+        """Returns the batch with left and right exchanged in the samples selected by a mask (N,)."""
         device = self.image.device
         other_side, opposite = torch.from_numpy(OTHER_SIDE).to(device), torch.tensor(MIRROR, device=device)
         across = torch.tensor([-1.0, 1.0, 1.0], device=device)
@@ -56,7 +56,7 @@ class TensorBatch:
 
 
 class TensorDataset:
-    """A data set as tensors on a device; where its memory is too small, they stay on disk."""
+    """A data set as tensors on a device. If the device's memory is too small, the samples stay on disk."""
 
     def __init__(self, dataset: Dataset, device: torch.device) -> None:
         self._device = device
@@ -70,7 +70,8 @@ class TensorDataset:
         return len(self._tensors["cell"])
 
     def batch(self, which: Tensor) -> TensorBatch:
-        """Returns the samples with (N,) numbers, in rising order: they are read from disk in one sweep."""
+        """Returns the samples with the given numbers (N,), which must be ascending, so that they are read
+        from disk in one sweep."""
         some = which.sort().values.to(self._tensors["cell"].device)
         drawn = {name: tensor[some].to(self._device) for name, tensor in self._tensors.items()}
         return TensorBatch(**(drawn | {"image": drawn["image"].float()}))

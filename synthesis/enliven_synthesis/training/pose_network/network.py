@@ -1,11 +1,11 @@
-"""The pose network in PyTorch: an hourglass that gives every joint and its uncertainty.
+"""The pose network in PyTorch: an hourglass that predicts every joint and its uncertainty.
 
-Joints are the means of heat maps (Sun et al., *Integral Human Pose Regression*, ECCV 2018); their depths are
-means of a second map under the same heat. A front looks much like a back, so the hourglass is conditioned at
-its waist on the facing that the tracker knows from earlier frames: without it, left and right would be
-averaged where both are likely.
+Joints are the means of heat maps (soft-argmax; Sun et al., *Integral Human Pose Regression*, ECCV 2018).
+Their depths are means of a second map, weighted by the same heat map. In depth images, front and back of a
+person look alike. The bottleneck of the hourglass is therefore conditioned on the facing, which the tracker
+knows from earlier frames. Without it, the network would average left and right if both are likely.
 
-Needs PyTorch, which only training does: the tracker runs the exported network by ONNX Runtime.
+Only training needs PyTorch. The tracker runs the exported network with ONNX Runtime.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ from torch.nn.functional import interpolate, relu
 from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, FACINGS, PARTS, ROWS
 
 WIDTHS = (16, 32, 64, 96)
-"""Channels at a half, a quarter, an eighth and a sixteenth of the crop."""
+"""Numbers of channels at 1/2, 1/4, 1/8 and 1/16 of the crop's resolution."""
 JOINTS = 20
-"""Joints of a person, as of :class:`enliven.person.Joint`."""
+"""Number of joints of a person, in the order of :class:`enliven.person.Joint`."""
 USUAL_CELL = 0.027
-"""Metres: about the mean of a crop's cells; it centres the network's input."""
+"""Approximate mean cell size of a crop, metres. It centres the network's input."""
 CELL_SPREAD = 0.01
-"""Metres: about the standard deviation of a crop's cells; it scales the network's input."""
+"""Approximate standard deviation of the cell size of a crop, metres. It scales the network's input."""
 
 
 class PoseNetwork(nn.Module):
-    """Maps crops and a known facing to joints, their spreads, the facing, and the parts of the body."""
+    """A network that maps crops and an optional facing to joints, their uncertainties, the facing and the
+    body parts."""
 
     def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
         super().__init__()
@@ -50,13 +51,14 @@ class PoseNetwork(nn.Module):
         """Estimates the pose in N crops.
 
         Args:
-            image: (N, 4, 80, 64) as of :class:`enliven_edge.tracking.estimator.crop.Crop`.
-            told: (N, 3) the condition: cosine and sine of the facing (0 towards the sensor), both 0 where it
-                is not known; and the metres of a cell.
+            image: (N, 4, 80, 64) channels as in :class:`enliven_edge.tracking.estimator.crop.Crop`.
+            told: (N, 3) condition: cosine and sine of the facing (0 is towards the sensor), both 0 if it is
+                unknown, and the cell size in metres.
 
         Returns:
-            (N, 20, 3) joints in crop coordinates, metres; (N, 20) the logarithm of the mean error of each,
-            metres; (N, 9) logits of eight facings and of no person; (N, 17, 40, 32) logits of the parts.
+            (N, 20, 3) joints in crop coordinates, metres; (N, 20) logarithm of the expected error of each,
+            metres; (N, 9) logits of eight facings and of "no person"; (N, 17, 40, 32) logits of the body
+            parts.
         """
         half = self.down_2(image)
         quarter = self.down_4(half)
@@ -73,7 +75,7 @@ class PoseNetwork(nn.Module):
         return joints, spread, facing, parts
 
     def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
-        """Reads (N, 20, 3) joints and (N, 20) spreads from the (N, 60, cells) maps."""
+        """Decodes (N, 20, 3) joints and (N, 20) uncertainties from the (N, 60, cells) maps."""
         heat = torch.softmax(maps[:, :JOINTS], 2)
         flat = (heat @ self.cells) * cell[:, :, None]
         away = (heat * maps[:, JOINTS : 2 * JOINTS]).sum(2)
@@ -103,7 +105,8 @@ def _doubled(x: Tensor) -> Tensor:
 
 
 def _cells(rows: int, columns: int) -> Tensor:
-    """Returns (rows x columns, 2) a map's cells, in cells of the crop right of and below the middle."""
+    """Returns (rows x columns, 2) positions of a map's cells relative to the middle: right and down, in cells
+    of the crop."""
     down, right = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
     middle = torch.tensor([columns / 2, rows / 2])
     return (torch.stack([right, down], 2).flatten(0, 1) + 0.5 - middle) * (ROWS / rows)

@@ -1,9 +1,11 @@
-"""Quantises the trained network to eight bits: a third of the size, and more than twice as fast on one core.
+"""Quantises the trained network to eight bits. It becomes a third of the size, and more than twice as fast on
+one core.
 
-Two layers stay in full precision. The maps of the joints: a mean over a softmax moves by centimetres when its
-logits are rounded. And the first layer: one scale for all channels of a crop, with heights up to two metres
-among them, would round depth to a centimetre or two, of which a hand before the trunk has few. Weights have
-seven bits, so that processors that add pairs of products in sixteen bits (x86 without VNNI) never overflow.
+Two layers stay in full precision. The first is the layer of the joint maps: rounding its logits moves the
+mean over a softmax by centimetres. The second is the first convolution: all channels of a crop share one
+scale, and heights go up to two metres. Depth would be rounded to one or two centimetres, but a hand is only a
+few centimetres in front of the trunk. Weights have seven bits, so that processors that add pairs of products
+in sixteen bits (x86 without VNNI) never overflow.
 """
 
 from __future__ import annotations
@@ -24,25 +26,26 @@ from enliven_synthesis.training.pose_network.network import JOINTS
 _quantization = load_onnxruntime("onnxruntime.quantization")
 
 _SAMPLES = 600
-"""Training samples that the ranges of all values are measured on: hundreds cover them."""
+"""Number of training samples for calibrating the value ranges. Some hundreds are enough."""
 _KEPT = 99.99
-"""Percent of the values of a layer that its range covers: few outliers would make all others coarser."""
+"""Percentile of a layer's values that its range covers. Covering rare outliers would make all other values
+coarser."""
 _AT_ONCE = 4
-"""Samples in one run of the network: it limits the memory for all intermediate values."""
+"""Samples per run of the network. It limits the memory for intermediate values."""
 
 
 def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
-    """Writes the exported network ``whole`` in eight bits to ``made``.
+    """Writes an eight-bit version of the exported network ``whole`` to ``made``.
 
     Args:
-        dataset: the ranges of values are measured on its samples from number ``first`` on.
+        dataset: its samples from number ``first`` on calibrate the value ranges.
     """
-    import onnx  # of the same extra as PyTorch: its absence is reported first
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
 
     with (
         tempfile.TemporaryDirectory() as spare,
         contextlib.redirect_stdout(io.StringIO()),
-    ):  # it prints its bins
+    ):  # the calibrator prints its histogram bins
         folded = Path(spare) / "folded.onnx"
         preparation = load_onnxruntime("onnxruntime.quantization.shape_inference")
         preparation.quant_pre_process(whole, folded, skip_symbolic_shape=True)
@@ -63,7 +66,7 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
 
 
 class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
-    """Training samples as inputs of the network, two of three with the facing."""
+    """Training samples as inputs of the network. Two of three include the facing."""
 
     def __init__(self, dataset: Dataset, first: int) -> None:
         batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
@@ -81,7 +84,8 @@ class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
 
 
 def _kept_whole(model: Any) -> list[str]:
-    """Returns the names of the first convolution and of the one that makes the maps of all joints."""
+    """Returns the names of the layers that stay in full precision: the first convolution and the layer of the
+    joint maps."""
     shapes = {weights.name: tuple(weights.dims) for weights in model.graph.initializer}
     convolutions = [node for node in model.graph.node if node.op_type == "Conv"]
     return [

@@ -1,8 +1,8 @@
-"""Restores a network to train on from an exported file, the one in eight bits that ships among them.
+"""Restores a trainable network from an exported file, including the eight-bit one that ships with enliven.
 
-An exported network has its batch normalisations folded into the convolutions. They are put back so that the
-network computes the same on the samples that it is measured on: each gets the mean and the variance that its
-input has there, and the scale and the shift that undo them.
+In an exported network, batch normalisations are folded into the convolutions. They are inserted again so that
+the network computes the same on the calibration samples. Each one gets the mean and variance of its input on
+these samples, and the scale and shift that cancel them.
 """
 
 from __future__ import annotations
@@ -21,19 +21,21 @@ from enliven_synthesis.training.dataset import Dataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 _SAMPLES = 768
-"""Training samples that the normalisations are measured on: hundreds of cells each make it plenty."""
+"""Number of training samples for calibrating the normalisations. Each has hundreds of cells, so this is
+plenty."""
 _FORMERLY = {".branch.": ".way."}
-"""Parts of names of the network that were others in networks exported earlier."""
+"""Parts of layer names, with their names in networks exported by earlier versions."""
 
 
 def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
-    """Returns the network with weights between two; the second was trained on from the first.
+    """Returns the network with interpolated weights of two networks. The second was fine-tuned from the
+    first.
 
-    What is learnt of rare samples is kept with a part of the way, what was known of all others is forgotten
-    less (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022, equation 1).
+    An interpolated network keeps what it learnt about rare samples and forgets less about all others
+    (Wortsman et al., "Robust fine-tuning of zero-shot models", CVPR 2022, equation 1).
 
     Args:
-        share: 0 to 1, of the second network.
+        share: weight of the second network, 0 to 1.
     """
     made, first, second = copy.deepcopy(other), one.state_dict(), other.state_dict()
     for name, value in second.items():
@@ -44,13 +46,13 @@ def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
 
 
 def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
-    """Returns the network of an exported .onnx file, ready to be trained on.
+    """Returns the network of an exported .onnx file, ready for further training.
 
     Args:
-        dataset: the normalisations are measured on its samples from number ``first`` on.
+        dataset: its samples from number ``first`` on calibrate the normalisations.
 
     Raises:
-        InputError: where the file is missing, damaged, or of a network with other layers.
+        InputError: if the file is missing, damaged, or of a network with other layers.
     """
     weights = _weights(path)
     network = PoseNetwork().eval()
@@ -78,13 +80,13 @@ def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
 
 
 def _convolution_before(normalisation: str) -> str:
-    """Returns the name of the layer before one in the same sequence."""
+    """Returns the name of the layer directly before a normalisation in the same sequence."""
     sequence, _, place = normalisation.rpartition(".")
     return f"{sequence}.{int(place) - 1}"
 
 
 def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None]:
-    """Returns a hook that sets a normalisation by its first input to add a bias and change nothing else."""
+    """Returns a hook that sets a normalisation from its first input, so that it only adds a bias."""
 
     def hook(layer: nn.BatchNorm2d, given: tuple[Tensor]) -> None:
         values = given[0].transpose(0, 1).flatten(1)
@@ -97,13 +99,13 @@ def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None
 
 
 def _weights(path: Path) -> dict[str, Float32]:
-    """Returns the weights of an exported network by name, those in eight bits as real numbers."""
-    import onnx  # of the same extra as PyTorch: its absence is reported first
+    """Returns the weights of an exported network by name. Eight-bit weights are converted to floats."""
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
     from onnx import numpy_helper
 
     try:
         graph = onnx.load(path).graph
-    except Exception as error:  # the reader has no common error
+    except Exception as error:  # onnx.load has no common base class of errors
         raise _unfit(path, f"it cannot be read as a network ({type(error).__name__})") from None
     known = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     weights = {name: array for name, array in known.items() if array.dtype == np.float32}
@@ -117,10 +119,10 @@ def _weights(path: Path) -> dict[str, Float32]:
 
 
 def _fitting(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
-    """Returns the weights of a name.
+    """Returns the weights with a name, after checking their shape.
 
     Raises:
-        InputError: where there are none, or where their shape is another.
+        InputError: if the weights are missing or have another shape.
     """
     former = name
     for now, then in _FORMERLY.items():

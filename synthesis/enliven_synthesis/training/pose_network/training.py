@@ -1,7 +1,7 @@
 """Trains the pose network on rendered samples, and exports it for ONNX Runtime.
 
-Positions are learnt by their likelihood under a distribution with a width that the network predicts: its
-spread is the size of its error, and hidden joints pull less than visible ones.
+Joint positions are trained by their likelihood under a distribution of predicted width. The
+predicted width is the expected error, and occluded joints contribute less to the loss than visible ones.
 """
 
 from __future__ import annotations
@@ -26,38 +26,40 @@ from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorD
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 KEPT_BACK = 3000
-"""The number of samples, the first of a data set, that are only measured on."""
+"""Number of samples, from the start of a data set, that are held out for validation."""
 _TOLD = 0.6
-"""Share of the samples in which the network is conditioned on the facing: it must do without it, too."""
+"""Fraction of samples in which the network is conditioned on the facing. It must also work without it."""
 _TOLD_OFF = 0.35
-"""Radians: standard deviation of the error of that facing, twenty degrees."""
+"""Standard deviation of the error of the given facing, radians. 20 degrees."""
 _TOLD_WRONGLY = 0.04
-"""Share of the samples in which that facing is turned about: the network must not rely on it blindly."""
+"""Fraction of samples in which the given facing is reversed, so that the network does not rely on it
+blindly."""
 _CLEAREST = -5.0
-"""Logarithm of the least spread, 7 mm: better joints are not rewarded."""
+"""Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
 _VAGUEST = 1.0
-"""Logarithm of the largest spread, 2.7 m: more than a person's size says nothing."""
+"""Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
 _LIKELIHOOD = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
 _DISTANCE = 2.0
-"""Weight of the joints' mean distance, metres, in the loss: it brings it near to the other terms."""
+"""Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
+others."""
 _WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
-"""(20,) weights of the joints in the loss: elbows, wrists and hands are the hardest, and depth alone finds
-legs well."""
+"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest; legs are easy to find in
+depth."""
 _FACING = 0.3
 """Weight of the facing's cross-entropy in the loss."""
 _PARTS = 0.5
-"""Weight of the parts' cross-entropy in the loss."""
+"""Weight of the body parts' cross-entropy in the loss."""
 _LONGEST_GRADIENT = 5.0
-"""Norm to which the gradient is clipped, so that a rare sample does not undo the training."""
+"""Maximum norm of the gradient (clipping), so that a rare sample cannot undo the training."""
 _WARM_UP = 300
-"""Steps in which the learning rate rises to its highest, as Adam's averages settle."""
+"""Number of steps of the learning-rate warm-up, during which Adam's averages settle."""
 _LAST_RATE = 0.02
-"""The last learning rate as a share of the highest."""
+"""Final learning rate as a fraction of the peak."""
 
 
 RATE_OF_START = 1.5e-3
-"""The highest learning rate where a trained network is trained on: a higher one would undo it first."""
+"""Peak learning rate for fine-tuning a trained network. A higher rate would first undo its training."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +78,13 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class Measured:
-    """The scores of a network on samples that it has not learnt.
+    """The scores of a network on validation samples.
 
     Attributes:
-        within: share of the joints within 10 cm, when conditioned on the facing, and when not.
-        facing: share of the samples with a right facing, to an eighth of a turn.
-        parts: share of the cells with a right part.
-        persons: share of the samples in which a person is rightly told from clutter.
+        within: fraction of joints within 10 cm, with and without the facing as a condition.
+        facing: fraction of samples with the correct facing class (an eighth of a turn).
+        parts: fraction of cells with the correct body part.
+        persons: fraction of samples that are correctly classified as person or clutter.
     """
 
     within: tuple[float, float]
@@ -100,11 +102,11 @@ def train(
     """Returns a network trained on a data set.
 
     Args:
-        start: a network to train on from; None: weights drawn at random.
-        stepped: called after each step with its number and the network so far.
+        start: a network to fine-tune; None starts from random weights.
+        stepped: called after each step with its number and the current network.
 
     Raises:
-        InputError: where no samples are left to learn from.
+        InputError: if no samples are left for training.
     """
     if len(dataset) <= KEPT_BACK:
         raise InputError(
@@ -136,7 +138,7 @@ def train(
 
 
 def measure(path: Path, dataset: Dataset) -> Measured:
-    """Scores an exported network, run as the tracker does, on the samples kept back."""
+    """Evaluates an exported network on the held-out samples, in the same way as the tracker runs it."""
     session = load_onnxruntime().InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
     facing, parts, persons = [], [], []
@@ -158,8 +160,8 @@ def measure(path: Path, dataset: Dataset) -> Measured:
 
 
 def export(network: PoseNetwork, path: Path) -> None:
-    """Writes a network as an ONNX file, for any number of crops at once."""
-    import onnx  # of the same extra as PyTorch: its absence is reported first
+    """Writes a network as an ONNX file that accepts any batch size."""
+    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
 
     example = (torch.zeros(2, CHANNELS, ROWS, COLUMNS), torch.zeros(2, 3))
     crops = torch.export.Dim("crops", min=1)
@@ -179,20 +181,21 @@ def export(network: PoseNetwork, path: Path) -> None:
 
 
 def _strip(graph: Any) -> None:
-    """Removes the source location of every node: it names folders of the machine that trained."""
+    """Removes the source location of every node, since it contains folder names of the training machine."""
     for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
         part.ClearField("doc_string")
         part.ClearField("metadata_props")
 
 
 def _schedule(step: int, steps: int) -> float:
-    """Returns the share of the highest rate at a step: rising at first, then falling as a cosine."""
+    """Returns the learning rate at a step as a fraction of the peak: linear warm-up, then cosine decay."""
     falling = _LAST_RATE + (1.0 - _LAST_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
     return min(1.0, (step + 1) / _WARM_UP) * float(falling)
 
 
 def _condition(batch: TensorBatch) -> Tensor:
-    """Returns (N, 3) the condition: the facing roughly, turned about or unknown, and the cell's metres."""
+    """Returns the (N, 3) condition: the facing with noise, reversed or unknown, and the cell size in
+    metres."""
     anywhere = torch.pi * (2.0 * torch.rand_like(batch.cell) - 1.0)
     angle = torch.where(batch.is_person, batch.facing, anywhere)
     angle = angle + _TOLD_OFF * torch.randn_like(angle)
@@ -202,7 +205,8 @@ def _condition(batch: TensorBatch) -> Tensor:
 
 
 def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
-    """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and parts."""
+    """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and body
+    parts."""
     joints, spread, facing, parts = out
     weight = torch.tensor(_WEIGHTS, device=joints.device) * batch.is_person[:, None]
     weight = weight / weight.sum().clamp(min=1.0)
@@ -217,6 +221,6 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
 
 
 def _ways(batch: Batch) -> AnyArray:
-    """Returns (N,) the facing, 0 to 7, or 8 without a person."""
+    """Returns (N,) the facing class, 0 to 7, or 8 without a person."""
     ways = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
     return np.where(batch.is_person, ways, FACINGS)

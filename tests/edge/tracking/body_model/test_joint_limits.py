@@ -1,4 +1,5 @@
-"""How far joints turn: what performers do is free, what nobody can is not, left and right alike."""
+"""Tests of joint limits: possible postures are free, impossible ones are not, and left and right are
+equal."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
 
 
 def with_thigh(side: int, **turn: float):
-    """Somebody who stands with one thigh turned from hanging; the right one as in a mirror."""
+    """Returns a standing person with one thigh rotated from hanging; the right one is mirrored."""
     made = joint_limits.standing()
     made[model.THIGH_L] = rotation(**turn)
     return made if side == model.THIGH_L else joint_limits.mirrored(made)
@@ -79,14 +80,14 @@ def test_shoulders_do_not_turn_against_the_hips_by_a_right_angle(ranges, way):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_what_a_posture_costs_its_mirror_image_costs(seed):
+def test_mirrored_posture_has_the_same_cost(seed):
     random = np.random.default_rng(seed)
     turns = random.normal(0, 0.8, (13, 3))
     posture = np.stack([rotation(x=x, y=y, z=z) for x, y, z in turns])
     assert cost(posture) == pytest.approx(cost(joint_limits.mirrored(posture)))
 
 
-def test_who_just_stands_there_costs_nothing():
+def test_standing_posture_has_zero_cost():
     assert cost(joint_limits.RELAXED) == 0.0
 
 

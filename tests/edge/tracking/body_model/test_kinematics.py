@@ -103,7 +103,7 @@ def test_bones_lie_where_their_orientations_say(seed):
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0)
 
 
-def test_who_stands_upright_has_no_turned_bones():
+def test_upright_posture_has_identity_rotations():
     turned = Posture(
         np.zeros(3), np.tile(np.eye(3), (13, 1, 1)), model.lengths_for_height(1.7)
     ).orientations()

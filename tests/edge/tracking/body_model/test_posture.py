@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.posture import Posture, continued, forward
 
 
 def random_posture(seed: int, turns: float = 0.8) -> Posture:
-    """Somebody whose limbs are anyhow, of any build."""
+    """Returns a person with random limb rotations and a random build."""
     random = np.random.default_rng(seed)
     rotations = standing() @ to_matrix(from_rotation_vector(random.normal(0, turns, (13, 3))))
     lengths = model.lengths_for_height(1.7) * random.uniform(0.8, 1.2, len(model.LENGTHS))

@@ -1,4 +1,4 @@
-"""What a frame looks like: parts at the points, limbs that carry them, and the way that somebody faces."""
+"""Tests of appearance: body parts at points, the limbs that carry them, and a person's facing."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from enliven_edge.tracking.detect.appearance import (
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
 PARTS_RIGHT = 0.6
-"""Least share of the points whose part the shipped network tells rightly."""
+"""Minimum fraction of points whose body part the shipped network classifies correctly."""
 FRONT_TOLD = 0.7
-"""Least share of the people whose front it tells from their back."""
+"""Minimum fraction of people whose front and back are distinguished correctly."""
 YAWS = st.floats(-3.1, 3.1)
 NECK = 6
 """The capsule between the sides, which carries a little of both."""
@@ -70,7 +70,7 @@ def test_a_capsule_of_the_other_side_carries_the_other_sides_parts():
     np.testing.assert_allclose(x[MIRRORED_CAPSULE], x * [-1, 1, 1], atol=1e-12)
 
 
-def test_what_carries_a_left_part_is_on_the_left():
+def test_parent_of_a_left_part_is_on_the_left():
     x = standing().capsules()[0].mean(1)[:, 0]
     for part in range(1, PARTS):
         carriers = [c for c in np.flatnonzero(CARRIES[:, part]) if c != NECK]
@@ -139,7 +139,7 @@ def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
 
 @given(YAWS, st.floats(-0.6, 0.6))
 @settings(max_examples=30, deadline=None)
-def test_who_turns_about_faces_the_other_way_and_twice_the_same(yaw, bend):
+def test_turning_about_reverses_the_facing(yaw, bend):
     assert np.cos(facing(turned_about(standing(yaw)), EYE) - facing(standing(yaw), EYE)) == pytest.approx(-1)
     posture = standing(yaw)
     posture.rotations[model.CHEST] = rotation(x=bend, z=0.5 * bend)
@@ -176,7 +176,7 @@ def test_a_way_between_two_is_as_likely_as_both(seed, way):
     assert between == pytest.approx(0.75 * here + 0.25 * next_, abs=1e-6)
 
 
-def test_who_might_face_either_way_faces_the_sensor():
+def test_ambiguous_facing_defaults_to_the_sensor():
     seen = seen_as(estimate_of(standing().joints()))
     assert facing_score(seen, standing(), EYE) > facing_score(seen, standing(np.pi), EYE)
 

@@ -1,4 +1,4 @@
-"""What was tried in vain is tried again more and more rarely, and at once where it gets worse."""
+"""Tests of backoff: failed attempts are repeated increasingly rarely, and at once if the fit gets worse."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven_edge.tracking.detect.backoff import Backoff
 
 
 def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
-    """Frames that went by before each of some trials in vain."""
+    """Returns the number of frames before each of several failed attempts."""
     gaps = []
     for _ in range(trials):
         waited = 1
@@ -24,7 +24,7 @@ def test_in_vain_it_waits_twice_as_long_each_time_and_no_longer_than_asked():
     assert frames_between(Backoff(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
 
 
-def test_what_helped_is_tried_in_every_bad_frame():
+def test_successful_method_is_tried_in_every_bad_frame():
     backoff = Backoff(8)
     frames_between(backoff, 0.3, 5)
     assert not backoff.is_due(0.3)

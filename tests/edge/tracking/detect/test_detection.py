@@ -36,7 +36,7 @@ SUPPOSED = 0.10
 
 @cache
 def found(name: str, seed: int, network: bool) -> Posture:
-    """Somebody detected from scratch."""
+    """Returns a person detected from scratch."""
     observation, _ = seen_person(name, seed)
     seen, by_facing = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
@@ -117,7 +117,7 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
 
 
 def test_somebody_known_is_found_with_their_own_bones():
-    """Who kneels does not show how tall they are; who is known needs not."""
+    """A kneeling person does not show their height, which is not needed for a known person."""
     known, unknown = [], []
     for seed in SEEDS:
         observation, figure = seen_person("kneeling", seed)
@@ -130,7 +130,7 @@ def test_somebody_known_is_found_with_their_own_bones():
 
 
 def test_another_posture_is_found_only_where_it_may_be_better():
-    """Who is fitted rightly is left as they are; who is fitted as somebody else stands is found again."""
+    """A correctly fitted person is unchanged; one fitted with another posture is detected again."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     seen, by_facing = seen_in(observation)
@@ -144,7 +144,7 @@ def test_another_posture_is_found_only_where_it_may_be_better():
 
 
 def standing_as(posture: Posture) -> Posture:
-    """Somebody else's posture in the same place."""
+    """Returns another person's posture at the same position."""
     made = posture.copy()
     made.rotations = joint_limits.standing(2.0, arm_raise=1.4)
     return made

@@ -1,4 +1,5 @@
-"""Which way somebody faces is decided over frames, by what the network sees and by their walk."""
+"""Tests of facing, which is decided over several frames, from the network's output and the walking
+direction."""
 
 import numpy as np
 import pytest
@@ -40,12 +41,12 @@ def verdicts(posture: Posture, seen: EstimateAtPoints, velocity=STILL, frames: i
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
-def test_who_faces_the_right_way_is_left_alone(yaw):
+def test_correct_facing_is_kept(yaw):
     assert not any(verdicts(standing(yaw), seen_facing(standing(yaw))))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
-def test_who_faces_the_wrong_way_is_turned_after_a_while_and_not_before(yaw):
+def test_wrong_facing_is_corrected_after_a_delay(yaw):
     wrong = verdicts(turned_about(standing(yaw)), seen_facing(standing(yaw)))
     assert any(wrong)
     assert not any(wrong[:10]), "a few frames must not turn a person"
@@ -71,7 +72,7 @@ def test_forward_does_not_turn_over_when_somebody_bends_over():
 
 
 def bent(pitch: float, yaw: float = 0.0) -> Posture:
-    """Standing, the trunk bent forward by so many radians."""
+    """Returns a standing posture with the trunk bent forward by an angle in radians."""
     posture = standing(yaw)
     posture.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(x=pitch)
     return posture
@@ -79,7 +80,7 @@ def bent(pitch: float, yaw: float = 0.0) -> Posture:
 
 @pytest.mark.parametrize("yaw", [0.0, 1.1, np.pi, -2.0])
 def test_people_bend_forward(yaw):
-    """Who bows towards the sensor does not lean backward away from it, though the network says nothing."""
+    """A person bowing towards the sensor does not lean backward away from it, even without network output."""
     assert backward(bent(0.0, yaw).rotations) == 0.0
     assert backward(bent(0.6, yaw).rotations) == 0.0
     assert backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
@@ -87,7 +88,7 @@ def test_people_bend_forward(yaw):
     assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
 
 
-def test_who_lies_on_the_back_does_not_lean():
+def test_person_lying_on_the_back_does_not_lean():
     assert backward(bent(-1.5).rotations) == 0.0
 
 
@@ -95,7 +96,7 @@ def test_a_slight_doubt_turns_nobody():
     assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
 
 
-def test_who_has_been_facing_rightly_is_turned_only_by_more_than_who_is_new():
+def test_established_facing_needs_more_evidence_to_flip():
     """Sideways, where the sensor itself says nothing for either way."""
     sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
@@ -109,7 +110,7 @@ def test_who_has_been_facing_rightly_is_turned_only_by_more_than_who_is_new():
 
 
 def any_posture(random) -> Posture:
-    """Somebody anywhere, bent and turned anyhow."""
+    """Returns a person at a random position, with random bends and rotations."""
     posture = standing(random.uniform(-np.pi, np.pi))
     posture.position = posture.position + random.normal(0, 1, 3)
     posture.rotations[model.PELVIS] = rotation(*random.normal(0, [0.5, 2, 0.5]))

@@ -87,7 +87,7 @@ def test_lengths_are_kept_and_the_start_is_not_touched(seed):
     np.testing.assert_array_equal(lengths, model.lengths_for_height(1.6))
 
 
-def test_where_the_estimate_is_turned_about_so_is_the_posture():
+def test_reversed_estimate_gives_reversed_posture():
     wanted = turned_about(banked(0, 0.4))
     made = posed(estimate_of(wanted.joints()), wanted.lengths)
     assert apart(made, wanted).max() < AT_MOST

@@ -66,7 +66,7 @@ def test_a_limb_that_is_seen_elsewhere_is_brought_there(lift):
     assert off(alone, arm_out(lift), LEFT_ARM) > 0.3, "which surfaces alone do not, where all seems sure"
 
 
-def test_who_is_where_they_are_seen_is_left_alone():
+def test_well_fitted_person_is_not_changed():
     fitter, observation = Fitter(FitSettings()), observed(arm_out())
     posture, report = fitter.fit(observation, arm_out())
     seen = seen_of(posture, observation)

@@ -172,7 +172,7 @@ def test_the_floor_costs_nothing_to_who_stands_on_it():
     assert floor_energy(standing)[0] > 0.0
 
 
-def test_nothing_pulls_on_a_person_who_is_where_the_points_are():
+def test_forces_vanish_on_a_perfectly_fitted_person():
     posture = random_posture(3)
     points, normals = surface_points(posture, 3, noise=0.0)
     energy, gradient = depth_energy(posture, points, normals)

@@ -1,4 +1,4 @@
-"""What a device says of itself becomes states of health, and is over when it is well again."""
+"""Tests that a device's reports become health states, which end when the device recovers."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def kinds_after(
         (Condition(gravity=(0.1, -9.7, 0.3)), HealthKind.UPSIDE_DOWN, "the other way up"),
     ],
 )
-def test_it_is_said_and_over_when_it_is_well_again(ill, kind, words):
+def test_problem_is_reported_until_it_is_solved(ill, kind, words):
     well = Condition("USB 3", temperature=50.0, hot=95.0, gravity=DOWN)
     assert kinds_after([well, ill, well], floor_known=False) == [set(), {kind}, set()]
     alarms = Alarms("The sensor")

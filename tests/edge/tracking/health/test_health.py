@@ -41,7 +41,7 @@ def kinds(monitor: HealthMonitor) -> set[str]:
 
 
 def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Body:
-    """Somebody who stands straight before the sensor."""
+    """Returns a person that stands straight in front of the sensor."""
     joints = np.zeros((20, 3))
     joints[:, 1] = 0.95
     joints[Joint.HEAD, 1] = 1.6
@@ -55,7 +55,7 @@ def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Bo
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=60), st.randoms())
 @settings(deadline=None)
-def test_what_is_admitted_is_always_newer_than_what_was(steps, random):
+def test_accepted_frames_have_increasing_times(steps, random):
     """However times are shuffled within a second."""
     times = np.cumsum(steps).tolist()
     shuffled = sorted(times, key=lambda t: t + random.choice([0, 0, 0, 30]))
@@ -141,7 +141,7 @@ def test_every_kind_has_its_sentence_and_what_to_do():
 
 
 def watched(monitor: HealthMonitor, frames) -> list[set[str]]:
-    """What is wrong after each frame."""
+    """Returns the problems after each frame."""
     said = []
     for each in frames:
         if monitor.admit(each):
@@ -203,7 +203,7 @@ def test_a_sensor_that_is_silent_is_said_to_be():
         (HealthKind.UNCLEAR, dataclasses.replace(standing(), confidence=np.full(20, 0.2))),
     ],
 )
-def test_where_a_performer_should_not_be_is_said_with_who_it_is(kind, body):
+def test_bad_performer_position_is_reported_with_the_performer(kind, body):
     monitor, good = HealthMonitor(), standing(identity=2, aside=-0.7)
     for i in range(60):
         monitor.admit(frame(i))
@@ -225,7 +225,7 @@ def test_where_a_performer_should_not_be_is_said_with_who_it_is(kind, body):
         (HealthKind.JOINED, TrackerState(joined=(4, 2))),
     ],
 )
-def test_what_the_tracker_knows_of_itself_is_passed_on(kind, state):
+def test_trackers_own_warnings_are_forwarded(kind, state):
     monitor = HealthMonitor(name="left")
     for i in range(60):
         monitor.admit(frame(i))

@@ -82,7 +82,7 @@ def test_speeds_are_learnt_and_a_delay_is_made_up_for_where_something_moves(seed
     np.testing.assert_allclose(spin, turning, atol=1e-12)
 
 
-def test_nothing_is_foreseen_of_a_first_frame():
+def test_first_frame_is_not_extrapolated():
     random = np.random.default_rng(0)
     joints, speed = random.normal(size=(20, 3)), random.normal(size=(20, 3))
     turns, spin = normalized(random.normal(size=(20, 4))), random.normal(size=(20, 3))

@@ -37,7 +37,7 @@ def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
     assert np.mean(said == true) > 0.87
 
 
-def test_it_does_not_flicker():
+def test_contact_does_not_flicker():
     contacts = FootContacts(FootContactSettings())
     said = np.array(
         [contacts(b.joints, b.confidence, i * STEP) > 0.5 for i, (b, _) in enumerate(walk(0, 0.002))]

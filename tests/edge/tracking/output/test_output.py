@@ -61,7 +61,7 @@ def test_smoothing_zero_is_exactly_the_fit_whatever_it_does(seed):
 
 @given(st.integers(0, 1000), st.floats(0.0, 5.0))
 @settings(max_examples=40, deadline=None)
-def test_nothing_that_is_not_finite_ever_leaves(seed, amount):
+def test_output_is_always_finite(seed, amount):
     random = np.random.default_rng(seed)
     output = Output(settings_of(amount, predict=0.05))
     for i, body in enumerate(noisy(seed)):
@@ -112,7 +112,7 @@ def test_a_leap_that_stays_is_followed_and_arrives():
     assert made.confidence.min() == 1.0
 
 
-def test_what_people_can_do_is_never_limited():
+def test_possible_human_motion_is_not_limited():
     fast = truth("wave", 60)
     limited, free = run(Output(settings_of(0.5)), fast), run(Output(settings_of(0.5, fastest=0.0)), fast)
     for a, b in zip(limited, free, strict=True):
@@ -135,7 +135,7 @@ def test_bodies_without_orientations_are_smoothed_and_predicted_too():
 
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
-def test_what_the_filter_lags_is_made_up_for_where_a_joint_moves(choreography):
+def test_filter_lag_is_compensated_for_moving_joints(choreography):
     """At least a third of it; and 0 takes it as it is."""
     bodies = truth(choreography, 90)
     late, on_time = (
@@ -255,7 +255,7 @@ def test_the_output_turns_with_the_world(seed):
         np.testing.assert_allclose(to_matrix(b.orientations), expected, atol=1e-7)
 
 
-def test_who_comes_back_after_long_starts_anew_and_the_clock_may_be_set_back():
+def test_filter_resets_after_long_gap_or_clock_reset():
     output, bodies = Output(settings_of(5.0)), noisy(1, 3)
     for time_ns, body in zip((0, 60_000_000_000, 1_000_000), bodies, strict=True):
         (made,) = output([body], time_ns)

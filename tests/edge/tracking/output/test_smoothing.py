@@ -67,7 +67,7 @@ def test_steady_motion_is_followed_within_a_centimetre_or_two():
 
 @given(st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
-def test_it_does_not_depend_on_the_axes_of_the_world(seed):
+def test_smoothing_is_independent_of_world_axes(seed):
     random = np.random.default_rng(seed)
     values = random.normal(size=(10, 20, 3)).cumsum(0) * 0.02
     turn = np.linalg.qr(random.normal(size=(3, 3)))[0]

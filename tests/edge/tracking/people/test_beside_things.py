@@ -1,4 +1,4 @@
-"""Somebody whose pixels hang together with a thing's is found in the part that lies on them."""
+"""Tests that a person whose pixels touch those of an object is found in the person's part."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ the points."""
 
 
 def group(stagecraft, players=(), boxes=()):
-    """What is seen of people and boxes in the room, and the (h, w) pixels that are either's."""
+    """Returns the view of people and boxes in the room, and the (h, w) pixels of either."""
     s = stagecraft
     camera = WorkingCamera(s.CAMERA, s.CAMERA.width)
     z = s.Playground(*players, boxes=lambda time: boxes).frame(0.0).depth / 1000.0
@@ -93,7 +93,7 @@ def detections(monkeypatch, view, pixels, posture):
 
 @pytest.fixture
 def somebody(stagecraft):
-    """View, pixels and posture of somebody with nothing beside them."""
+    """Returns view, pixels and posture of a person with nothing next to them."""
     player = stagecraft.Player(stagecraft.still(0.0, -2.4), "idle")
     view, pixels = group(stagecraft, [player])
     return view, pixels, found(view, pixels)[0].posture

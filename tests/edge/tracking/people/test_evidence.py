@@ -1,4 +1,4 @@
-"""What a frame says of a joint, and the confidence made of it."""
+"""Tests of a frame's evidence for a joint, and of the resulting confidence."""
 
 from functools import cache
 
@@ -31,7 +31,7 @@ def test_a_person_in_full_view_is_visible_and_a_shifted_one_is_seen_through():
     assert beside[:, 2].mean() > 0.8
 
 
-def test_what_a_board_hides_is_hidden_and_what_is_beside_the_image_is_outside():
+def test_joints_behind_board_are_occluded_and_beyond_image_are_outside():
     hidden = of_joints.capsule_shares(*standing().capsules(), observed(standing(), hide=70).view)
     shins = np.isin(model.CAPSULES.frame, [model.SHIN_L, model.SHIN_R])
     assert hidden[shins, 1].min() == 1.0
@@ -136,7 +136,7 @@ def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone)
 
 @cache
 def in_full_view():
-    """What is seen of a person who stands; drawn once for all examples."""
+    """The view of a standing person; rendered once for all examples."""
     return observed(standing())
 
 
@@ -182,7 +182,7 @@ def test_confidence_is_a_probability_and_alike_for_both_sides(seed, alone):
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_what_is_outside_the_image_is_not_invented(alone):
+def test_joints_outside_the_image_are_not_invented(alone):
     found = np.ones((20, len(NAMES)))
     found[15, NAMES.index("outside")] = 1.0
     found[19, NAMES.index("outside")] = 0.0

@@ -1,4 +1,4 @@
-"""Numbers, looks, and who has come back."""
+"""Tests of identities, appearance, and re-identification."""
 
 import numpy as np
 import pytest
@@ -85,7 +85,7 @@ def test_of_two_who_look_alike_it_is_who_left_here():
     assert absent.id == 2
 
 
-def test_who_is_away_too_long_is_forgotten_unless_kept():
+def test_identity_is_forgotten_after_long_absence_unless_kept():
     register = Register(PeopleSettings(remember=10.0))
     register.leave(1, looks(1.7), HERE, 0)
     register.leave(2, looks(1.8), HERE, 0)
@@ -124,7 +124,7 @@ def test_a_lock_admits_who_was_named():
     assert lock.closed
 
 
-def test_who_is_alone_where_somebody_was_just_lost_is_them():
+def test_single_newcomer_near_a_loss_is_reidentified():
     """Whatever their bones seem to be at first sight; not much later, elsewhere, or plainly taller."""
     register = Register(PeopleSettings())
     register.leave(1, looks(1.7), HERE, 0)

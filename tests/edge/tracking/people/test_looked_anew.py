@@ -64,7 +64,7 @@ def looks(scene, monkeypatch):
     return watched
 
 
-def test_who_is_explained_well_is_never_looked_for_anew(looks):
+def test_well_explained_person_is_never_searched_again(looks):
     assert looks(80, lambda frame: False) == []
 
 
@@ -82,5 +82,5 @@ def test_a_look_that_finds_something_brings_the_patience_back(looks):
     assert looks(150, lambda frame: frame >= KNOWN, finds=lambda frame: frame == FIRST) == [29, 59, 119]
 
 
-def test_who_is_doubtful_from_the_first_is_looked_for_a_second_later(looks):
+def test_doubtful_new_person_is_searched_again_after_a_second(looks):
     assert looks(80, lambda frame: True) == [FIRST]

@@ -142,7 +142,7 @@ def test_an_area_is_that_of_the_pixels_themselves(scene):
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=20, deadline=None)
-def test_what_is_measured_of_a_group_is_that_of_its_pixels(scene, seed):
+def test_blob_measures_are_those_of_its_pixels(scene, seed):
     """Its middle, and the shares that stand before the known room, and before what is known or guessed."""
     view, mask = scene
     random = np.random.default_rng(seed)
@@ -168,7 +168,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
 
 
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
-def test_who_was_plainly_a_person_for_long_stays_one(plain_frames, vague, scene):
+def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     """The network may doubt later postures; who it never took for a person is let go."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.vague == vague
@@ -206,7 +206,7 @@ def test_the_network_is_asked_where_its_answer_tells(scene):
 
 
 @pytest.mark.parametrize(("share", "due"), [(0.6, True), (0.8, False)])
-def test_what_furniture_came_off_is_searched_at_once_though_the_whole_was_in_vain(scene, share, due):
+def test_blob_without_removed_furniture_is_searched_at_once(scene, share, due):
     view, pixels = scene
     found = newcomer(view, pixels)
     found.recognised = True

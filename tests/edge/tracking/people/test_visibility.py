@@ -76,7 +76,7 @@ def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
 
 @given(st.integers(0, 100_000))
 @settings(max_examples=60, deadline=None)
-def test_what_hides_somebody_is_told_as_sample_by_sample(seed):
+def test_occlusion_matches_per_sample_reference(seed):
     random = np.random.default_rng(seed)
     view, posture, owner = random_view(random), random_person(random), random.integers(-1, 2, SHAPE)
     inside, behind, own = samples_slowly(view, posture, owner == 1)
@@ -95,7 +95,7 @@ def test_the_trunk_that_is_shown_is_told_as_sample_by_sample(seed, share):
     assert trunk_shown(view, posture, pixels) == pytest.approx(expected)
 
 
-def test_who_stands_free_is_all_in_sight():
+def test_unoccluded_person_is_fully_visible():
     assert hidden_shares(view_of(wall()), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
     assert trunk_shown(view_of(wall()), person(), np.ones(SHAPE, bool)) == 1.0
     assert trunk_shown(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
@@ -107,12 +107,12 @@ def test_a_board_before_somebody_hides_them_but_not_behind_their_own_pixels():
     assert hidden_shares(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)
 
 
-def test_where_nothing_is_measured_nobody_is_hidden():
+def test_missing_depth_does_not_occlude():
     assert hidden_shares(view_of(np.zeros(SHAPE)), person(), np.full(SHAPE, -1), 0) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("away", [person(z=2.0), person(x=9.0)])
-def test_who_is_beside_or_behind_the_sensor_is_outside_the_image(away):
+def test_person_next_to_or_behind_sensor_is_outside_the_image(away):
     assert hidden_shares(view_of(wall(1.0)), away, np.full(SHAPE, -1), 0) == (0.0, 1.0)
     assert trunk_shown(view_of(wall(1.0)), away, np.ones(SHAPE, bool)) == 0.0
 

@@ -103,7 +103,7 @@ def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
     np.testing.assert_allclose(made[:3, :3] @ made[:3, :3].T, np.eye(3), atol=1e-9)
 
 
-def test_where_little_floor_is_seen_nothing_is_corrected():
+def test_little_visible_floor_gives_no_correction():
     points, usable, _ = seen_floor(0)
     before = world_from_level_camera(1.2)
     assert corrected(before, points, np.zeros_like(usable), GAIN) is before

@@ -67,7 +67,7 @@ def test_furniture_that_was_moved_in_is_absorbed_within_the_stated_time(rate):
     assert not in_front(room, picture(2.0), guess=True).any()
 
 
-def test_what_was_taken_away_is_forgotten_soon():
+def test_removed_object_leaves_the_background_soon():
     room = RoomModel((8, 8))
     now = learn(room, picture(2.0), 1.0)
     learn(room, picture(3.0), 0.8, now)
@@ -81,14 +81,14 @@ def test_a_flickering_edge_is_no_foreground():
     assert in_front(room, picture(2.0), guess=True).mean() < 0.05
 
 
-def test_who_stands_still_is_never_absorbed():
+def test_still_person_is_never_absorbed_into_background():
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     learn(room, picture(2.0), 120.0, now, person=np.ones((8, 8), bool))
     assert in_front(room, picture(2.0), guess=True).all()
 
 
-def test_who_was_lost_where_they_stand_is_not_absorbed_until_seen_elsewhere():
+def test_lost_person_is_not_absorbed_until_seen_elsewhere():
     room, ids, mine = RoomModel((8, 8)), np.array([7]), np.zeros((8, 8), np.int64)
     now = learn(room, picture(3.0), 1.0)
     room.guard(mine, ids, picture(2.0))
@@ -201,7 +201,7 @@ def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(
     np.testing.assert_array_equal(room.z, with_dark(3))
 
 
-def test_what_is_measured_now_and_then_is_not_forgotten():
+def test_intermittently_measured_background_is_kept():
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     for _ in range(5):
@@ -222,7 +222,7 @@ def test_a_covered_lens_forgets_nothing(columns):
     assert not in_front(room, picture(3.0), guess=False).any()
 
 
-def test_what_was_forgotten_is_learnt_anew_there_alone():
+def test_forgotten_background_is_relearnt_only_there():
     room, where = RoomModel((8, 8)), np.zeros((8, 8), bool)
     where[2:5, 1:4] = True
     now = learn(room, picture(2.0), 1.0)
@@ -338,7 +338,7 @@ def guess(z, mount):
 
 @given(st.integers(0, 1000), st.floats(0.0, 1.0))
 @settings(max_examples=20, deadline=None)
-def test_what_is_known_of_the_room_is_not_guessed(seed, share):
+def test_known_background_is_not_filled_in(seed, share):
     random = np.random.default_rng(seed)
     z = np.where(random.random((72, 96)) < share, random.uniform(0.5, 6.0, (72, 96)), 0.0)
     made = guess(z, world_from_level_camera(random.uniform(0.3, 2.5), random.uniform(-0.4, 0.6)))
@@ -346,7 +346,7 @@ def test_what_is_known_of_the_room_is_not_guessed(seed, share):
     assert (made >= 0).all()
 
 
-def test_nothing_is_guessed_of_a_room_of_which_nothing_is_known():
+def test_unknown_room_is_not_filled_in():
     assert not guess(np.zeros((72, 96)), world_from_level_camera(1.2)).any()
 
 

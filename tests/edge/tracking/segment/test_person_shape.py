@@ -167,7 +167,7 @@ def test_points_in_one_place_have_no_thickness():
     assert not along.any()
 
 
-def test_what_runs_out_of_the_image_is_cut():
+def test_blob_at_image_border_counts_as_cut():
     z = np.full((120, 160), 3.0)
     z[40:, 60:100] = 1.0
     free, behind, border, cut = outline(z, z < 2.0)
@@ -192,7 +192,7 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
     assert len(parted(raised.points, raised.z < 3.0)) == 1
 
 
-def test_who_is_partly_hidden_by_others_is_still_free():
+def test_person_partly_occluded_by_others_counts_as_free():
     """What stands before somebody says nothing of whether they stand freely."""
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)

@@ -125,7 +125,7 @@ def test_the_boxes_are_those_around_the_capsules(seed, reach):
     assert (boxes >= 0).all() and (boxes <= [60, 80, 60, 80]).all() and (boxes[:, :2] <= boxes[:, 2:]).all()
 
 
-def test_who_is_nowhere_has_an_empty_box():
+def test_person_without_pixels_has_an_empty_box():
     ends, radii = random_capsules(np.random.default_rng(0))
     view = view_of(np.ones((60, 80)))
     expected = image_boxes(view, ends, radii, REACH)

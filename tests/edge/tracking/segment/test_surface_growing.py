@@ -89,7 +89,7 @@ def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray
 
 @given(SCENES)
 @settings(max_examples=150, deadline=None)
-def test_it_is_what_a_flood_fill_gives_back(seed):
+def test_result_matches_flood_fill(seed):
     owner, z = scene(seed)
     np.testing.assert_array_equal(after(owner, z)[0], slowly(owner, z))
 
@@ -119,7 +119,7 @@ def test_nobody_gives_up_their_largest_piece(seed):
 
 @given(SCENES)
 @settings(max_examples=30, deadline=None)
-def test_who_is_alone_keeps_all(seed):
+def test_single_person_keeps_all_pixels(seed):
     owner, z = scene(seed, 1)
     made, counts = after(owner, z, 1)
     np.testing.assert_array_equal(made, owner)
@@ -184,7 +184,7 @@ def test_what_is_nearly_as_large_as_the_other_is_no_part_of_them():
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
 
 
-def test_who_has_no_pixels_gets_none():
+def test_person_without_pixels_gets_none():
     owner, z, arm = two_with_an_arm(8)
     made, counts = after(owner, z, 3)
     assert (made[arm] == 1).all() and counts[2] == 0

@@ -180,7 +180,7 @@ def test_equal_materials_become_one_and_bare_faces_have_none():
         ({"definitions": ("[" * 100_000,)}, "no JSON object"),
     ],
 )
-def test_what_does_not_fit_together_is_refused(change, said):
+def test_inconsistent_materials_are_refused(change, said):
     with pytest.raises(InputError, match="neither PNG nor JPEG"):
         Texture(np.frombuffer(b"GIF89a", np.uint8))
     with pytest.raises(InputError, match="no JSON object"):

@@ -69,7 +69,7 @@ def test_two_closed_parts_make_the_whole(u, tilt, flat, fine):
     assert (np.sort(together) == np.arange(len(mesh.vertices))).all()
 
 
-def test_the_cut_is_where_it_was_asked_for():
+def test_cut_lies_on_the_requested_surface():
     mesh, skeleton = tube(step=0.05), line([[0, 0, 0], [0, 0, 2.0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.37)
     # It may slide a little so as not to pass through vertices.
@@ -114,7 +114,7 @@ def test_a_shell_that_is_not_cut_goes_with_its_bones():
     assert set(range(len(limb.vertices), len(mesh.vertices))) <= set(cut.far.kept)
 
 
-def test_a_ring_is_parted_by_a_second_cut_and_that_is_said():
+def test_second_cut_separates_ring_and_is_reported():
     import trimesh
 
     made = trimesh.creation.torus(0.5, 0.1)
@@ -126,7 +126,7 @@ def test_a_ring_is_parted_by_a_second_cut_and_that_is_said():
     assert volume(cut.near.mesh) + volume(cut.far.mesh) == pytest.approx(volume(mesh), rel=1e-9)
 
 
-def test_a_stroke_cuts_what_it_passes_through_and_nothing_else():
+def test_stroke_cuts_only_crossed_parts():
     mesh = two_legs()
     turned = Mesh(mesh.vertices[:, [0, 2, 1]] * [1, 1, -1], mesh.faces, "legs")
     skin = random_skin(len(mesh.vertices), 3)
@@ -178,7 +178,7 @@ def test_colours_and_weights_run_on_over_the_cut():
     np.testing.assert_allclose(of_one, z / 2, atol=1e-6)
 
 
-def test_an_open_mesh_stays_open_where_it_was_and_is_closed_at_the_cut():
+def test_open_mesh_is_capped_only_at_the_cut():
     mesh = tube()
     open_tube = Mesh(mesh.vertices, mesh.faces[: -2 * 12], "open")
     cut = cut_by_stroke(open_tube, None, PlaneCut([0, 0, 1.03], [0, 0, 1]))
@@ -191,7 +191,7 @@ def test_an_open_mesh_stays_open_where_it_was_and_is_closed_at_the_cut():
     assert cut.near.caps == 0 and any("open" in note for note in cut.notes)
 
 
-def test_a_bone_beside_its_limb_cuts_what_follows_it():
+def test_bone_outside_its_limb_cuts_its_skin():
     mesh = two_legs()
     half = len(mesh.vertices) // 2
     skeleton = Skeleton(
@@ -258,7 +258,7 @@ def test_caps_can_be_round(flat):
     assert half_balls.far.mesh.bounds[0, 2] == pytest.approx(1.02 - 0.2, abs=0.02)
 
 
-def test_what_cannot_be_cut_says_why():
+def test_impossible_cut_gives_the_reason():
     mesh, skeleton = tube(), line([[1.0, 0, 0], [1.0, 0, 1.0]])
     skin = on_bone(mesh, 0)
     with pytest.raises(InputError, match="surrounds"):

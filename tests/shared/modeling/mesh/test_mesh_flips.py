@@ -11,7 +11,7 @@ from enliven.modeling.mesh.flips import flip, slot
 
 
 def neighbours(triangles: np.ndarray) -> np.ndarray:
-    """The slow, obvious twin of ``beside``: triangles by their edges."""
+    """A slow reference for ``beside``: triangles by their edges."""
     edges = {(t[(k + 1) % 3], t[(k + 2) % 3]): i for i, t in enumerate(triangles.tolist()) for k in range(3)}
     return np.array(
         [[edges.get((t[(k + 2) % 3], t[(k + 1) % 3]), -1) for k in range(3)] for t in triangles.tolist()]

@@ -23,7 +23,8 @@ def areas(points, triangles):
 
 
 def not_delaunay(points, triangles):
-    """Inner edges whose two opposite angles sum to more than a half turn, the slow obvious way."""
+    """Returns the inner edges whose two opposite angles sum to more than 180 degrees, by a slow direct
+    method."""
     opposite = {}
     for a, b, c in triangles.tolist():
         for tip, i, j in ((a, b, c), (b, c, a), (c, a, b)):
@@ -43,7 +44,7 @@ def not_delaunay(points, triangles):
 
 @settings(max_examples=40, deadline=None)
 @given(wobbles)
-def test_it_covers_the_outline_and_is_delaunay(radii):
+def test_triangulation_covers_outline_and_is_delaunay(radii):
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
     assert len(triangles) == len(points) - 2
@@ -78,7 +79,7 @@ def test_a_hole_stays_a_hole():
 
 @settings(max_examples=20, deadline=None)
 @given(wobbles, st.tuples(*[st.floats(-2, 2)] * 3))
-def test_what_is_inside_a_cap_is_between_what_is_around_and_linear(radii, plane):
+def test_cap_interpolates_border_values_linearly(radii, plane):
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
     made, cells = refined(points, triangles, np.full(len(points), 0.3))

@@ -92,7 +92,7 @@ def test_weights_run_smoothly_over_the_seam():
 
 @settings(max_examples=10, deadline=None)
 @given(u=st.floats(0.2, 0.8), around=st.integers(8, 24))
-def test_what_was_cut_and_put_back_is_as_it_was(u, around):
+def test_cut_and_merge_restore_the_mesh(u, around):
     mesh, skeleton = tube(0.3, 2.0, around), line([[0, 0, 0], [0, 0, 2.0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, u)
     union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
@@ -100,7 +100,7 @@ def test_what_was_cut_and_put_back_is_as_it_was(u, around):
     assert same_bits(made.vertices, union.mesh.vertices)
 
 
-def test_fairing_goes_on_as_what_is_around():
+def test_fairing_continues_surrounding_surface():
     """A tube stays a tube and a plane a plane, whatever was dented between."""
     for mesh, most in ((tube(0.3, 2.0, 24, 0.08), 0.01), (ball(0.3, detail=4), 0.01)):
         free = np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].mean()) < 0.17
@@ -136,7 +136,7 @@ def test_coarse_meshes_are_not_blown_up(detail, flat, far, size):
     assert 0.6 < volume(made) / volume(union.mesh) < 1.4
 
 
-def test_settings_at_zero_leave_all_as_it_is():
+def test_zero_settings_change_nothing():
     union, skeleton, *_ = tee()
     off = SeamSettings(strength=0.0, weight_rings=0, weight_reach=0.0)
     mesh = smoothed(union.mesh, union.seam, off)

@@ -128,14 +128,14 @@ def test_a_flat_shaded_seam_is_not_torn_by_tidying():
     assert union.fused and watertight(union.mesh)
 
 
-def test_what_was_cut_is_made_whole_again():
+def test_union_restores_cut_mesh():
     mesh, skeleton = tube(), line([[0, 0, 0], [0, 0, 2.0]])
     skin = random_skin(len(mesh.vertices), 2)
     cut = cut_across_bone(mesh, skin, skeleton, 1, 0.37)
     union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
     assert union.fused and watertight(union.mesh)
     assert volume(union.mesh) == pytest.approx(volume(mesh), rel=1e-9)
-    # The caps are gone: but for the rim there is no vertex that was not there before.
+    # The caps are gone: except at the rim, all vertices existed before.
     assert len(union.mesh.vertices) - len(mesh.vertices) == union.seam.sum()
     from_near = cut.near.kept[union.first[union.first >= 0]]
     assert set(range(len(mesh.vertices))) - set(from_near) <= set(cut.far.kept)
@@ -151,7 +151,7 @@ def test_colours_are_kept_and_blank_where_there_were_none():
     assert (union.mesh.colours[(union.second >= 0) & ~union.seam] == 204).all()
 
 
-def test_a_hole_is_closed_and_that_is_said():
+def test_hole_filling_is_reported():
     first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
     holed = Mesh(first.vertices, first.faces[8:], "holed")
     union = united(holed, on_bone(holed, 0), second, on_bone(second, 1))
@@ -172,7 +172,7 @@ def test_a_hole_is_closed_and_that_is_said():
         (Mesh(ball(0.06, (0.1, 0, 0)).vertices, np.tile(ball().faces[:1], (3, 1)), "leaf"), "no solid"),
     ],
 )
-def test_what_cannot_be_fused_is_joined_and_nothing_is_lost(other, why):
+def test_unfusable_meshes_are_joined_without_loss(other, why):
     first = ball(0.1)
     union = united(first, on_bone(first, 0), other, on_bone(other, 0), offset=3)
     assert not union.fused and why in union.notes[0]
@@ -201,7 +201,7 @@ NO_SOLIDS |= {f"{name}, flat-shaded": flat_shaded(mesh) for name, mesh in NO_SOL
 
 
 @pytest.mark.parametrize("name", NO_SOLIDS)
-def test_what_is_no_solid_is_united_too_and_its_surface_outside_is_unchanged(name):
+def test_union_of_open_mesh_keeps_outer_surface(name):
     first, other = ball(0.1), NO_SOLIDS[name]
     skins = random_skin(len(first.vertices), 5, 1), random_skin(len(other.vertices), 3, 2)
     union = united(first, skins[0], other, skins[1], 5)

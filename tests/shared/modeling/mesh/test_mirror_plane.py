@@ -27,7 +27,7 @@ def together(*meshes):
 
 
 def beast(lean=0.0):
-    """A body, a head before it, two arms of which the left (-x) may be higher, and a tail."""
+    """Returns a body with a head in front, a tail, and two arms. The left arm (-x) may be higher."""
     return together(
         box([-0.2, 0.0, -0.4], [0.2, 0.5, 0.4]),
         box([-0.1, 0.4, 0.35], [0.1, 0.7, 0.6]),
@@ -39,7 +39,7 @@ def beast(lean=0.0):
 
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.001, 1000.0))
-def test_a_beasts_plane_is_found_however_it_lies(seed, scale):
+def test_plane_is_found_in_any_orientation(seed, scale):
     rng = np.random.default_rng(seed)
     turn = rotation.to_matrix(rotation.normalized(rng.normal(size=4)))
     shift = rng.normal(0, 3, 3)
@@ -54,7 +54,7 @@ def test_a_beasts_plane_is_found_however_it_lies(seed, scale):
     assert np.abs((inside - point) @ normal).max() < 0.01 * scale
 
 
-def test_what_nearly_is_counts_and_what_is_not_does_not():
+def test_nearly_symmetric_counts_and_asymmetric_does_not():
     assert plane_of_symmetry(beast(0.02)) is not None
     assert plane_of_symmetry(beast(0.4)) is None
     rng = np.random.default_rng(1)
@@ -65,7 +65,7 @@ def test_what_nearly_is_counts_and_what_is_not_does_not():
 
 
 @pytest.mark.parametrize("wide, axis", [([0.6, 1.0, 0.4], 0), ([0.4, 0.5, 1.2], 2), ([0.5, 3.0, 0.05], 0)])
-def test_of_a_boxs_planes_it_is_the_one_between_left_and_right(wide, axis):
+def test_box_gets_the_plane_between_left_and_right(wide, axis):
     found = plane_of_symmetry(box(-np.array(wide) / 2, np.array(wide) / 2))
     assert found is not None
     assert abs(found.normal[axis]) > 0.999

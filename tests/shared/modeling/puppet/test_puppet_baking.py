@@ -49,7 +49,7 @@ def test_a_baked_puppet_is_where_the_puppet_is(bean, baked):
     assert error.worst <= BakeSettings().worst * error.size
 
 
-def test_it_may_stay_beside_and_its_settings_count(bean):
+def test_original_may_stay_and_bake_settings_apply(bean):
     project, name, rough = bake_puppet(bean, "bean", keep=True, settings=BakeSettings(nodes=6, first=6))
     assert name == "bean 2" and list(project.puppets) == ["bean"] and len(project.graph(name).positions) == 6
     assert rough.rms > 0
@@ -57,14 +57,14 @@ def test_it_may_stay_beside_and_its_settings_count(bean):
         bake_puppet(bean, "pea")
 
 
-def test_it_is_written_as_it_moves(baked):
+def test_baked_puppet_is_exported_with_its_motion(baked):
     project, name, _ = baked
     performance = performance_of(project, name, 0.2, 2.2, 15.0)
     assert lost(performance) < 1e-6, "its nodes stretch along axes of their own"
     assert len(glb_of([performance])) > 1000
 
 
-def test_it_is_cut_and_merged_as_a_possessed_mesh(baked):
+def test_baked_puppet_is_cut_and_merged_like_possessed_mesh(baked):
     project, name, _ = baked
     middle = seen(project, name, 1.0).mean(0)
     cut, (low, high) = cut_graph(project, name, PlaneCut(middle, [0, 1, 0]), 1.0)

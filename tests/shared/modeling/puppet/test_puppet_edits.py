@@ -1,4 +1,4 @@
-"""Edits of puppets: pure, undone by the value before, refused with the reason, and laws of what they keep."""
+"""Tests of puppet edits: they are pure and undoable, errors give the reason, and invariants hold."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def world(project, time, puppet="stool"):
     return in_world(made, now, now.places)
 
 
-def test_an_edit_leaves_the_project_that_it_was_made_of():
+def test_edit_does_not_change_the_original_project():
     project = busy_project()
     before = project_bytes(project)
     clip = walker(1, "other")
@@ -91,7 +91,7 @@ def test_an_edit_leaves_the_project_that_it_was_made_of():
 
 @given(seeds, st.integers(0, 400))
 @few
-def test_adding_a_point_and_removing_it_is_nothing(seed, vertex):
+def test_adding_and_removing_a_point_restores_the_puppet(seed, vertex):
     project = busy_project(seed)
     if vertex in [point.vertex for point in project.puppets["stool"].points]:
         vertex += 1
@@ -153,7 +153,7 @@ def test_a_key_pose_mirrored_twice_is_itself(seed):
     np.testing.assert_allclose(twice.puppets["stool"].poses[2].places, places, atol=1e-12)
 
 
-def test_the_mesh_says_its_plane_where_the_puppet_has_none():
+def test_symmetry_plane_defaults_to_the_meshs_plane():
     project = puppet_project()
     found = mirror_key_pose(project, "stool", 0).puppets["stool"].poses[0].places
     set_so = mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
@@ -171,7 +171,7 @@ def test_a_moved_puppet_is_moved_at_every_time(seed, angle, x):
         np.testing.assert_allclose(world(moved, time), there, atol=1e-9)
 
 
-def test_a_turned_puppet_stays_where_it_stands():
+def test_rotated_puppet_stays_in_place():
     project = move_character(puppet_project(), "stool", [3.0, 0.0, 1.0])
     turned = turn_character(project, "stool", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
     rest = stool().vertices
@@ -334,7 +334,7 @@ FIVE = np.zeros((5, 3))
         ),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_reason(edit, said):
+def test_invalid_edit_is_refused_with_the_reason(edit, said):
     project = puppet_project()
     before = project_bytes(project)
     with pytest.raises(InputError) as refused:

@@ -35,7 +35,7 @@ def test_the_studio_and_the_command_suggest_the_same():
     assert {(point.vertex, point.joint, point.foot) for point in whole.points} <= found
 
 
-def test_what_is_paired_stays_and_its_mirror_image_follows_the_other_side():
+def test_suggestion_keeps_pairs_and_mirrors_them():
     project = make_puppet(Project().with_takes(walker()), stool(), "it")
     for place in ([0.3, 0.6, 0], [-0.3, 0.6, 0], [0.3, 0, 0.2], [-0.3, 0, 0.2], [0, 1, 0]):
         project = add_point(project, "it", nearest(stool(), place))
@@ -47,7 +47,7 @@ def test_what_is_paired_stays_and_its_mirror_image_follows_the_other_side():
     assert suggested_joint(project, "it", "walk", names[1]) == "RightHand"
 
 
-def test_what_is_suggested_lacks_nothing_but_to_be_posed():
+def test_suggested_puppet_only_needs_poses():
     project = suggested(make_cactus(), points=6, poses=4)
     puppet = project.puppets["it"]
     assert missing(project, puppet) == () and unposed(puppet)

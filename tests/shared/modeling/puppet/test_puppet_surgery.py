@@ -1,4 +1,4 @@
-"""Puppets cut and merged: where they were at that time, as they were in their key poses, and still moving."""
+"""Tests of puppets that are cut and merged: world pose and key poses are kept, and they still move."""
 
 import made_puppets
 import numpy as np
@@ -66,7 +66,7 @@ def test_at_the_time_of_a_cut_nothing_moves(bean, height, time, lean):
 
 @laws
 @given(st.floats(0.3, 0.7), st.floats(0.0, 2.4))
-def test_in_key_poses_a_half_is_what_it_was(bean, height, time):
+def test_cut_half_keeps_its_shape_in_key_poses(bean, height, time):
     whole = bean.puppet("bean")
     at = seen(bean, "bean", time)[int(np.abs(whole.mesh.vertices[:, 1] - height).argmin())]
     after, names = cut_puppet(bean, "bean", PlaneCut(at + 1e-3, [0.1, 1.0, 0.0]), time)
@@ -93,7 +93,7 @@ def test_both_halves_go_on_moving_as_they_did():
         assert np.sqrt(np.mean(np.square(off))) < 0.15 * np.sqrt(np.mean(np.square(moved)))
 
 
-def test_who_keeps_the_feet_goes_on_and_the_other_stays_where_it_was(bean):
+def test_half_with_feet_travels_and_the_other_half_stays(bean):
     middle = seen(bean, "bean", 0.7).mean(0)
     after, (low, high) = cut_puppet(bean, "bean", PlaneCut(middle, [0, 1.0, 0.0]), 0.7)
     assert [layer.travel for layer in after.puppet(low).layers] == [True]
@@ -118,7 +118,7 @@ def test_a_half_without_paired_points_follows_through_new_ones():
     assert np.abs(seen(after, low, 1.1) - seen(after, low, 0.2)).max() > 0.01
 
 
-def test_symmetry_is_given_up_but_not_what_it_showed():
+def test_cut_removes_symmetry_but_keeps_mirrored_poses():
     plane = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     project = made_puppets.project(symmetry=plane)
     notes = []
@@ -241,7 +241,7 @@ def test_a_cut_that_is_merged_again_is_whole():
     assert len(whole.puppet(low).points) >= 4
 
 
-def test_what_cannot_be_merged_is_said(pair):
+def test_impossible_merge_is_reported(pair):
     project, other = pair
     with pytest.raises(InputError, match="with itself"):
         merge_characters(project, "bean", "bean", 0.7)

@@ -125,7 +125,7 @@ def test_a_drag_is_one_step():
     assert history.redo_name is None
 
 
-def test_steps_share_what_they_did_not_change():
+def test_history_steps_share_unchanged_data():
     project, _ = random_project(2)
     history = History(project)
     one = history.megabytes

@@ -37,7 +37,7 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     away = random.normal(size=3)
     edited, copy = copy_character(project, "shape 0", offset=away, delay=delay)
     one, two = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
-    # A loop's seam may fall between the two times where the sum is rounded; a millisecond off is no law.
+    # A loop's seam may fall between the two times because the sum is rounded, so a millisecond is excluded.
     if not any(layer.loop for layer in project.shape("shape 0").layers):
         assert angle(one.turns, two.turns) < 1e-7
         np.testing.assert_allclose(one.joints + away, two.joints, atol=1e-7)
@@ -106,7 +106,7 @@ def test_a_scaled_shape_turns_the_same_and_goes_as_much_farther(seed, time, fact
 
 @laws
 @given(SEEDS, MOMENTS)
-def test_a_pose_is_what_was_asked_for_at_its_time(seed, time):
+def test_pose_has_requested_rotation_at_its_time(seed, time):
     project, random = random_project(seed, 1)
     shape = project.shape("shape 0")
     j = int(random.integers(0, len(shape.skeleton)))
@@ -152,7 +152,7 @@ def volume(mesh):
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def test_what_cannot_be_done_is_said():
+def test_impossible_edit_is_reported():
     project, _ = random_project(3)
     refused = [
         (lambda: scale_character(project, "shape 0", 0.0), "times as large"),

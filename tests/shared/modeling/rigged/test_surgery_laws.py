@@ -256,7 +256,7 @@ def test_a_node_between_two_takes_is_taken_out_with_both_kept(seed, time, later)
     assert_same_turns(after, at(again, "shape 0", later)[0])
 
 
-def test_what_cannot_be_done_is_said_and_changes_nothing():
+def test_impossible_edit_is_reported_and_changes_nothing():
     project, _ = random_project(3)
     refused = [
         (lambda: insert_node(project, "shape 0", 0, 0.5), "root"),

@@ -45,7 +45,7 @@ def closed(mesh):
     return len(ways) == len(edges) and all((b, a) in ways for a, b in ways)
 
 
-def test_a_node_shares_the_skin_and_taken_out_gives_it_back(arm):
+def test_removing_inserted_node_restores_skin_weights(arm):
     edited, name = insert_node(arm, "arm", 2, 0.4)
     before, after = arm.shape("arm").skin, edited.shape("arm").skin
     np.testing.assert_allclose(after.weights.sum(1), 1, atol=1e-6)
@@ -109,7 +109,7 @@ def test_a_merge_in_the_rest_pose_makes_a_cut_arm_whole(arm):
 
 
 @pytest.mark.parametrize("time", [0.0, 0.4, 1.0])
-def test_a_graft_lies_where_it_was_seen_and_rides_on_the_host(arm, time):
+def test_graft_keeps_world_pose_and_follows_host(arm, time):
     project, copy = copy_character(arm, "arm")
     project = turn_bone(project, copy, 0, about_z(75), time)
     node = pose_of(project, "arm", time).joints[1]
@@ -247,7 +247,7 @@ def test_a_stroke_without_a_mesh_cuts_the_bones(fork):
     assert [len(edited.shape(i).skeleton) for i in ids] == [2, len(joints)]
 
 
-def test_a_stroke_that_says_nothing_is_refused(fork):
+def test_ambiguous_stroke_is_refused(fork):
     joints = posed(fork, fork.shape("arm"), 0.0)[1]
     along = joints[1] - joints[0]
     refused = [

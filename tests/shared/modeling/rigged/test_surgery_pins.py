@@ -1,4 +1,4 @@
-"""Edits of a shape whose feet are pinned: pins go with their joints, and a cut still turns nothing."""
+"""Tests of edits of a shape with pinned feet: pins move with their joints, and a cut rotates nothing."""
 
 import numpy as np
 import pytest
