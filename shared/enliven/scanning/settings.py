@@ -327,7 +327,8 @@ class ObjectSettings:
 
     known_after: int = setting(
         30,
-        "Minimum number of images of an unplaced resting object for it to be searched again at the end.",
+        "Number of images after which the resting object is first segmented. This is repeated each "
+        "time the number doubles.",
         low=5,
         high=1000,
     )
