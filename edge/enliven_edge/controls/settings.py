@@ -28,7 +28,7 @@ class ControlSettings:
     retry: float = setting(
         0.5, "Time between attempts to find an unplugged device.", unit="s", low=0.01, high=60.0
     )
-    port: str = setting("", "serial: device path of the port, such as /dev/serial/by-id/... .")
+    port: str = setting("", "serial: device path of the port, such as /dev/serial/by-id/NAME.")
     baud: int = setting(9600, "serial: transmission speed.", unit="bits/s", low=50, high=4_000_000)
     sends: Literal["line", "byte", "panel"] = setting(
         "line", "serial: what a key press sends: a line, one byte, or the protocol of the panel's firmware."

@@ -98,7 +98,7 @@ class FusionSettings:
     )
     believe_ids: float = setting(
         30.0,
-        "Time for which a sensor's own number for a person still identifies them after an absence.",
+        "Time after an absence for which a sensor's own number still identifies a person.",
         unit="s",
         low=0.0,
         high=3600.0,

@@ -100,7 +100,9 @@ class PhysicsSettings:
     """Settings of the physics world."""
 
     world: WorldName = setting(
-        "none", "'boxes': towers to knock over; 'dodgeball': balls are thrown at the characters."
+        "none",
+        "'boxes': towers to knock over; 'dodgeball': balls are thrown at each character and performer "
+        "in turn.",
     )
     place: Literal["performer", "fixed"] = setting(
         "performer",
@@ -108,7 +110,11 @@ class PhysicsSettings:
         "at world coordinates.",
     )
     stand: float = setting(
-        0.3, "Time for which a performer must stand still to set the position.", unit="s", low=0.0, high=60.0
+        0.3,
+        "Time for which a performer must stand still to set the position of the objects.",
+        unit="s",
+        low=0.0,
+        high=60.0,
     )
     patience: float = setting(
         5.0,

@@ -96,7 +96,7 @@ class PeopleSettings:
     )
     remember: float = setting(
         60.0,
-        "Time within which a returning person is re-identified and gets their old number again.",
+        "Time within which a returning person is re-identified and keeps the same number.",
         unit="s",
         low=0.0,
         high=86400.0,
@@ -140,7 +140,7 @@ class FitSettings:
     )
     affinity: float = setting(
         0.1,
-        "Distance by which a limb seems nearer to points that the network assigns to it. 0 matches by "
+        "Distance by which points count as nearer to the limb that the network assigns to them. 0 uses "
         "distance alone.",
         unit="m",
         low=0.0,

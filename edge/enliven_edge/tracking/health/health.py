@@ -88,7 +88,7 @@ class HealthSettings:
     )
     learning: float = setting(
         2.0,
-        "Age of the background model below which it is reported as still being learnt.",
+        "While the background model is younger than this, the edge reports that it is still being learnt.",
         unit="s",
         low=0.0,
     )

@@ -26,8 +26,8 @@ class SelfContactSettings:
     use: bool = setting(False, "Turns on self-contact: parts of the mesh that touch push each other away.")
     detour: float = setting(
         3.0,
-        "Parts collide only if their path along the mesh is longer than this factor times their size. "
-        "Raise it if neighbouring parts push.",
+        "Parts collide only if their distance along the mesh exceeds this factor times their "
+        "thickness. Raise it if neighbouring parts push each other.",
         low=1.0,
         high=100.0,
     )
