@@ -28,7 +28,11 @@ class ChainPlan:
     target: tuple[str, ...] = setting(
         (), "Joints of the model's chain: first and last, or all. The first joint stays in place."
     )
-    role: str = setting("", "Name of the chain's role, for readers of the file only.")
+    role: str = setting(
+        "",
+        'Role of the chain, such as "left leg". Chains of one role that continue each other form one '
+        "limb and turn about the same axes.",
+    )
     mode: Mode = setting(
         "move",
         '"pose": the model\'s bones point in the performer\'s directions. "move": they keep their rest '
