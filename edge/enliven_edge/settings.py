@@ -25,22 +25,29 @@ from enliven_edge.tracking.health import HealthSettings
 class WireSettings:
     """Name, addresses and ports of the edge."""
 
-    name: str = setting("edge", "The edge's name on the network, unique on this machine.")
-    host: str = setting("127.0.0.1", "Address to listen on; 0.0.0.0 for every interface.")
+    name: str = setting("edge", "Name of the edge on the network, unique on this computer.")
+    host: str = setting("127.0.0.1", "Network address to listen on. 0.0.0.0 listens on every interface.")
     open: bool = setting(
-        False, "Listen where other machines reach it: all who do may watch, and take hold of characters."
+        False,
+        "Accepts connections from other computers. Anyone that reaches the edge can then watch and "
+        "control characters.",
     )
-    port: int = setting(5580, "Port of the poses; 0 picks a free one.", low=0, high=65535)
-    control_port: int = setting(5581, "Port of the commands; 0 picks a free one.", low=0, high=65535)
+    port: int = setting(5580, "Network port of the pose stream. 0 picks a free port.", low=0, high=65535)
+    control_port: int = setting(5581, "Network port of the commands. 0 picks a free port.", low=0, high=65535)
     rate: float = setting(
-        100.0, "Requests that one viewer is answered; more are refused.", unit="1/s", low=10, high=10_000
+        100.0,
+        "Maximum number of requests per second from one viewer. More are refused.",
+        unit="1/s",
+        low=10,
+        high=10_000,
     )
     picture: bool = setting(
-        True, "Tell viewers where the camera stands, with a small picture of distances, five times a second."
+        True, "Sends the camera pose and a small depth image to viewers five times per second."
     )
     budget: float = setting(
         2.0,
-        "Time a frame for what viewers ask: half for reading it, half for doing it; the rest waits.",
+        "Time per frame for viewers' requests, half for reading and half for executing them. The rest "
+        "waits for the next frame.",
         unit="ms",
         low=0.5,
         high=100.0,
@@ -51,9 +58,17 @@ class WireSettings:
 class CharacterSettings:
     """One of several characters, in a settings file: ``[characters.NAME]``."""
 
-    mesh: str = setting("chair", "A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'.")
-    drive: Literal["", "graph", "skeleton"] = setting("", "What moves it; empty: as the setting drive says.")
-    parts: str = setting("", "What takes hold of it: legs, 'legs / torso', ...; empty: what suits the mesh.")
+    mesh: str = setting(
+        "chair", "Path of a mesh, session or project, or one of 'chair', 'lamp' and 'cactus'."
+    )
+    drive: Literal["", "graph", "skeleton"] = setting(
+        "", "How the character is driven. Empty: as the setting `drive` of the edge."
+    )
+    parts: str = setting(
+        "",
+        "Body parts that hold the character: legs, 'legs / torso', and so on. Empty: chosen to suit "
+        "the mesh.",
+    )
 
 
 CharacterChoice = tuple[str, CharacterSettings]
@@ -64,21 +79,28 @@ CharacterChoice = tuple[str, CharacterSettings]
 class EdgeSettings:
     """The settings of the edge."""
 
-    nodes: int = setting(128, "Nodes of a deformation graph.", low=4, high=4096)
+    nodes: int = setting(
+        128,
+        "Number of nodes of a deformation graph. More nodes bend in finer detail but take longer.",
+        low=4,
+        high=4096,
+    )
     drive: Literal["graph", "skeleton"] = setting(
         "graph",
-        "What moves a model: a deformation graph, for any mesh, or the skeleton of a rigged glTF.",
+        "How a model is driven: by a deformation graph (any mesh), or by the skeleton of a rigged glTF.",
     )
-    up: Literal["", "x", "y", "z"] = setting("", "The mesh's own axis that points up; empty: it is guessed.")
-    tracker: TrackerSettings = setting(TrackerSettings, "The tracker.")
-    actor: ActorSettings = setting(ActorSettings, "How characters meet and follow their performers.")
-    matching: MatchingSettings = setting(MatchingSettings, "Posing to choose a part of a rigged model.")
-    puppet: PuppetSettings = setting(PuppetSettings, "How puppets meet and follow their performers.")
-    stage: StageSettings = setting(StageSettings, "How many characters stand on the stage.")
-    colour: ColourSettings = setting(ColourSettings, "The colour image, where there is one.")
-    health: HealthSettings = setting(HealthSettings, "When something is said to be wrong.")
-    physics: PhysicsSettings = setting(PhysicsSettings, "Loose boxes and balls.")
-    wire: WireSettings = setting(WireSettings, "The network.")
+    up: Literal["", "x", "y", "z"] = setting(
+        "", "Axis of the mesh that points up. Empty: detected automatically."
+    )
+    tracker: TrackerSettings = setting(TrackerSettings, "Tracking of people.")
+    actor: ActorSettings = setting(ActorSettings, "How characters approach and follow their performers.")
+    matching: MatchingSettings = setting(MatchingSettings, "Choosing a part of a rigged model by posing.")
+    puppet: PuppetSettings = setting(PuppetSettings, "How puppets approach and follow their performers.")
+    stage: StageSettings = setting(StageSettings, "Number of characters on the stage.")
+    colour: ColourSettings = setting(ColourSettings, "Use of the colour image, if the sensor has one.")
+    health: HealthSettings = setting(HealthSettings, "Limits for reporting problems.")
+    physics: PhysicsSettings = setting(PhysicsSettings, "Boxes and balls that characters can push.")
+    wire: WireSettings = setting(WireSettings, "Network name, addresses and ports.")
     characters: dict[str, CharacterSettings] = field(
         default_factory=dict,
         metadata={"doc": "The characters by name, where the command line names none."},
@@ -89,9 +111,13 @@ class EdgeSettings:
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}
     )
-    space: str = setting("", "The file of enliven calibrate, for several sensors; beside this file.")
-    calibration: CalibrationSettings = setting(CalibrationSettings, "How sensors are found, and how well.")
-    fusion: FusionSettings = setting(FusionSettings, "How bodies of several sensors become one set.")
+    space: str = setting(
+        "", "Path of the result of `enliven calibrate` for several sensors, relative to this file."
+    )
+    calibration: CalibrationSettings = setting(
+        CalibrationSettings, "Calibration of several sensors, and the required accuracy."
+    )
+    fusion: FusionSettings = setting(FusionSettings, "Fusion of several sensors' bodies.")
 
 
 def characters_of(

@@ -24,11 +24,13 @@ Value = bool | int | float | str
 class SourceSettings:
     """One of several sensors, in a settings file: ``[sensors.left]``."""
 
-    sensor: str = setting("replay", "The sensor's name: synthetic, replay, ...")
+    sensor: str = setting("replay", "Sensor type, such as synthetic or replay.")
     options: dict[str, Value] = field(
         default_factory=dict, metadata={"doc": "Options of the sensor, such as path, serial or width."}
     )
-    scene: SceneSettings = setting(SceneSettings, "What of its image may be a person.")
+    scene: SceneSettings = setting(
+        SceneSettings, "Sensor pose, and the part of its image that may show people."
+    )
 
 
 @dataclass(frozen=True)

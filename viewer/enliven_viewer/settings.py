@@ -21,40 +21,69 @@ LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 class RenderSettings:
     """Settings of the rendered image."""
 
-    samples: int = setting(4, "Samples a pixel for smooth edges; 1 turns it off.", low=1, high=16)
-    shadow_size: int = setting(384, "Side of the shadow map.", unit="pixels", low=64, high=4096)
+    samples: int = setting(
+        4,
+        "Number of samples per pixel for anti-aliasing. 1 turns it off; lower it on slow graphics cards.",
+        low=1,
+        high=16,
+    )
+    shadow_size: int = setting(
+        384,
+        "Side length of the shadow map. Larger shadows are sharper but slower.",
+        unit="pixels",
+        low=64,
+        high=4096,
+    )
     contact_size: int = setting(
-        160, "Side of the map of what is near the floor.", unit="pixels", low=32, high=1024
+        160,
+        "Side length of the contact shadow map, which darkens the floor near objects.",
+        unit="pixels",
+        low=32,
+        high=1024,
     )
     crease_angle: float = setting(
-        45.0, "Edges sharper than this look crisp.", unit="degrees", low=0, high=180
+        45.0, "Edges with a larger angle are shaded sharp, others smooth.", unit="degrees", low=0, high=180
     )
-    field_of_view: float = setting(34.0, "Vertical opening of the camera.", unit="degrees", low=5, high=120)
+    field_of_view: float = setting(
+        34.0, "Vertical field of view of the camera.", unit="degrees", low=5, high=120
+    )
     reveal_distance: float = setting(
-        0.10, "Closer to the body's surface than this, the mesh is transparent.", unit="metres", low=0, high=2
+        0.10,
+        "Distance from the performer's body within which the mesh is transparent.",
+        unit="metres",
+        low=0,
+        high=2,
     )
-    reveal_opacity: float = setting(0.16, "Opacity of the mesh where the body is inside it.", low=0, high=1)
-    look: LookName = setting("studio", "Light, backdrop and floor.")
-    grid: bool = setting(True, "Lines on the floor, half a metre apart, where the look has them.")
-    backdrop: str = setting("", "Colour of the backdrop, such as '#22334a'; empty: the look's own.")
-    brightness: float = setting(1.0, "All light, times this.", low=0.1, high=10)
+    reveal_opacity: float = setting(0.16, "Opacity of the mesh around the performer's body.", low=0, high=1)
+    look: LookName = setting("studio", "Preset of light, backdrop and floor.")
+    grid: bool = setting(True, "Shows grid lines on the floor, half a metre apart, if the look has them.")
+    backdrop: str = setting("", "Colour of the backdrop, such as '#22334a'. Empty: the colour of the look.")
+    brightness: float = setting(1.0, "Factor on the brightness of all lights.", low=0.1, high=10)
     light_around: float = setting(
         37.4,
-        "Where the key light comes from: 0 is the front, 90 the right.",
+        "Horizontal direction of the key light: 0 is the front, 90 the right.",
         unit="degrees",
         low=-180,
         high=180,
     )
     light_up: float = setting(
-        55.3, "How high the key light is above the horizon.", unit="degrees", low=15, high=90
+        55.3, "Height of the key light above the horizon.", unit="degrees", low=15, high=90
     )
     skeleton: SkeletonShown = setting(
         "choosing",
-        "When performers' skeletons are seen in the mesh: while they choose what to hold, or ever.",
+        "When performers' skeletons are visible: while they choose what to hold, always, or never.",
     )
-    held_light: float = setting(1.0, "Light on the parts of a mesh that are held.", low=0, high=2)
-    texture_size: int = setting(2048, "Larger textures are made smaller.", unit="pixels", low=16, high=16384)
-    anisotropy: int = setting(4, "Sharpness of textures seen at a slant; 1 is least.", low=1, high=16)
+    held_light: float = setting(1.0, "Strength of the highlight on the held parts of a mesh.", low=0, high=2)
+    texture_size: int = setting(
+        2048,
+        "Maximum side length of a texture. Larger textures are reduced to save graphics memory.",
+        unit="pixels",
+        low=16,
+        high=16384,
+    )
+    anisotropy: int = setting(
+        4, "Anisotropic filtering: sharpness of textures at a slant. 1 is off.", low=1, high=16
+    )
 
     def __post_init__(self) -> None:
         if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
@@ -71,15 +100,24 @@ class RenderSettings:
 class PlaybackSettings:
     """Settings of the viewer's memory of received data."""
 
-    minutes: float = setting(10.0, "Length of the live timeline.", unit="minutes", low=0.1, high=240)
+    minutes: float = setting(
+        10.0, "Length of the live timeline. Older poses are deleted.", unit="minutes", low=0.1, high=240
+    )
     rate: float = setting(
-        30.0, "Expected poses a second, which bounds the memory.", unit="Hz", low=1, high=1000
+        30.0,
+        "Expected number of poses per second. It bounds the memory of the live timeline.",
+        unit="Hz",
+        low=1,
+        high=1000,
     )
     gap: float = setting(
-        0.2, "Poses further apart than this are not blended.", unit="seconds", low=0, high=60
+        0.2, "Maximum gap between two poses that are interpolated.", unit="seconds", low=0, high=60
     )
     restart: float = setting(
-        1.0, "A sensor clock that jumps back by more than this starts a new timeline.", unit="seconds", low=0
+        1.0,
+        "A new timeline starts if the sensor's clock jumps back by more than this.",
+        unit="seconds",
+        low=0,
     )
 
 
@@ -87,23 +125,31 @@ class PlaybackSettings:
 class FilmSettings:
     """Settings of films."""
 
-    rate: float = setting(30.0, "Frames a second of sensor time.", unit="Hz", low=1, high=240)
-    bit_rate: float = setting(6.0, "Bit rate of the film.", unit="Mbit/s", low=0.1, high=200)
-    encoder: Encoder = setting("auto", "Which encoder makes the film; auto: the first that works here.")
+    rate: float = setting(30.0, "Frame rate of the film, in sensor time.", unit="Hz", low=1, high=240)
+    bit_rate: float = setting(
+        6.0,
+        "Bit rate of the film. Raise it for better quality and a larger file.",
+        unit="Mbit/s",
+        low=0.1,
+        high=200,
+    )
+    encoder: Encoder = setting(
+        "auto", "Video encoder of the film. 'auto' uses the first that works on this computer."
+    )
     overlay_seconds: float = setting(
         5.0,
-        "Seconds that body and attachments stay visible after possession.",
+        "Time for which skeleton and attachment points stay visible after a character is possessed.",
         unit="seconds",
         low=0,
         high=3600,
     )
-    columns: int = setting(4, "Tiles in a row of the contact sheet.", low=1, high=20)
-    rows: int = setting(3, "Rows of the contact sheet.", low=1, high=20)
+    columns: int = setting(4, "Number of images per row of the contact sheet.", low=1, high=20)
+    rows: int = setting(3, "Number of rows of the contact sheet.", low=1, high=20)
     tile_width: int = setting(
-        480, "Width of one tile of the contact sheet.", unit="pixels", low=32, high=4096
+        480, "Width of one image of the contact sheet.", unit="pixels", low=32, high=4096
     )
     patience: float = setting(
-        20.0, "Seconds to wait for an edge to appear.", unit="seconds", low=0, high=3600
+        20.0, "Maximum time to wait for an edge on the network.", unit="seconds", low=0, high=3600
     )
 
 

@@ -13,36 +13,51 @@ from enliven.settings import setting
 class ControlSettings:
     """One pedal, panel, clicker or microphone. Keys of another kind must be left out."""
 
-    kind: Literal["serial", "hid", "voice"] = setting(doc="What it is: serial, hid or voice.")
+    kind: Literal["serial", "hid", "voice"] = setting(doc="Kind of control: serial, hid or voice.")
     map: dict[str, str] = field(
         default_factory=dict,
         metadata={"doc": "From what it sends (a line, a byte, a button, spoken words) to a command."},
     )
     debounce: float = setting(
-        0.08, "A key counts anew after it was still for so long.", unit="s", low=0.0, high=5.0
+        0.08,
+        "Time that a key must be still before it counts again. Raise it if one press counts twice.",
+        unit="s",
+        low=0.0,
+        high=5.0,
     )
     retry: float = setting(
-        0.5, "Wait between two looks for an unplugged device.", unit="s", low=0.01, high=60.0
+        0.5, "Time between attempts to find an unplugged device.", unit="s", low=0.01, high=60.0
     )
-    port: str = setting("", "serial: the port, such as /dev/serial/by-id/...")
-    baud: int = setting(9600, "serial: the speed.", unit="bits/s", low=50, high=4_000_000)
+    port: str = setting("", "serial: device path of the port, such as /dev/serial/by-id/NAME.")
+    baud: int = setting(9600, "serial: transmission speed.", unit="bits/s", low=50, high=4_000_000)
     sends: Literal["line", "byte", "panel"] = setting(
-        "line", "serial: what a press sends: a line, one byte, or what the panel's firmware says."
+        "line", "serial: what a key press sends: a line, one byte, or the protocol of the panel's firmware."
     )
-    vendor: int = setting(0, "hid: the maker's number, such as 0x0c45.", low=0, high=0xFFFF)
-    product: int = setting(0, "hid: the product's number.", low=0, high=0xFFFF)
-    interface: int = setting(-1, "hid: which of the device's interfaces; -1: the first.", low=-1, high=255)
+    vendor: int = setting(0, "hid: vendor number of the device, such as 0x0c45.", low=0, high=0xFFFF)
+    product: int = setting(0, "hid: product number of the device.", low=0, high=0xFFFF)
+    interface: int = setting(
+        -1, "hid: interface number of the device. -1 uses the first one.", low=-1, high=255
+    )
     report: Literal["keyboard", "buttons"] = setting(
-        "keyboard", "hid: what a report holds: keys as keyboards send them, or a bit a button."
+        "keyboard", "hid: content of a report: key codes of a keyboard, or one bit per button."
     )
     number: int = setting(
-        0, "hid: which reports count, by their first byte; 0: reports have no number.", low=0, high=255
+        0,
+        "hid: report number (first byte) of the reports to use. 0: reports have no number.",
+        low=0,
+        high=255,
     )
     skip: int = setting(
-        0, "hid: bytes before that in a report, after its number.", unit="bytes", low=0, high=63
+        0, "hid: number of bytes to skip after the report number.", unit="bytes", low=0, high=63
     )
-    microphone: str = setting("", "voice: part of the microphone's name; empty: the system's own.")
-    wav: str = setting("", "voice: a 16 kHz mono WAV instead, for rehearsals; beside this file.")
+    microphone: str = setting(
+        "", "voice: part of the microphone's name. Empty: the system's default microphone."
+    )
+    wav: str = setting(
+        "",
+        "voice: path of a 16 kHz mono WAV file instead of a microphone, relative to this file. Use it "
+        "for rehearsals.",
+    )
 
 
 _KINDS = {

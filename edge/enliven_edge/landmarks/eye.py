@@ -22,9 +22,12 @@ from enliven_edge.landmarks.source import LandmarkSource, MediaPipeSettings, Med
 class ColourSettings:
     """Landmarks from the colour image of a depth sensor, fused with the bodies from depth."""
 
-    use: bool = setting(False, "Look at the colour image too, where there is one; costs its time per frame.")
-    mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "What finds the landmarks.")
-    lift: LiftSettings = setting(LiftSettings, "How landmarks become bodies.")
+    use: bool = setting(
+        False,
+        "Also finds people in the colour image, if the sensor has one. This takes additional time per frame.",
+    )
+    mediapipe: MediaPipeSettings = setting(MediaPipeSettings, "Detector of the landmarks.")
+    lift: LiftSettings = setting(LiftSettings, "Conversion of landmarks to bodies.")
 
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]

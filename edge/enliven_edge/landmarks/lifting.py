@@ -78,16 +78,20 @@ class LiftSettings:
     """Settings for lifting landmarks to bodies."""
 
     visible: float = setting(
-        0.5, "A landmark less likely to be seen than this has no say.", low=0.0, high=1.0
+        0.5, "Minimum visibility of a landmark. Landmarks below it are ignored.", low=0.0, high=1.0
     )
     depth_margin: float = setting(
-        0.22, "Depth farther than this from where the joint must be is of something else.", unit="m", low=0.01
+        0.22,
+        "Maximum difference between measured depth and a joint's expected depth. Larger differences "
+        "belong to another object.",
+        unit="m",
+        low=0.01,
     )
     without_depth: float = setting(
-        0.35, "Confidence of a joint that is seen in colour alone.", low=0.0, high=1.0
+        0.35, "Confidence of a joint that is visible only in the colour image.", low=0.0, high=1.0
     )
     body_height: float = setting(
-        1.72, "Height of a person whose distance no depth tells.", unit="m", low=0.5, high=2.5
+        1.72, "Assumed height of a person without depth data.", unit="m", low=0.5, high=2.5
     )
 
 

@@ -78,8 +78,12 @@ _MEND = (
 class MediaPipeSettings:
     """Location of MediaPipe and its model."""
 
-    python: str = setting("", "The Python that has mediapipe; empty: the one that runs the edge.")
-    model: str = setting("", "A pose landmarker's .task file; mediapipe up to 0.10.21 needs none.")
+    python: str = setting(
+        "", "Path of a Python interpreter with mediapipe. Empty: the interpreter of the edge."
+    )
+    model: str = setting(
+        "", "Path of a pose landmarker model (.task). Not needed for mediapipe up to 0.10.21."
+    )
 
     @property
     def model_file(self) -> Path | None:

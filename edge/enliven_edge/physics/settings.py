@@ -15,26 +15,42 @@ WorldName = Literal["none", "boxes", "dodgeball"]
 class EngineSettings:
     """Settings of the engine's time steps."""
 
-    substep: float = setting(0.0056, "Longest time step.", unit="s", low=0.0005, high=0.02)
+    substep: float = setting(
+        0.0056,
+        "Maximum time step of the simulation. Smaller steps are more stable but slower.",
+        unit="s",
+        low=0.0005,
+        high=0.02,
+    )
     catch_up: float = setting(
-        0.1, "Time made up after a pause; more is left out.", unit="s", low=0.0, high=2.0
+        0.1, "Maximum time that is simulated after a pause; the rest is skipped.", unit="s", low=0.0, high=2.0
     )
     budget: float = setting(
         0.02,
-        "Wall time a live frame may take; the rest of it is left out. 0: no bound.",
+        "Maximum computing time per live frame; the remaining simulation is skipped. 0 removes the limit.",
         unit="s",
         low=0.0,
     )
     gravity: float = setting(9.81, "Downwards.", unit="m/s²", low=-50.0, high=50.0)
-    stiffness: float = setting(0.02, "Time in which a contact settles.", unit="s", low=0.001, high=0.2)
-    friction: float = setting(0.6, "Between everything.", low=0.0, high=5.0)
+    stiffness: float = setting(
+        0.02,
+        "Time constant in which contacts settle. Lower values make contacts harder.",
+        unit="s",
+        low=0.001,
+        high=0.2,
+    )
+    friction: float = setting(0.6, "Friction coefficient of all contacts.", low=0.0, high=5.0)
     push_out: float = setting(
-        0.8, "Speed at which what got inside something is pushed out.", unit="m/s", low=0.01, high=20.0
+        0.8, "Maximum speed at which overlapping objects are pushed apart.", unit="m/s", low=0.01, high=20.0
     )
     fastest: float = setting(
-        15.0, "A sphere that would move faster has jumped, and hits nobody.", unit="m/s", low=0.1, high=200.0
+        15.0,
+        "Maximum speed of a character's sphere. A faster one counts as a jump and hits nothing.",
+        unit="m/s",
+        low=0.1,
+        high=200.0,
     )
-    fastest_prop: float = setting(12.0, "No box or ball moves faster.", unit="m/s", low=0.1, high=100.0)
+    fastest_prop: float = setting(12.0, "Maximum speed of boxes and balls.", unit="m/s", low=0.1, high=100.0)
 
 
 @dataclass(frozen=True)
@@ -43,16 +59,16 @@ class BoxesSettings:
 
     at: tuple[tuple[float, float], ...] = setting(
         ((0.62, 0.15), (0.12, 0.90)),
-        "The towers: metres to the performer's left and ahead; or x and z of the world.",
+        "Positions of the towers: to the performer's left and ahead, or x and z of the world.",
         unit="m",
     )
-    wide: int = setting(2, "Boxes along each side of a tower.", low=1, high=6)
-    high: int = setting(6, "Boxes above each other.", low=1, high=20)
-    side: float = setting(0.17, "Edge of a box.", unit="m", low=0.02, high=2.0)
-    mass: float = setting(0.35, "Of a box.", unit="kg", low=0.001, high=100.0)
+    wide: int = setting(2, "Number of boxes along each side of a tower.", low=1, high=6)
+    high: int = setting(6, "Number of boxes on top of each other.", low=1, high=20)
+    side: float = setting(0.17, "Edge length of a box.", unit="m", low=0.02, high=2.0)
+    mass: float = setting(0.35, "Mass of a box.", unit="kg", low=0.001, high=100.0)
     rebuild: float = setting(
         12.0,
-        "Fallen towers stand again after everything has been still for this; 0: never.",
+        "Time without any motion after which fallen towers are rebuilt. 0 turns this off.",
         unit="s",
         low=0.0,
     )
@@ -63,35 +79,56 @@ class DodgeballSettings:
     """Settings of balls that are thrown at every target in turn."""
 
     balls: int = setting(4, "Balls.", low=1, high=64)
-    radius: float = setting(0.11, "Of a ball.", unit="m", low=0.02, high=1.0)
-    mass: float = setting(0.25, "Of a ball.", unit="kg", low=0.001, high=100.0)
-    bounce: float = setting(0.7, "Speed after a bounce over the speed before.", low=0.0, high=0.95)
-    every: float = setting(1.2, "From one throw to the next.", unit="s", low=0.05, high=600.0)
-    distance: float = setting(2.6, "From where a ball is thrown to its target.", unit="m", low=0.5, high=20.0)
-    hand: float = setting(1.3, "Height from which it is thrown.", unit="m", low=0.0, high=10.0)
-    flight: float = setting(0.7, "Time a ball takes to its target.", unit="s", low=0.1, high=5.0)
+    radius: float = setting(0.11, "Radius of a ball.", unit="m", low=0.02, high=1.0)
+    mass: float = setting(0.25, "Mass of a ball.", unit="kg", low=0.001, high=100.0)
+    bounce: float = setting(
+        0.7,
+        "Coefficient of restitution: speed after a bounce divided by the speed before.",
+        low=0.0,
+        high=0.95,
+    )
+    every: float = setting(1.2, "Time between two throws.", unit="s", low=0.05, high=600.0)
+    distance: float = setting(
+        2.6, "Distance from the throwing position to the target.", unit="m", low=0.5, high=20.0
+    )
+    hand: float = setting(1.3, "Height from which balls are thrown.", unit="m", low=0.0, high=10.0)
+    flight: float = setting(0.7, "Flight time of a ball to its target.", unit="s", low=0.1, high=5.0)
 
 
 @dataclass(frozen=True)
 class PhysicsSettings:
     """Settings of the physics world."""
 
-    world: WorldName = setting("none", "'boxes' are towers to knock over; in 'dodgeball' balls are thrown.")
-    place: Literal["performer", "fixed"] = setting(
-        "performer", "Where: about where a performer first stood still, or in the world's own x and z."
+    world: WorldName = setting(
+        "none",
+        "'boxes': towers to knock over; 'dodgeball': balls are thrown at each character and performer "
+        "in turn.",
     )
-    stand: float = setting(0.3, "Standing still for this long shows the place.", unit="s", low=0.0, high=60.0)
+    place: Literal["performer", "fixed"] = setting(
+        "performer",
+        "Where objects are placed: 'performer': around the first performer that stands still; 'fixed': "
+        "at world coordinates.",
+    )
+    stand: float = setting(
+        0.3,
+        "Time for which a performer must stand still to set the position of the objects.",
+        unit="s",
+        low=0.0,
+        high=60.0,
+    )
     patience: float = setting(
         5.0,
-        "A performer who never stands still shows it too, by where they moved about for this long; 0: never.",
+        "Time after which the mean position of a moving performer is used instead. 0 turns this off.",
         unit="s",
         low=0.0,
         high=600.0,
     )
     bodies: Literal["never", "free", "always"] = setting(
-        "free", "Whether performers push too: 'free' are those who hold no character."
+        "free",
+        "Whether the performers' own bodies push objects. 'free' applies only to performers without a "
+        "character.",
     )
-    engine: EngineSettings = setting(EngineSettings, "Time and contact.")
-    spheres: SphereSettings = setting(SphereSettings, "How characters become spheres.")
-    boxes: BoxesSettings = setting(BoxesSettings, "The towers.")
-    dodgeball: DodgeballSettings = setting(DodgeballSettings, "The balls.")
+    engine: EngineSettings = setting(EngineSettings, "Time steps and contacts.")
+    spheres: SphereSettings = setting(SphereSettings, "Approximation of characters by spheres.")
+    boxes: BoxesSettings = setting(BoxesSettings, "Towers of boxes.")
+    dodgeball: DodgeballSettings = setting(DodgeballSettings, "Thrown balls.")

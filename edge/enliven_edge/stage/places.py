@@ -31,12 +31,13 @@ class StageSettings:
 
     characters: int = setting(
         16,
-        "Characters on the stage at most; viewers may put no more there. The frame rate falls with each.",
+        "Maximum number of characters on the stage, counting those from viewers. Each additional "
+        "character lowers the frame rate.",
         low=1,
         high=256,
     )
     per_viewer: int = setting(
-        12, "Characters on the stage at most that one viewer put there.", low=1, high=256
+        12, "Maximum number of characters that one viewer may put on the stage.", low=1, high=256
     )
 
 

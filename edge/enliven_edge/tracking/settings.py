@@ -14,21 +14,39 @@ class SceneSettings:
 
     height: float = setting(
         0.0,
-        "Height of the sensor where no floor is seen. 0: guessed from the people, by their proportions.",
+        "Height of the sensor above the floor, used if no floor is detected. 0 estimates the height "
+        "from people or visible points.",
         unit="m",
         low=0.0,
         high=10.0,
     )
     tilt: float = setting(
-        0.0, "Tilt below the horizon where no floor is seen.", unit="rad", low=-1.6, high=1.6
+        0.0,
+        "Downward tilt of the sensor from the horizon, used if no floor is detected.",
+        unit="rad",
+        low=-1.6,
+        high=1.6,
     )
-    upside_down: bool = setting(False, "The sensor hangs upside down.")
-    near: float = setting(0.4, "Nearer depth is ignored.", unit="m", low=0.0, high=10.0)
-    far: float = setting(4.5, "Farther depth is ignored.", unit="m", low=0.5, high=20.0)
-    floor_band: float = setting(0.05, "Points lower than this are the floor.", unit="m", low=0.0, high=0.5)
-    working_width: int = setting(214, "Depth is reduced to about this width.", unit="px", low=40, high=640)
+    upside_down: bool = setting(False, "Set this if the sensor hangs upside down.")
+    near: float = setting(0.4, "Depth nearer than this is ignored.", unit="m", low=0.0, high=10.0)
+    far: float = setting(4.5, "Depth farther than this is ignored.", unit="m", low=0.5, high=20.0)
+    floor_band: float = setting(
+        0.05,
+        "Points below this height belong to the floor. Raise it if noise of the floor is taken for people.",
+        unit="m",
+        low=0.0,
+        high=0.5,
+    )
+    working_width: int = setting(
+        214,
+        "Approximate width to which depth images are reduced. Smaller images need less time, but show "
+        "thin limbs less clearly.",
+        unit="px",
+        low=40,
+        high=640,
+    )
     zone: tuple[tuple[float, float], ...] = setting(
-        (), "Corners (x, z) of the area on the floor where performers are; empty: everywhere.", unit="m"
+        (), "Corners (x, z) of the floor area in which people are tracked. Empty: everywhere.", unit="m"
     )
 
 
@@ -37,13 +55,24 @@ class RoomSettings:
     """How the background model, the room without people, is learnt."""
 
     absorb_after: float = setting(
-        15.0, "What was put into the room and stays is the room after this.", unit="s", low=0.5, high=600.0
+        15.0,
+        "Time after which a new, still object becomes part of the background model.",
+        unit="s",
+        low=0.5,
+        high=600.0,
     )
     clear_after: float = setting(
-        0.6, "What was taken out of the room is forgotten after this.", unit="s", low=0.0, high=60.0
+        0.6,
+        "Time after which a removed object is deleted from the background model.",
+        unit="s",
+        low=0.0,
+        high=60.0,
     )
     moved: float = setting(
-        0.3, "Share of the known room that no longer matches when the sensor was moved.", low=0.1, high=1.0
+        0.3,
+        "Fraction of the known background that must differ before the sensor counts as moved.",
+        low=0.1,
+        high=1.0,
     )
 
 
@@ -51,14 +80,26 @@ class RoomSettings:
 class PeopleSettings:
     """How many people are tracked, and how they are re-identified."""
 
-    most: int = setting(8, "At most so many people are followed.", low=1, high=32)
-    full_rate: int = setting(4, "So many are fitted every frame; the others take turns.", low=1, high=32)
-    threads: int = setting(2, "So many are fitted side by side, each on a core.", low=1, high=32)
+    most: int = setting(8, "Maximum number of people that are tracked.", low=1, high=32)
+    full_rate: int = setting(
+        4,
+        "Number of people that are fitted in every frame; the others take turns. Lower it if frames "
+        "take too long.",
+        low=1,
+        high=32,
+    )
+    threads: int = setting(
+        2, "Number of people that are fitted in parallel, each on its own processor core.", low=1, high=32
+    )
     hidden: float = setting(
-        4.0, "Somebody hidden behind something is waited for so long.", unit="s", low=0.0, high=60.0
+        4.0, "Time that an occluded person is kept before their track ends.", unit="s", low=0.0, high=60.0
     )
     remember: float = setting(
-        60.0, "Who comes back within this time is known again.", unit="s", low=0.0, high=86400.0
+        60.0,
+        "Time within which a returning person is re-identified and keeps the same number.",
+        unit="s",
+        low=0.0,
+        high=86400.0,
     )
 
 
@@ -68,15 +109,15 @@ class SearchSettings:
 
     fits_per_frame: int = setting(
         26,
-        "Search in a frame, in coarse fits: a person appears some frames later, but no frame takes long. "
-        "0: all of it in one frame, where a person must be there at first sight.",
+        "Maximum work per frame to search for people, in coarse fits. Lower it to shorten frames; 0 "
+        "removes the limit and finds people at once.",
         low=0,
         high=10_000,
     )
     first_fits: int = setting(
         40,
-        "Search in the first frame with somebody in it, in coarse fits: once, so that people who are "
-        "there at the start are reported at once. 0: no limit, as in recordings.",
+        "Maximum work of the first search in a scene, in coarse fits, so that people present at the "
+        "start appear at once. 0 removes the limit.",
         low=0,
         high=10_000,
     )
@@ -86,22 +127,66 @@ class SearchSettings:
 class FitSettings:
     """The weights of the articulated fit. Energies are in squared centimetres, averaged over the points."""
 
-    points: int = setting(500, "Observed points used a frame.", low=100, high=20000)
-    iterations: int = setting(6, "Gauss-Newton steps a frame.", low=1, high=100)
-    width: float = setting(0.07, "Residuals beyond this are doubted.", unit="m", low=0.005, high=1.0)
+    points: int = setting(
+        500, "Maximum number of depth points that are fitted per person and frame.", low=100, high=20000
+    )
+    iterations: int = setting(6, "Maximum number of Gauss-Newton iterations per fit.", low=1, high=100)
+    width: float = setting(
+        0.07,
+        "Robust width: points farther than this from the model have little influence.",
+        unit="m",
+        low=0.005,
+        high=1.0,
+    )
     affinity: float = setting(
-        0.1, "How far what a point looks like outweighs where it is.", unit="m", low=0.0, high=1.0
+        0.1,
+        "Distance by which points count as nearer to the limb that the network assigns to them. 0 uses "
+        "distance alone.",
+        unit="m",
+        low=0.0,
+        high=1.0,
     )
-    free_space: float = setting(3.0, "Weight of 'no limb where the camera saw through'.", low=0.0, high=100.0)
-    landmarks: float = setting(0.2, "Weight of 'joints where the estimator sees them'.", low=0.0, high=100.0)
-    floor: float = setting(0.05, "Weight of 'no limb below the floor'.", low=0.0, high=100.0)
-    temporal: float = setting(1.2, "Weight of staying near the predicted posture.", unit="1/rad^2", low=0.0)
+    free_space: float = setting(
+        3.0,
+        "Weight of the free-space term, which keeps limbs out of space that the camera sees through.",
+        low=0.0,
+        high=100.0,
+    )
+    landmarks: float = setting(
+        0.2,
+        "Weight of the landmark term, which pulls joints to their positions from the pose network.",
+        low=0.0,
+        high=100.0,
+    )
+    floor: float = setting(
+        0.05, "Weight of the floor term, which keeps limbs above the floor.", low=0.0, high=100.0
+    )
+    temporal: float = setting(
+        1.2,
+        "Weight of the temporal prior, which keeps the pose near its prediction. More is steadier but "
+        "slower to follow.",
+        unit="1/rad^2",
+        low=0.0,
+    )
     rest: float = setting(
-        0.12, "Weight of standing relaxed, where depth says nothing.", unit="1/rad^2", low=0.0
+        0.12,
+        "Weight of the rest-pose prior, which relaxes limbs without depth data.",
+        unit="1/rad^2",
+        low=0.0,
     )
-    ranges: float = setting(300.0, "Weight of the joints' ranges.", unit="1/rad^2", low=0.0)
-    proportions: float = setting(40.0, "Weight of average proportions at the start.", low=0.0)
-    settle_frames: int = setting(60, "Frames until the bones' lengths are settled.", low=1)
+    ranges: float = setting(300.0, "Weight of the joint limits.", unit="1/rad^2", low=0.0)
+    proportions: float = setting(
+        40.0,
+        "Weight of average body proportions while a person is new; it grows until the bone lengths are "
+        "settled.",
+        low=0.0,
+    )
+    settle_frames: int = setting(
+        60,
+        "Number of fitted frames over which the bone lengths become firm; after three times as many "
+        "they are fixed.",
+        low=1,
+    )
 
 
 @dataclass(frozen=True)
@@ -109,21 +194,38 @@ class SmoothingSettings:
     """One-Euro filter of the joints and of the bones' orientations (Casiez et al. 2012)."""
 
     amount: float = setting(
-        1.0, "0 is off: exactly the fit; 1 is gentle, more is smoother.", low=0.0, high=20.0
+        1.0,
+        "Strength of the smoothing: 0 is off, 1 is gentle. More removes jitter but adds lag.",
+        low=0.0,
+        high=20.0,
     )
     amounts: tuple[float, ...] = setting(
-        (), "Amounts of performers 1, 2, 3, ... in place of the one above; a negative one keeps it."
+        (), "Smoothing of performers 1, 2, 3, ... instead of `amount`. A negative value keeps `amount`."
     )
-    cutoff: float = setting(3.0, "Lowest cut-off frequency at amount 1.", unit="Hz", low=0.01, high=100.0)
+    cutoff: float = setting(
+        3.0,
+        "Cut-off frequency at rest for amount 1. Lower values remove more jitter.",
+        unit="Hz",
+        low=0.01,
+        high=100.0,
+    )
     speed: float = setting(
-        4.0, "How much the cut-off rises with speed.", unit="Hz/(m/s)", low=0.0, high=100.0
+        4.0,
+        "Increase of the cut-off frequency with speed. Higher values reduce lag in fast motion.",
+        unit="Hz/(m/s)",
+        low=0.0,
+        high=100.0,
     )
     turn: float = setting(
-        1.5, "How much the cut-off rises with the speed of turning.", unit="Hz/(rad/s)", low=0.0, high=100.0
+        1.5,
+        "Increase of the cut-off frequency with rotation speed. Higher values reduce lag in fast turns.",
+        unit="Hz/(rad/s)",
+        low=0.0,
+        high=100.0,
     )
     undelayed: float = setting(
         1.0,
-        "Share of the filter's own delay made up for by prediction where a joint moves.",
+        "Fraction of the filter's delay that prediction compensates for moving joints.",
         low=0.0,
         high=1.0,
     )
@@ -134,15 +236,20 @@ class FootContactSettings:
     """When a foot counts as standing on the floor."""
 
     lift: float = setting(
-        0.035, "A foot this much above where it stands is in the air.", unit="m", low=0.005, high=0.5
+        0.035, "A foot this far above its standing height counts as lifted.", unit="m", low=0.005, high=0.5
     )
     speed: float = setting(
-        0.35, "A foot that moves this fast is in the air.", unit="m/s", low=0.01, high=10.0
+        0.35, "A foot that moves at this speed counts as lifted.", unit="m/s", low=0.01, high=10.0
     )
     hysteresis: float = setting(
-        1.25, "A standing foot must exceed this many times the above to leave.", low=1.0, high=10.0
+        1.25,
+        "Factor on both limits for a standing foot, so that contact does not flicker.",
+        low=1.0,
+        high=10.0,
     )
-    floor: float = setting(0.16, "A foot joint is never higher than this while it stands.", unit="m", low=0.0)
+    floor: float = setting(
+        0.16, "Maximum height of a foot joint above the floor while the foot stands.", unit="m", low=0.0
+    )
 
 
 @dataclass(frozen=True)
@@ -150,35 +257,46 @@ class OutputSettings:
     """The post-processing of the fit before it leaves the tracker."""
 
     fastest: float = setting(
-        12.0, "No joint is reported to move faster; 0, or smoothing 0, sets no limit.", unit="m/s", low=0.0
+        12.0, "Maximum reported speed of a joint. 0, or smoothing 0, removes the limit.", unit="m/s", low=0.0
     )
     hold: float = setting(
-        0.1, "A joint that jumps farther than that waits this long before it follows.", unit="s", low=0.0
+        0.1,
+        "Time that a joint waits after a jump above the maximum speed before it follows.",
+        unit="s",
+        low=0.0,
     )
     predict: float | Literal["measured"] = setting(
-        0.0, "Report joints where they will be so much later; 'measured': the edge's own latency.",
+        0.0, "How far ahead joints are predicted to hide latency; 'measured' uses the edge's own latency.",
         unit="s", low=0.0, high=0.3,
     )  # fmt: skip
-    mirror: bool = setting(False, "Show the performers as in a mirror: left and right exchanged.")
-    contact: FootContactSettings = setting(FootContactSettings, "The feet on the floor.")
+    mirror: bool = setting(False, "Swaps left and right, so that performers appear as in a mirror.")
+    contact: FootContactSettings = setting(FootContactSettings, "Foot contact with the floor.")
 
 
 @dataclass(frozen=True)
 class TrackerSettings:
     """All settings of the tracker."""
 
-    scene: SceneSettings = setting(SceneSettings, "The scene.")
-    room: RoomSettings = setting(RoomSettings, "The room without people.")
-    people: PeopleSettings = setting(PeopleSettings, "The people in it.")
-    search: SearchSettings = setting(SearchSettings, "The search for people.")
-    fit: FitSettings = setting(FitSettings, "The fit.")
-    smoothing: SmoothingSettings = setting(SmoothingSettings, "The smoothing.")
-    output: OutputSettings = setting(OutputSettings, "What is done to the fit before it leaves.")
-    estimator: bool = setting(True, "Whether the learnt network that sees joints is asked.")
-    body_height: float = setting(
-        1.72, "Height of the person before it is measured.", unit="m", low=0.5, high=2.5
+    scene: SceneSettings = setting(
+        SceneSettings, "Sensor pose, and the part of the image that may show people."
     )
-    lost_after: int = setting(5, "Bad frames before the person is looked for anew.", low=1, high=300)
+    room: RoomSettings = setting(RoomSettings, "Background model: the room without people.")
+    people: PeopleSettings = setting(PeopleSettings, "Number of people, and re-identification.")
+    search: SearchSettings = setting(SearchSettings, "Search for new people.")
+    fit: FitSettings = setting(FitSettings, "Fit of the body model.")
+    smoothing: SmoothingSettings = setting(SmoothingSettings, "Smoothing of the output.")
+    output: OutputSettings = setting(OutputSettings, "Post-processing of the fit.")
+    estimator: bool = setting(True, "Uses the neural network that finds body parts in the depth image.")
+    body_height: float = setting(
+        1.72, "Assumed height of a person until it is measured.", unit="m", low=0.5, high=2.5
+    )
+    lost_after: int = setting(
+        5,
+        "Number of consecutive bad frames after which a track is lost and the search for the person "
+        "starts again.",
+        low=1,
+        high=300,
+    )
 
 
 def without_deadline(settings: TrackerSettings) -> TrackerSettings:

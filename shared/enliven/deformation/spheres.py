@@ -34,13 +34,26 @@ spheres."""
 class SphereSettings:
     """Settings for covering a mesh with spheres; metres are those of the mesh at rest."""
 
-    edges: float = setting(4.0, "Radius in mean edge lengths (the paper's 4).", low=0.1, high=1000.0)
-    smallest: float = setting(0.02, "Least radius.", unit="m", low=1e-4, high=10.0)
-    largest: float = setting(0.10, "Greatest radius, unless there would be too many.", unit="m", low=1e-4)
-    most: int = setting(400, "Spheres a character; the radius grows until so few suffice.", low=1, high=4096)
+    edges: float = setting(
+        4.0, "Sphere radius in mean edge lengths of the mesh. The paper uses 4.", low=0.1, high=1000.0
+    )
+    smallest: float = setting(0.02, "Minimum sphere radius.", unit="m", low=1e-4, high=10.0)
+    largest: float = setting(
+        0.10,
+        "Maximum sphere radius, exceeded only to keep below the maximum number of spheres.",
+        unit="m",
+        low=1e-4,
+    )
+    most: int = setting(
+        400,
+        "Maximum number of spheres per character. If more are needed, the radius grows.",
+        low=1,
+        high=4096,
+    )
     inset: float = setting(
         0.5,
-        "Depth of a centre below the surface, in radii: 0 as in the paper; more is nearer to the mesh.",
+        "Depth of sphere centres below the surface, in radii. 0 follows the paper; larger values fit "
+        "the mesh more tightly.",
         low=0.0,
         high=0.95,
     )

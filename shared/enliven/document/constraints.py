@@ -11,10 +11,10 @@ from enliven.settings import setting
 class Position:
     """A control point is at ``place`` (3,) metres, in the mesh's frame, at a frame."""
 
-    point: str = setting(doc="The control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    place: tuple[float, float, float] = setting(doc="Where it is, in the mesh's frame.", unit="m")
-    axes: str = setting("xyz", "Which of its coordinates are held.")
+    point: str = setting(doc="Name of the control point.")
+    frame: int = setting(doc="Frame of the layer's take.", low=0)
+    place: tuple[float, float, float] = setting(doc="Position in the mesh's frame.", unit="m")
+    axes: str = setting("xyz", "Coordinates that are constrained.")
 
     def __str__(self) -> str:
         return f"the position of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -25,10 +25,10 @@ class Velocity:
     """A control point moves with ``velocity`` (3,), metres per second, from the previous frame to this
     one."""
 
-    point: str = setting(doc="The control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    velocity: tuple[float, float, float] = setting(doc="How fast it is, in the mesh's frame.", unit="m/s")
-    axes: str = setting("xyz", "Which of its coordinates are held.")
+    point: str = setting(doc="Name of the control point.")
+    frame: int = setting(doc="Frame of the layer's take.", low=0)
+    velocity: tuple[float, float, float] = setting(doc="Velocity in the mesh's frame.", unit="m/s")
+    axes: str = setting("xyz", "Coordinates that are constrained.")
 
     def __str__(self) -> str:
         return f"the velocity of {self.point!r} at frame {self.frame} ({self.axes})"
@@ -38,11 +38,13 @@ class Velocity:
 class Coupling:
     """``point`` is ``apart`` (3,) metres from ``other`` at a frame, by default at the same height."""
 
-    point: str = setting(doc="The control point's name.")
-    other: str = setting(doc="The other control point's name.")
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    axes: str = setting("y", "Which of their coordinates are coupled.")
-    apart: tuple[float, float, float] = setting((0.0, 0.0, 0.0), "From the other to the point.", unit="m")
+    point: str = setting(doc="Name of the control point.")
+    other: str = setting(doc="Name of the other control point.")
+    frame: int = setting(doc="Frame of the layer's take.", low=0)
+    axes: str = setting("y", "Coordinates that are coupled.")
+    apart: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "Vector from the other control point to this one.", unit="m"
+    )
 
     def __str__(self) -> str:
         return f"the coupling of {self.point!r} and {self.other!r} at frame {self.frame} ({self.axes})"

@@ -11,30 +11,40 @@ from enliven.settings import setting
 class ExampleSettings:
     """Settings for example-based retargeting, with lengths relative to the sizes of poses and mesh."""
 
-    nearest: int = setting(6, "How many examples a control point mixes at one frame.", low=1, high=64)
+    nearest: int = setting(6, "Number of examples that a control point blends in a frame.", low=1, high=64)
     acceleration: float = setting(
-        0.3, "lambda_A: how much sudden changes cost, at `rate` frames a second.", low=0.0, high=10.0
+        0.3,
+        "Penalty on acceleration (lambda_A), at `rate` frames per second. Raise it for smoother motion.",
+        low=0.0,
+        high=10.0,
     )
     rate: float = setting(
         30.0,
-        "Frames a second for which `acceleration` is meant; at others it smooths as much of a second.",
+        "Frame rate for which `acceleration` is defined. Other rates are smoothed over the same time.",
         unit="1/s",
         low=1.0,
         high=10000.0,
     )
     margin: float = setting(
-        0.25, "By how much weights may leave 0..1: how far beyond the examples one may go.", low=0.0, high=1e6
+        0.25,
+        "How far example weights may leave the range 0 to 1. Larger values extrapolate farther beyond "
+        "the examples.",
+        low=0.0,
+        high=1e6,
     )
-    affine: float = setting(10.0, "How strictly weights sum to one.", low=0.1, high=1000.0)
+    affine: float = setting(
+        10.0, "Weight of the condition that the example weights sum to one.", low=0.1, high=1000.0
+    )
     far: float = setting(
-        0.1, "How much the weight of an example costs that is far from the pose.", low=0.01, high=10.0
+        0.1, "Penalty on the weights of examples that are far from the current pose.", low=0.01, high=10.0
     )
     pose: float = setting(
-        1.0, "How much the other joints say about which examples are near.", low=1e-3, high=100.0
+        1.0, "Influence of the other joints on which examples count as near.", low=1e-3, high=100.0
     )
     slack: float = setting(
         1.0,
-        "How readily a control point leaves what the examples reach, for a constraint or a smoother way.",
+        "How readily a control point leaves the span of the examples, to meet a constraint or move "
+        "more smoothly.",
         low=0.03,
         high=100.0,
     )

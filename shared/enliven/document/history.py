@@ -21,7 +21,10 @@ class HistorySettings:
     """Settings for the memory of the undo history."""
 
     megabytes: float = setting(
-        1024.0, "memory of all steps together; the oldest are forgotten beyond it", unit="MB", low=0.0
+        1024.0,
+        "Maximum memory for all undo steps. Beyond it, the oldest steps are deleted.",
+        unit="MB",
+        low=0.0,
     )
 
 

@@ -17,35 +17,44 @@ class LocomotionSettings:
 
     contact: ContactSettings = setting(ContactSettings)
     runner: float = setting(
-        0.4, "A foot that stands may also be as fast as this share of the feet's mean.", low=0.0, high=1.0
+        0.4,
+        "Maximum speed of a standing foot as a fraction of the feet's mean speed. It keeps contacts of "
+        "fast runners.",
+        low=0.0,
+        high=1.0,
     )
-    gravity: float = setting(9.81, "How fast what falls gets faster.", unit="m/s^2", low=0.0, high=1000.0)
+    gravity: float = setting(
+        9.81, "Gravitational acceleration during flight.", unit="m/s^2", low=0.0, high=1000.0
+    )
     landing: Literal["timed", "free"] = setting(
-        "timed", '"timed": it lands when the performer does; "free": when gravity brings it down.'
+        "timed",
+        '"timed": the puppet lands together with the performer; "free": gravity decides when it lands.',
     )
     grip: float = setting(
         0.02,
-        "How much lower than the anchor another foot must be to take over.",
+        "How much lower than the anchor foot another foot must be to become the anchor.",
         unit="mesh sizes",
         low=0.0,
         high=1.0,
     )
     plant: float = setting(
         0.0,
-        "How much of their sliding is taken from feet beside the anchor; they meet key poses less then.",
+        "Fraction of foot sliding that is removed for feet other than the anchor. These feet then "
+        "match key poses less exactly.",
         low=0.0,
         high=1.0,
     )
     leash: float = setting(
         0.03,
-        "How far from the performer's path, in its own strides, it may be before it is drawn back.",
+        "Maximum distance of the puppet from the performer's path, scaled to its strides, before it is "
+        "pulled back.",
         unit="mesh sizes",
         low=0.0,
         high=1000.0,
     )
     throw: float = setting(
         0.1,
-        "How long before it leaves the floor the mesh's velocity is measured.",
+        "Time before lift-off over which the launch velocity is averaged.",
         unit="s",
         low=0.0,
         high=2.0,
@@ -56,5 +65,5 @@ class LocomotionSettings:
 class Switch:
     """The start of contact with the floor, or of flight, at a frame."""
 
-    frame: int = setting(doc="Of the layer's take.", low=0)
-    kind: Kind = setting(doc='"contact" or "flight" from there on.')
+    frame: int = setting(doc="Frame of the layer's take.", low=0)
+    kind: Kind = setting(doc='State from this frame on: "contact" or "flight".')

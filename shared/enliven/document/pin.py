@@ -12,34 +12,42 @@ class ContactSettings:
     """Settings for when a joint stands on the floor, relative to the length of its limb."""
 
     height: float = setting(
-        0.04, "How high above its lowest a foot that stands may be.", unit="limb lengths", low=0.0, high=2.0
+        0.04,
+        "Maximum height of a standing foot above its lowest position.",
+        unit="limb lengths",
+        low=0.0,
+        high=2.0,
     )
     speed: float = setting(
-        0.5, "How fast a foot that stands may move.", unit="limb lengths/s", low=0.0, high=100.0
+        0.5, "Maximum speed of a standing foot.", unit="limb lengths/s", low=0.0, high=100.0
     )
     release: float = setting(
-        1.6, "How many times higher or faster than that it must be to be off the floor.", low=1.0, high=10.0
+        1.6, "Factor on both limits above which a standing foot counts as lifted.", low=1.0, high=10.0
     )
-    shortest: float = setting(0.1, "A contact shorter than this is none.", unit="s", low=0.0, high=10.0)
+    shortest: float = setting(
+        0.1, "Minimum duration of a contact. Shorter ones are ignored.", unit="s", low=0.0, high=10.0
+    )
     blend: float = setting(
-        0.12, "How long a foot takes into its place and out of it.", unit="s", low=0.0, high=10.0
+        0.12, "Duration of the blend into and out of a foot lock.", unit="s", low=0.0, high=10.0
     )
     rise: float = setting(
         1.0,
-        "How much of its own rise a foot that stands keeps, as a heel that comes off before the toe.",
+        "Fraction of its own rise that a standing foot keeps, for example when the heel lifts before "
+        "the toe.",
         low=0.0,
         high=1.0,
     )
     sink: float = setting(
         0.0,
-        "How much of its own sinking a foot that stands keeps; 1 where the floor is kept otherwise.",
+        "Fraction of its own sinking that a standing foot keeps. Use 1 if something else keeps it "
+        "above the floor.",
         low=0.0,
         high=1.0,
     )
-    above: bool = setting(False, "Keep the foot above the floor that its shape stands on at rest.")
+    above: bool = setting(False, "Keeps the foot above the floor level of the model's rest pose.")
     drop: float = setting(
         0.1,
-        "How far the root may come down so that a foot reaches its place.",
+        "Maximum lowering of the root so that a foot reaches its position.",
         unit="limb lengths",
         low=0.0,
         high=1.0,

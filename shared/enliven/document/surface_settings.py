@@ -12,33 +12,47 @@ class ArapSettings:
     """Settings for how a surface follows its handles."""
 
     iterations: int = setting(
-        3, "Iterations a frame; with squash and stretch the last makes the pose.", low=1
+        3, "Number of iterations per frame. With squash and stretch, the last one computes the pose.", low=1
     )
-    squash_and_stretch: bool = setting(True, "Cells may scale, volume is kept; false is plain ARAP.")
+    squash_and_stretch: bool = setting(
+        True, "Cells may stretch while the volume is kept. If off, the deformation is plain ARAP."
+    )
     hold: float = setting(
-        0.05, "How much cells resist a change of size in the shape state; 0 is the paper's eq. 4.", low=0.0
+        0.05, "Resistance of cells to changes of size. 0 follows eq. 4 of the paper.", low=0.0
     )
     volume: float = setting(
-        1.0, "How much of a closed surface's change of volume is taken back.", low=0.0, high=1.0
+        1.0, "Fraction of a closed surface's change of volume that is corrected.", low=0.0, high=1.0
     )
     exaggeration: float = setting(
-        1.0, "How far the volume follows squash and stretch: 0 not at all, 1 as it is.", low=0.0, high=5.0
+        1.0, "Strength of squash and stretch: 0 is off, 1 is natural, more exaggerates.", low=0.0, high=5.0
     )
-    most_stretch: float = setting(4.0, "No cell gets longer than this, or shorter than its inverse.", low=1.0)
+    most_stretch: float = setting(
+        4.0, "Maximum stretch factor of a cell. Its inverse is the minimum.", low=1.0
+    )
     follow: float = setting(
         0.01,
-        "A rigid motion of the handles that leaves at most this part moves the whole.",
+        "If the handles move rigidly except for at most this fraction, the whole mesh follows them "
+        "rigidly first.",
         low=0.0,
         high=1.0,
     )
     threads: int = setting(
-        0, "1, or 2 to share each cell's work with a second processor core; 0: whichever is faster now.",
+        0, "Number of processor cores that share the work: 1 or 2. 0 chooses whichever is faster at the "
+        "moment.",
         low=0, high=2,
     )  # fmt: skip
     coarse_above: int = setting(
-        12_000, "A puppet's mesh of more vertices is solved coarsely, its detail carried along.", low=100
+        12_000,
+        "Puppet meshes with more vertices are solved on a reduced mesh that carries the detail along.",
+        low=100,
     )
-    coarse_vertices: int = setting(8_000, "About how many vertices are solved then.", low=50)
-    guide_vertices: int = setting(400, "About how many vertices of a puppet find the large bends.", low=20)
-    most_vertices: int = setting(500_000, "Larger meshes are not solved whole.", low=3)
-    most_carried: int = setting(20_000_000, "Larger meshes are refused.", low=3)
+    coarse_vertices: int = setting(8_000, "Approximate number of vertices of this reduced mesh.", low=50)
+    guide_vertices: int = setting(
+        400, "Approximate number of vertices of the proxy mesh that finds large bends.", low=20
+    )
+    most_vertices: int = setting(
+        500_000, "Maximum number of vertices of a mesh that is solved without reduction.", low=3
+    )
+    most_carried: int = setting(
+        20_000_000, "Maximum number of vertices of a mesh. Larger ones are refused.", low=3
+    )

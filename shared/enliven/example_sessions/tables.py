@@ -27,88 +27,106 @@ Three = tuple[float, float, float]
 class MeshTable:
     """[mesh]"""
 
-    file: str = setting(doc="The mesh's file, or an .enliven project with the puppet.")
+    file: str = setting(doc="Path of the mesh, or of an .enliven project that contains the puppet.")
     height: float | None = setting(
-        None, "How tall to make it; its own height if not given.", unit="m", low=1e-6
+        None, "Height to which the mesh is scaled. None: its own height.", unit="m", low=1e-6
     )
-    up: Literal["x", "y", "z"] = setting("y", "The file's axis that points up.")
+    up: Literal["x", "y", "z"] = setting("y", "Axis of the file that points up.")
     turned: float = setting(
-        0.0, "How far it is turned about the upright then, to look to +Z.", unit="degrees"
+        0.0,
+        "Rotation about the vertical axis so that the mesh faces +Z, after `up` is applied.",
+        unit="degrees",
     )
-    puppet: str = setting("", "Whose mesh of an .enliven project; the first puppet's if not given.")
+    puppet: str = setting("", "Name of the puppet in an .enliven project. Empty: the first one.")
 
 
 @dataclass(frozen=True)
 class TakeTable:
     """[[take]]"""
 
-    file: str = setting(doc="The motion's file.")
-    name: str = setting("", "What it is called here; as its file if not given.")
-    animation: str | None = setting(None, "Which of the file's motions; the first if not given.")
-    start: float = setting(0.0, "Where in the file it begins.", unit="s", low=0.0)
-    end: float | None = setting(None, "Where in the file it ends.", unit="s", low=0.0)
+    file: str = setting(doc="Path of the motion file.")
+    name: str = setting("", "Name of the take in the session. Empty: the file's name.")
+    animation: str | None = setting(None, "Name of the motion in the file. None: the first one.")
+    start: float = setting(0.0, "Start time in the file.", unit="s", low=0.0)
+    end: float | None = setting(None, "End time in the file.", unit="s", low=0.0)
 
 
 @dataclass(frozen=True)
 class PuppetTable:
     """[puppet]"""
 
-    name: str = setting("", "The puppet's; the mesh's if not given.")
-    place: Three = setting((0.0, 0.0, 0.0), "Where it stands.", unit="m")
-    turn: tuple[float, float, float, float] = setting((1.0, 0.0, 0.0, 0.0), "w, x, y, z of a rotation.")
+    name: str = setting("", "Name of the puppet. Empty: the mesh's name.")
+    place: Three = setting((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
+    turn: tuple[float, float, float, float] = setting(
+        (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet as a quaternion w, x, y, z."
+    )
 
 
 @dataclass(frozen=True)
 class PointTable:
     """[[point]]"""
 
-    name: str = setting("", "The control point's.")
-    vertex: int | None = setting(None, "Of the mesh.", low=0)
-    at: Three | None = setting(None, "Instead of a vertex: the nearest one to this place.", unit="m")
-    joint: str = setting("", "Of the performer, that it follows.")
-    foot: bool = setting(False, "Whether the puppet can stand on it.")
-    weight: float | None = setting(None, "How hard it pulls; it holds hard if not given.", low=1e-9)
+    name: str = setting("", "Name of the control point.")
+    vertex: int | None = setting(None, "Vertex number of the control point in the mesh.", low=0)
+    at: Three | None = setting(
+        None, "Position instead of a vertex number: the nearest vertex is used.", unit="m"
+    )
+    joint: str = setting("", "Joint of the performer that the control point follows.")
+    foot: bool = setting(False, "The puppet can stand on this control point.")
+    weight: float | None = setting(None, "Weight of the control point. None: it is held exactly.", low=1e-9)
 
 
 @dataclass(frozen=True)
 class PoseTable:
     """[[pose]]"""
 
-    take: str = setting("", "Of the performer's pose; the first take if not given.")
-    time: float | None = setting(None, "Of the performer's pose.", unit="s")
-    frame: int | None = setting(None, "Instead of a time.")
-    places: dict[str, Three] | None = setting(None, "Where control points are; others stay at rest.")
-    moves: dict[str, Three] | None = setting(None, "Or how far they are moved from where they rest.")
+    take: str = setting("", "Take with the performer's pose. Empty: the first take.")
+    time: float | None = setting(None, "Time of the performer's pose.", unit="s")
+    frame: int | None = setting(None, "Frame of the performer's pose, instead of a time.")
+    places: dict[str, Three] | None = setting(
+        None, "Positions of control points by name. Others stay at rest."
+    )
+    moves: dict[str, Three] | None = setting(
+        None, "Displacements of control points from rest by name, instead of positions."
+    )
 
 
 @dataclass(frozen=True)
 class SymmetryTable:
     """[symmetry]"""
 
-    find: bool = setting(False, "Find the mesh's own plane.")
-    point: Three = setting((0.0, 0.0, 0.0), "Of the plane.", unit="m")
-    normal: Three = setting((1.0, 0.0, 0.0), "Across the plane.")
+    find: bool = setting(False, "Detects the mesh's own symmetry plane.")
+    point: Three = setting((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
+    normal: Three = setting((1.0, 0.0, 0.0), "Normal of the symmetry plane.")
 
 
 @dataclass(frozen=True)
 class LayerTable:
     """[[layer]]"""
 
-    take: str = setting("", "What it plays; the first take if not given.")
-    points: tuple[str, ...] = setting((), "Which control points it moves; all if none.")
-    offset: float = setting(0.0, "When it begins.", unit="s")
-    speed: float = setting(1.0, "How fast it plays; below 0 backwards.")
-    loop: bool = setting(False, "Whether it begins again.")
-    hold: bool = setting(True, "Whether its ends stand still beyond it; otherwise nothing is played there.")
-    ease: float = setting(0.0, "How long it comes in and goes out without hold.", unit="s", low=0.0)
-    smooth: float = setting(0.0, "Over how long its take is smoothed.", unit="s", low=0.0)
-    weight: float = setting(1.0, "How much of it is seen.", low=0.0, high=1.0)
-    muted: bool = setting(False, "Whether it is left out.")
-    travel: bool = setting(True, "Whether the puppet goes through the world.")
-    level_feet: bool = setting(True, "Feet are equally high where one takes over from another.")
-    mirrored: bool = setting(False, "Whether it turns the other way round.")
-    recorded: str = setting("", "The name of the recording that it came from.")
-    alternatives: str = setting("", "The name of the takes of which it is one; one of them is heard.")
+    take: str = setting("", "Take that the layer plays. Empty: the first take.")
+    points: tuple[str, ...] = setting((), "Control points that the layer moves. Empty: all.")
+    offset: float = setting(0.0, "Start time of the layer.", unit="s")
+    speed: float = setting(1.0, "Playback speed. Negative values play backwards.")
+    loop: bool = setting(False, "Repeats the take at its end.")
+    hold: bool = setting(
+        True, "Holds the first and last pose outside the take. If false, nothing plays there."
+    )
+    ease: float = setting(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    smooth: float = setting(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
+    weight: float = setting(
+        1.0, "Blend weight of the layer: 0 keeps the layers below, 1 replaces them.", low=0.0, high=1.0
+    )
+    muted: bool = setting(False, "Mutes the layer.")
+    travel: bool = setting(True, "The puppet travels through the world.")
+    level_feet: bool = setting(True, "Keeps feet at equal height when one foot takes over from another.")
+    mirrored: bool = setting(
+        False, "Reverses the puppet's rotations as in a mirror. A mirrored puppet needs this."
+    )
+    recorded: str = setting("", "Name of the recording from which the layer came.")
+    alternatives: str = setting(
+        "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
+    )
 
 
 INSIDE: dict[str, tuple[str, type]] = {
@@ -134,21 +152,29 @@ ROOT_INSIDE: dict[str, tuple[str, type]] = {
 class RootTable:
     """[[root]]: a layer that rotates and moves the whole puppet, applied after its other layers."""
 
-    take: str = setting("", "What its keys are called; without keys, the take that moves it.")
-    about: Three = setting((0.0, 0.0, 0.0), "What it is turned about, in the world.", unit="m")
-    basis: tuple[float, float, float, float] = setting((1.0, 0.0, 0.0, 0.0), "How it was turned since.")
-    size: float = setting(1.0, "How much larger it was made since.", low=1e-9)
-    offset: float = setting(0.0, "When it begins.", unit="s")
-    speed: float = setting(1.0, "How fast it plays; below 0 backwards.")
-    loop: bool = setting(False, "Whether it begins again.")
-    hold: bool = setting(True, "Whether its ends stand still beyond it; otherwise nothing is played there.")
-    ease: float = setting(0.0, "How long it comes in and goes out without hold.", unit="s", low=0.0)
-    smooth: float = setting(0.0, "Over how long its take is smoothed.", unit="s", low=0.0)
-    weight: float = setting(1.0, "How much of it is seen.", low=0.0, high=1.0)
-    muted: bool = setting(False, "Whether it is left out.")
-    mirrored: bool = setting(False, "Whether it turns the other way round.")
-    recorded: str = setting("", "The name of the recording that it came from.")
-    alternatives: str = setting("", "The name of the takes of which it is one; one of them is heard.")
+    take: str = setting(
+        "", "Name of the take with the root's keys. Without keys: the take that moves the root."
+    )
+    about: Three = setting((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
+    basis: tuple[float, float, float, float] = setting(
+        (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet after its keys were made, as a quaternion w, x, y, z."
+    )
+    size: float = setting(1.0, "Scale of the puppet after its keys were made.", low=1e-9)
+    offset: float = setting(0.0, "Start time of the layer.", unit="s")
+    speed: float = setting(1.0, "Playback speed. Negative values play backwards.")
+    loop: bool = setting(False, "Repeats the take at its end.")
+    hold: bool = setting(
+        True, "Holds the first and last pose outside the take. If false, nothing plays there."
+    )
+    ease: float = setting(0.0, "Duration of fade-in and fade-out without `hold`.", unit="s", low=0.0)
+    smooth: float = setting(0.0, "Width of the time window that smooths the take.", unit="s", low=0.0)
+    weight: float = setting(1.0, "Strength of the layer, from 0 to 1.", low=0.0, high=1.0)
+    muted: bool = setting(False, "Mutes the layer.")
+    mirrored: bool = setting(False, "States that the puppet was mirrored after its keys were made.")
+    recorded: str = setting("", "Name of the recording from which the layer came.")
+    alternatives: str = setting(
+        "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
+    )
 
 
 @dataclass(frozen=True)

@@ -18,17 +18,18 @@ from enliven.settings import setting
 class SuggestSettings:
     """Settings for when the examples are enough."""
 
-    most: int = setting(12, "How many key poses are suggested at most.", low=2, high=1000)
+    most: int = setting(12, "Maximum number of suggested key poses.", low=2, high=1000)
     enough: float = setting(
         0.7,
-        "Examples are enough when no pose is farther from all of them than this share of the first gap.",
+        "Examples suffice if every pose is nearer to one of them than this fraction of the first gap. "
+        "Lower it for more suggestions.",
         low=0.0,
         high=1.0,
     )
     slip: float = setting(
         0.5,
-        "A pose that is gone at the next frame, farther than this share of the median pose's distance, is "
-        "a slip of the recording and not suggested.",
+        "A single frame that is farther from its neighbours than this fraction of the median distance "
+        "is ignored as a tracking outlier.",
         low=0.0,
         high=1e6,
     )

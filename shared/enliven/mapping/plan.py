@@ -21,26 +21,34 @@ class ChainPlan:
     """One chain of a take and the one of a shape that it drives."""
 
     source: tuple[str, ...] = setting(
-        (), "Joints of the take: first and last, or all; the first stays. One joint is the turn of itself."
+        (),
+        "Joints of the take's chain: first and last, or all. The first joint stays in place; a single "
+        "joint gives only its own rotation.",
     )
-    target: tuple[str, ...] = setting((), "Joints of the model, in the same way; the first stays.")
-    role: str = setting("", "What it is; only for whoever reads the file.")
+    target: tuple[str, ...] = setting(
+        (), "Joints of the model's chain: first and last, or all. The first joint stays in place."
+    )
+    role: str = setting(
+        "",
+        'Role of the chain, such as "left leg". Chains of one role that continue each other form one '
+        "limb and turn about the same axes.",
+    )
     mode: Mode = setting(
         "move",
-        '"pose": the model\'s bones point where the performer\'s do; "move": they keep their own rest pose '
-        "and are moved from it as the performer's move from theirs.",
+        '"pose": the model\'s bones point in the performer\'s directions. "move": they keep their rest '
+        "pose and add the performer's movement from theirs.",
     )
-    flip: bool = setting(False, "Turn the movement half round the chain.")
-    weight: float = setting(1.0, "How much of the movement is taken.", low=0.0, high=1.0)
-    offset: float = setting(0.0, "When the take begins for this chain.", unit="s", low=-3600, high=3600)
-    speed: float = setting(1.0, "How fast it plays; below 0 backwards.", low=-100, high=100)
-    loop: bool = setting(False, "Begin again at the end.")
-    extend: bool = setting(False, "Go on from the last joint of the target along its longest branch.")
-    mirrored: bool = setting(False, "Take the performer as seen in a mirror.")
+    flip: bool = setting(False, "Rotates the movement by half a turn about the chain's axis.")
+    weight: float = setting(1.0, "Fraction of the movement that is transferred.", low=0.0, high=1.0)
+    offset: float = setting(0.0, "Start time of the take for this chain.", unit="s", low=-3600, high=3600)
+    speed: float = setting(1.0, "Playback speed. Negative values play backwards.", low=-100, high=100)
+    loop: bool = setting(False, "Repeats the take at its end.")
+    extend: bool = setting(False, "Extends the target from its last joint along the longest branch.")
+    mirrored: bool = setting(False, "Mirrors the performer's movement.")
     carries: bool = setting(
         False,
-        "Move everything else that begins at the same joints along, unless a chain drives it: fingers, hair, "
-        "twist bones.",
+        "Also moves other branches from the same joints, such as fingers, hair or twist bones, unless "
+        "another chain drives them.",
     )
 
 
@@ -50,34 +58,43 @@ class Plan:
 
     rest: Rest | float = setting(
         "auto",
-        'The pose of the take that movement is counted from: "mean", "first", "zero" (the file\'s own), '
-        'seconds into it, or "auto": of the two-legged the frames in which their limbs hang, else the mean.',
+        'Reference pose of the take: "mean", "first", "zero" (rest pose of the file), or a time in '
+        'seconds. "auto": hanging limbs for two-legged performers, else "mean".',
     )
-    turn: bool = setting(True, "Turn the whole model as the performer turns: chains onto its root alone.")
-    travel: bool = setting(False, "Move the whole model as the performer moves.")
-    level: bool = setting(False, "Keep the model level: its whole turns as the performer heads, and no more.")
-    floor: bool = setting(True, "Keep what stands on the floor, by its lowest point.")
+    turn: bool = setting(
+        True, "Turns the whole model with the performer, by chains that drive only its root."
+    )
+    travel: bool = setting(False, "Moves the whole model through the world with the performer.")
+    level: bool = setting(
+        False, "Keeps the model level: as a whole, it follows only the performer's heading."
+    )
+    floor: bool = setting(True, "Keeps the lowest point of a standing model on the floor.")
     steps: bool = setting(
-        True, "Let legs that are not posed as the performer's step as theirs do, by their feet (with floor)."
+        True, "Legs that are not posed directly follow the steps of the performer's feet. Needs `floor`."
     )
     stretch: bool = setting(
         False,
-        "Lengthen and stretch the model's bones as the take does its own, in the model's size. A clip of the "
-        "model itself always does.",
+        "Also transfers changes of bone length, scaled to the model's size. Clips of the model itself "
+        "always do this.",
     )
     limits: bool = setting(
         True,
-        "Keep the joints of a model that is not built as the performer within what its own clips show, and a "
-        "margin; of one without clips within a wide cone about its rest pose.",
+        "Keeps joints within the ranges of the model's own clips plus a margin, or within a wide cone "
+        "without clips. Models built like the performer are exempt.",
     )
     stride: float = setting(
-        1.0, "How far it steps and travels, in the performer's strides at its own size.", low=0.0, high=10.0
+        1.0,
+        "Length of steps and travel, relative to the performer's strides scaled to the model's size.",
+        low=0.0,
+        high=10.0,
     )
-    pin: bool = setting(False, "Hold feet where they stand while they do not move (with travel).")
+    pin: bool = setting(False, "Locks feet that stand still (foot lock). Needs `travel`.")
     take_facing: float | None = setting(
-        None, "Where the performer looks at first, from +Z to the left; found where not given.", unit="deg"
+        None,
+        "Initial heading of the performer, from +Z to the left. None: detected automatically.",
+        unit="deg",
     )
     model_facing: float | None = setting(
-        None, "Where the model looks, from +Z to its left; found where not given.", unit="deg"
+        None, "Heading of the model, from +Z to its left. None: detected automatically.", unit="deg"
     )
-    chains: tuple[ChainPlan, ...] = setting((), "What drives what.")
+    chains: tuple[ChainPlan, ...] = setting((), "Chains of the take and the model chains that they drive.")

@@ -21,21 +21,28 @@ class PickingSettings:
     """Settings for replacing the shown match, and for accepting it."""
 
     margin: float = setting(
-        0.03, "A match takes the place of the shown one if it is so much better a branch.", low=0.0, high=2.0
+        0.03,
+        "Score per branch by which another match must be better to replace the shown one. Raise it if "
+        "matches flicker.",
+        low=0.0,
+        high=2.0,
     )
     patience: float = setting(
-        0.3, "Seconds for which something must have been better.", unit="s", low=0.0, high=10.0
+        0.3, "Time for which another match must be better before it is shown.", unit="s", low=0.0, high=10.0
     )
     browsing: float = setting(
         5.0,
-        "Seconds after the last step through the ranking before it follows the pose again.",
+        "Time after browsing by hand before the shown match follows the pose again.",
         unit="s",
         low=0.0,
     )
-    by_holding: bool = setting(False, "Accept what is shown when the pose is held still.")
-    still_seconds: float = setting(1.5, "How long to hold still.", unit="s", low=0.1, high=60.0)
+    by_holding: bool = setting(False, "Accepts the shown match when the performer holds the pose.")
+    still_seconds: float = setting(1.5, "Time for which the pose must be held.", unit="s", low=0.1, high=60.0)
     still_share: float = setting(
-        0.12, "What counts as still: movement below this share of the longest branch.", low=0.001, high=1.0
+        0.12,
+        "Maximum movement that counts as holding, as a fraction of the longest branch.",
+        low=0.001,
+        high=1.0,
     )
 
 

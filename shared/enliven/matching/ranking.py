@@ -27,31 +27,36 @@ class RankingSettings:
     """Settings for scoring matches."""
 
     most: int = setting(
-        256, "Matches kept, the best; all are looked at.", unit="matches", low=1, high=100_000
+        256,
+        "Number of best matches that are kept. All matches are scored.",
+        unit="matches",
+        low=1,
+        high=100_000,
     )
     measure: Literal["cosine", "dot"] = setting(
         "cosine",
-        "What is summed over pairs of branches: cosines, or dot products with the longest branch of each "
-        "sub-tree scaled to one, for which short branches count little.",
+        "Similarity of two branches: the cosine, or the dot product of branches scaled by the longest "
+        'one. With "dot", short branches count little.',
     )
     blur: float = setting(
         0.2,
-        "A branch of which less than this share is seen, since it points at the eye, counts less and less "
-        "(of cosines only: its dot products are small anyway).",
+        "Branches with a smaller visible fraction, which point at the viewer, lose weight gradually. "
+        'Applies to "cosine" only.',
         low=1e-6,
         high=1.0,
     )
     missing: float = setting(
         -1.0,
-        "The score of a source branch for which a sub-tree has none left: -1 as if it pointed the wrong way, "
-        "0 as if across.",
+        "Score of a source branch without a partner in the sub-tree: -1 like an opposite direction, 0 "
+        "like a perpendicular one.",
         low=-1.0,
         high=0.0,
     )
-    tie: float = setting(1e-9, "Scores that differ by less are equal.", low=0.0, high=0.1)
+    tie: float = setting(1e-9, "Scores that differ by less than this are equal.", low=0.0, high=0.1)
     exhaustive: int = setting(
         50_000,
-        "Choices of branches within a sub-tree up to which all are scored; beyond, only the best are found.",
+        "Maximum number of branch combinations in a sub-tree that are all scored. Beyond it, only the "
+        "best are searched.",
         unit="choices",
         low=1,
         high=10_000_000,

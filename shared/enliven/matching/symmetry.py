@@ -35,13 +35,13 @@ class SymmetrySettings:
 
     tolerance: float = setting(
         0.08,
-        "Joints of equal limbs are apart by less than this share of the limb's reach, as a root mean square, "
-        "and none by more than twice that.",
+        "Maximum root mean square distance between joints of equal limbs, as a fraction of the limb's "
+        "reach. No joint may exceed twice this.",
         low=0.0,
         high=0.5,
     )
     shortest: float = setting(
-        0.02, "Limbs shorter than this share of the longest are not looked at.", low=0.0, high=1.0
+        0.02, "Limbs shorter than this fraction of the longest limb are ignored.", low=0.0, high=1.0
     )
 
 

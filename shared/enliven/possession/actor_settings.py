@@ -16,87 +16,104 @@ class ActorSettings:
     """Settings for how a character approaches its performers."""
 
     place: Literal["meet", "fixed"] = setting(
-        "meet", "'meet' puts the mesh where the performer stands, 'fixed' leaves it as modelled."
+        "meet", "'meet' puts the mesh at the performer's position; 'fixed' leaves it as modelled."
     )
     stand: Literal["fitted", "modelled"] = setting(
         "fitted",
-        "'fitted' moves and turns a mesh from a file until a standing person fits into it best; 'modelled' "
-        "keeps its own origin and front (+Z).",
+        "'fitted' moves and turns a mesh from a file until a standing person fits best into it. "
+        "'modelled' keeps its origin and front (+Z).",
     )
     how: Literal["inside", "beside", "mapped"] = setting(
         "inside",
-        "'inside': the performer stands in the mesh; 'beside': the mesh stays where it stands and moves as "
-        "if the performer stood in it; 'mapped': so too, but limb drives limb, whatever the mesh's shape.",
+        "'inside': the performer stands in the mesh; 'beside': the mesh stays in place and moves as if "
+        "they did. 'mapped': like 'beside', but limb drives limb for any shape.",
     )
     aside: float = setting(
         1.2,
-        "Distance to the performer's left of a mesh that the performer does not stand in.",
+        "Distance of the mesh to the performer's left, if the performer does not stand in it.",
         unit="m",
         low=-20.0,
         high=20.0,
     )
     travel: float = setting(
-        1.0, "Share of the performer's travel over the floor that the mesh makes too.", low=0.0, high=10.0
+        1.0, "Factor on the performer's travel over the floor that the mesh also makes.", low=0.0, high=10.0
     )
     scaled: Literal["mesh", "performer", "nobody"] = setting(
         "mesh",
-        "What is scaled to the other's height: the mesh or the performer's moves; 'nobody': metre for metre.",
+        "What is scaled to match heights: 'mesh', or 'performer' for the performer's motion. 'nobody' "
+        "transfers motion metre for metre.",
     )
     follow: Literal["skeleton", "surface", "both"] = setting(
         "skeleton",
-        "What drives the mesh: the tracked bones, the surface that the depth sensor sees, or both.",
+        "What drives the mesh: the tracked skeleton, the surface seen by the depth sensor, or both.",
     )
     meets: bool = setting(
         True,
-        "A human-like mesh that its performer stands in brings its limbs to theirs as they take hold; false: "
-        "bones hold what is near them.",
+        "Aligns the limbs of a human-like mesh with those of the performer inside it. If false, bones "
+        "hold whatever is near.",
     )
     ahead: bool = setting(
         True,
-        "Such a mesh comes to the pose of its next performer before it is first held; false: it waits "
-        "as modelled.",
+        "Poses such a mesh like its next performer before the first hold. If false, it waits as modelled.",
     )
-    height_ratio: float = setting(1.0, "The mesh's height over the performer's.", low=0.05, high=20.0)
-    fade: float = setting(0.5, "Time to ease over any change of who holds.", unit="s", low=0.0, high=10.0)
+    height_ratio: float = setting(
+        1.0, "Height of the mesh divided by the performer's height.", low=0.05, high=20.0
+    )
+    fade: float = setting(
+        0.5,
+        "Duration of the blend after any change of the performers that hold the mesh.",
+        unit="s",
+        low=0.0,
+        high=10.0,
+    )
     fade_pace: float = setting(
-        2.5, "Fastest that easing moves anything: a wide change takes longer.", unit="m/s", low=0.01
+        2.5, "Maximum speed of this blend: large changes take longer.", unit="m/s", low=0.01
     )
     patience: float = setting(
-        0.2, "A performer out of sight for longer lets go until they are back.", unit="s", low=0.0, high=10.0
+        0.2,
+        "A performer out of sight for longer than this releases the mesh until they return.",
+        unit="s",
+        low=0.0,
+        high=10.0,
     )
     hand_over: float = setting(
         60.0,
-        "A performer away for longer loses the hold to the only idle one in view; 0: never.",
+        "If a performer is away for longer, the only idle performer in view takes over their hold. 0 "
+        "turns this off.",
         unit="s",
         low=0.0,
     )
     enough: float = setting(
-        0.5, "Share of a limb's bones that must take hold before its reach stops growing.", low=0.0, high=1.0
+        0.5, "Fraction of a limb's bones that must attach before its reach stops growing.", low=0.0, high=1.0
     )
-    farthest_reach: float = setting(0.45, "Longest reach that is tried.", unit="m", low=0.0, high=5.0)
-    attachment: AttachmentSettings = setting(AttachmentSettings, "How bones take hold.")
+    farthest_reach: float = setting(
+        0.45, "Longest reach of a bone that is tried.", unit="m", low=0.0, high=5.0
+    )
+    attachment: AttachmentSettings = setting(AttachmentSettings, "Attachment of bones to the mesh.")
     stiffness: tuple[tuple[float, float, float, float, float], ...] = setting(
         (),
-        "Spots [x, y, z, radius, factor] of the mesh as it is cast, in metres; a factor above 1 bends less, "
-        "below 1 gives way.",
+        "Spheres [x, y, z, radius, factor], in metres of the loaded mesh. Factors above 1 make the "
+        "mesh inside stiffer, below 1 softer.",
     )
     exaggeration: float = setting(
         1.0,
-        "How far soft parts, painted or of `stiffness` below 1, swing past the motion; 0: not at all.",
+        "How far soft parts (painted, or `stiffness` below 1) swing past the motion. 0 turns it off.",
         low=0.0,
         high=4.0,
     )
     ends: tuple[tuple[float, float, float], ...] = setting(
         (),
-        "The ends of head, left hand, right hand, left foot and right foot, [x, y, z] each in "
-        "metres of the mesh as it is cast; none: they are found.",
+        "Ends of head, left hand, right hand, left foot and right foot: [x, y, z] each, in metres of "
+        "the loaded mesh. Empty: found automatically.",
     )
     joints: tuple[tuple[float, float, float], ...] = setting(
         (),
-        "The 20 joints of a person who was scanned, in their order, [x, y, z] each in metres of the "
-        "mesh as it is cast; none: they are found by the ends.",
+        "The 20 joints of a scanned person in their fixed order: [x, y, z] each, in metres of the "
+        "loaded mesh. Empty: found from `ends`.",
     )
-    embedded: EmbeddedSettings = setting(EmbeddedSettings, "The deformation's weights.")
-    observed: ObservedSettings = setting(ObservedSettings, "How the surface follows what is seen.")
-    limbs: SelfContactSettings = setting(SelfContactSettings, "How the mesh's limbs keep out of each other.")
-    floor: FloorSettings = setting(FloorSettings, "What the mesh does on the floor.")
+    embedded: EmbeddedSettings = setting(EmbeddedSettings, "Weights and limits of the deformation solver.")
+    observed: ObservedSettings = setting(ObservedSettings, "How the mesh follows the observed surface.")
+    limbs: SelfContactSettings = setting(
+        SelfContactSettings, "Self-contact: keeps the limbs of the mesh apart."
+    )
+    floor: FloorSettings = setting(FloorSettings, "Floor contact and foot lock of the mesh.")

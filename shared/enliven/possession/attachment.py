@@ -35,14 +35,22 @@ _ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 class AttachmentSettings:
     """How a body attaches to a mesh."""
 
-    radius: float = setting(0.04, "Radius of the cylinder around each bone.", unit="m", low=0.0, high=0.5)
-    along: int = setting(4, "Samples along each bone.", low=1, high=64)
-    around: int = setting(4, "Samples around each bone.", low=1, high=64)
-    reach: float = setting(0.10, "How near a node must be to be taken hold of.", unit="m", low=0.0, high=2.0)
-    normal_angle: float = setting(
-        math.pi / 2, "How far two normals may be apart.", unit="rad", low=0.0, high=math.pi
+    radius: float = setting(
+        0.04, "Radius of the cylinder of sample points around each bone.", unit="m", low=0.0, high=0.5
     )
-    joints: bool = setting(True, "Whether the joints take hold too, besides the bones.")
+    along: int = setting(4, "Number of samples along each bone.", low=1, high=64)
+    around: int = setting(4, "Number of samples around each bone.", low=1, high=64)
+    reach: float = setting(
+        0.10, "Maximum distance from a sample to the node to which it attaches.", unit="m", low=0.0, high=2.0
+    )
+    normal_angle: float = setting(
+        math.pi / 2,
+        "Maximum angle between the normals of a sample and its node.",
+        unit="rad",
+        low=0.0,
+        high=math.pi,
+    )
+    joints: bool = setting(True, "Also attaches samples at the joints, in addition to those along the bones.")
 
 
 @dataclass(frozen=True)

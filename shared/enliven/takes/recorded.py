@@ -35,12 +35,14 @@ class TakeSettings:
 
     gap: float = setting(
         0.5,
-        "A person who is away for longer begins a take of their own.",
+        "A person who is away for longer than this starts a new take.",
         unit="s",
         low=0.0,
         high=60.0,
     )
-    shortest: float = setting(0.5, "What is shorter is no take.", unit="s", low=0.0, high=600.0)
+    shortest: float = setting(
+        0.5, "Minimum length of a take. Shorter ones are discarded.", unit="s", low=0.0, high=600.0
+    )
     step: float = setting(1.0 / 30.0, "Time between two frames of a take.", unit="s", low=1e-3, high=1.0)
 
 

@@ -26,12 +26,14 @@ REFERENCE_HEIGHT = 1.75
 class Proportions:
     """The performer's build."""
 
-    height: float = setting(1.75, "Stature from the soles to the crown.", unit="m", low=0.8, high=2.3)
-    girth: float = setting(1.0, "Thickness of the flesh against an average build.", low=0.6, high=1.8)
-    shoulders: float = setting(1.0, "Width of the shoulders against an average build.", low=0.7, high=1.4)
-    hips: float = setting(1.0, "Width of the hips against an average build.", low=0.7, high=1.4)
-    arms: float = setting(1.0, "Length of the arms against an average build.", low=0.7, high=1.3)
-    legs: float = setting(1.0, "Length of the legs against an average build.", low=0.7, high=1.3)
+    height: float = setting(
+        1.75, "Height from the soles to the top of the head.", unit="m", low=0.8, high=2.3
+    )
+    girth: float = setting(1.0, "Body thickness relative to an average build.", low=0.6, high=1.8)
+    shoulders: float = setting(1.0, "Shoulder width relative to an average build.", low=0.7, high=1.4)
+    hips: float = setting(1.0, "Hip width relative to an average build.", low=0.7, high=1.4)
+    arms: float = setting(1.0, "Arm length relative to an average build.", low=0.7, high=1.3)
+    legs: float = setting(1.0, "Leg length relative to an average build.", low=0.7, high=1.3)
 
 
 @dataclass(frozen=True)

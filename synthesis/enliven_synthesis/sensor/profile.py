@@ -19,38 +19,46 @@ class CameraProfile:
 
     width: int = setting(doc="Width of the depth image.", unit="px", low=16, high=4096)
     height: int = setting(doc="Height of the depth image.", unit="px", low=16, high=4096)
-    fx: float = setting(doc="Focal length across.", unit="px", low=10, high=10000)
-    fy: float = setting(doc="Focal length down.", unit="px", low=10, high=10000)
-    cx: float = setting(doc="Principal point from the left column's centre.", unit="px", low=0, high=4096)
-    cy: float = setting(doc="Principal point from the top row's centre.", unit="px", low=0, high=4096)
-    distortion: tuple[float, float, float, float, float] = setting(
-        (0.0, 0.0, 0.0, 0.0, 0.0), "Brown-Conrady k1, k2, p1, p2, k3 (zero: delivered rectified)."
+    fx: float = setting(doc="Horizontal focal length.", unit="px", low=10, high=10000)
+    fy: float = setting(doc="Vertical focal length.", unit="px", low=10, high=10000)
+    cx: float = setting(
+        doc="Horizontal principal point, measured from the centre of the left column.",
+        unit="px",
+        low=0,
+        high=4096,
     )
-    fps: float = setting(30.0, "Depth images a second.", unit="Hz", low=1, high=240)
+    cy: float = setting(
+        doc="Vertical principal point, measured from the centre of the top row.", unit="px", low=0, high=4096
+    )
+    distortion: tuple[float, float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0, 0.0),
+        "Brown-Conrady distortion coefficients k1, k2, p1, p2, k3. Zero: the image is already rectified.",
+    )
+    fps: float = setting(30.0, "Frame rate of the depth images.", unit="Hz", low=1, high=240)
 
 
 @dataclass(frozen=True)
 class RangeProfile:
     """The sensor's measuring range and depth resolution."""
 
-    near: float = setting(doc="Nearest distance it reports.", unit="m", low=0.01, high=10)
-    far: float = setting(doc="Farthest distance it reports.", unit="m", low=0.1, high=65)
+    near: float = setting(doc="Minimum distance that the sensor reports.", unit="m", low=0.01, high=10)
+    far: float = setting(doc="Maximum distance that the sensor reports.", unit="m", low=0.1, high=65)
     baseline: float = setting(
         0.0,
-        "From the imager to the projector or the other imager, positive to the image's right; 0 for a "
-        "time-of-flight camera, which casts no shadow of its own.",
+        "Distance from the imager to the projector or second imager, positive to the image's right. 0 "
+        "for a time-of-flight camera, which has no depth shadow.",
         unit="m",
         low=-1,
         high=1,
     )
     disparity_step: float = setting(
         0.0,
-        "Step of the disparity at full resolution; 0 for a time-of-flight camera.",
+        "Disparity resolution at full image size. 0 for a time-of-flight camera.",
         unit="px",
         low=0,
         high=1,
     )
-    depth_step: float = setting(0.001, "Step of the reported depth.", unit="m", low=0.0001, high=0.1)
+    depth_step: float = setting(0.001, "Resolution of the reported depth.", unit="m", low=0.0001, high=0.1)
 
 
 @dataclass(frozen=True)
@@ -60,40 +68,53 @@ class NoiseProfile:
     constant: float = setting(
         doc="Axial standard deviation at the reference distance.", unit="m", low=0, high=0.2
     )
-    linear: float = setting(0.0, "Its growth with distance.", unit="m/m", low=0, high=0.1)
-    quadratic: float = setting(0.0, "Its growth with distance squared.", unit="m/m^2", low=0, high=0.1)
-    start: float = setting(0.0, "The reference distance.", unit="m", low=0, high=5)
+    linear: float = setting(
+        0.0, "Linear increase of the standard deviation with distance.", unit="m/m", low=0, high=0.1
+    )
+    quadratic: float = setting(
+        0.0, "Quadratic increase of the standard deviation with distance.", unit="m/m^2", low=0, high=0.1
+    )
+    start: float = setting(0.0, "Reference distance.", unit="m", low=0, high=5)
     slant: float = setting(
         0.0,
-        "Added standard deviation at 45 degrees of slant and 1 m (times tan^2 / sqrt(z)).",
+        "Additional standard deviation at 45 degrees of slant and 1 m, scaled by tan^2 / sqrt(z).",
         unit="m",
         low=0,
         high=0.05,
     )
-    lateral: float = setting(0.8, "Standard deviation of where an edge appears.", unit="px", low=0, high=5)
+    lateral: float = setting(0.8, "Standard deviation of the position of an edge.", unit="px", low=0, high=5)
     correlation: float = setting(
-        1.0, "Width of the window over which neighbours share their noise.", unit="px", low=1, high=25
+        1.0, "Width of the window within which neighbouring pixels share noise.", unit="px", low=1, high=25
     )
-    frozen: float = setting(
-        0.0, "Part of the variance that stays the same from frame to frame.", low=0, high=0.99
-    )
+    frozen: float = setting(0.0, "Fraction of the variance that is constant over time.", low=0, high=0.99)
 
 
 @dataclass(frozen=True)
 class FaultProfile:
     """Missing and wrong depth."""
 
-    edge: float = setting(2.0, "Reach of an edge's faults.", unit="px", low=0, high=12)
-    edge_holes: float = setting(0.3, "Part of the pixels behind an edge that report nothing.", low=0, high=1)
+    edge: float = setting(2.0, "Distance from an edge within which faults occur.", unit="px", low=0, high=12)
+    edge_holes: float = setting(0.3, "Fraction of the pixels behind an edge without depth.", low=0, high=1)
     flying: float = setting(
-        0.0, "Part of the pixels at an edge that report a depth between both sides.", low=0, high=1
+        0.0,
+        "Fraction of the pixels at an edge with a depth between both sides (flying pixels).",
+        low=0,
+        high=1,
     )
-    grazing: float = setting(80.0, "Slant beyond which a surface is not seen.", unit="deg", low=30, high=90)
+    grazing: float = setting(
+        80.0, "Maximum slant at which a surface is measured.", unit="deg", low=30, high=90
+    )
     dark: float = setting(
-        0.2, "Part of a surface that swallows the light (hair, black shoes) that is lost.", low=0, high=1
+        0.2,
+        "Fraction of pixels lost on surfaces that absorb the light, such as hair or black shoes.",
+        low=0,
+        high=1,
     )
     mirror: float = setting(
-        0.8, "Part of a surface that mirrors the light away (a screen) that is lost.", low=0, high=1
+        0.8,
+        "Fraction of pixels lost on surfaces that reflect the light away, such as screens.",
+        low=0,
+        high=1,
     )
 
 
@@ -101,13 +122,15 @@ class FaultProfile:
 class SensorProfile:
     """A depth camera as described by its data sheet and published measurements."""
 
-    name: str = setting(doc="What people call it.")
-    kind: Literal["structured light", "stereo", "time of flight"] = setting(doc="How it measures depth.")
-    source: str = setting(doc="Where the figures are from.")
-    camera: CameraProfile = setting(doc="The lens and the image.")
-    range: RangeProfile = setting(doc="Where it measures, and in which steps.")
-    noise: NoiseProfile = setting(doc="How its depth scatters.")
-    faults: FaultProfile = setting(FaultProfile, "Where its depth is missing or wrong.")
+    name: str = setting(doc="Common name of the sensor.")
+    kind: Literal["structured light", "stereo", "time of flight"] = setting(
+        doc="Measuring principle of the sensor."
+    )
+    source: str = setting(doc="Source of these figures.")
+    camera: CameraProfile = setting(doc="Intrinsics and image size.")
+    range: RangeProfile = setting(doc="Measuring range and resolution.")
+    noise: NoiseProfile = setting(doc="Noise of the depth.")
+    faults: FaultProfile = setting(FaultProfile, "Missing and wrong depth.")
 
     def intrinsics(self, width: int | None = None) -> Intrinsics:
         """Returns the camera intrinsics, scaled to ``width`` pixels if it is given."""

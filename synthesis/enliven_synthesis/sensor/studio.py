@@ -25,16 +25,25 @@ from enliven_synthesis.sensor.scene import cast_room
 class SyntheticSettings:
     """The choreography, the performer and the sensor."""
 
-    choreography: str = setting("chair", "What the performer does.")
-    performer: Proportions = setting(Proportions, "The performer's build.")
-    camera_height: float = setting(1.15, "The sensor above the floor.", unit="m", low=0.1, high=3.0)
-    camera_tilt: float = setting(5.0, "How far the sensor looks down.", unit="deg", low=-45, high=60)
-    camera_x: float = setting(0.0, "The sensor beside the world's origin.", unit="m", low=-20, high=20)
-    camera_z: float = setting(0.0, "The sensor behind the world's origin.", unit="m", low=-20, high=20)
-    camera_yaw: float = setting(0.0, "Turn to the left; 0 looks along -Z.", unit="deg", low=-180, high=180)
-    noise: bool = setting(True, "Whether the sensor has the faults of its profile, or none.")
-    seed: int = setting(0, "Another seed, another sensor of the same make.", low=0, high=2**31)
-    width: int = setting(0, "Width of the images; 0 for the profile's own.", unit="px", low=0, high=4096)
+    choreography: str = setting("chair", "Name of the performer's motion.")
+    performer: Proportions = setting(Proportions, "Body proportions of the performer.")
+    camera_height: float = setting(1.15, "Height of the sensor above the floor.", unit="m", low=0.1, high=3.0)
+    camera_tilt: float = setting(5.0, "Downward tilt of the sensor.", unit="deg", low=-45, high=60)
+    camera_x: float = setting(0.0, "Sensor position along the world's x axis.", unit="m", low=-20, high=20)
+    camera_z: float = setting(0.0, "Sensor position along the world's z axis.", unit="m", low=-20, high=20)
+    camera_yaw: float = setting(
+        0.0, "Rotation of the sensor to the left. 0 looks along -Z.", unit="deg", low=-180, high=180
+    )
+    noise: bool = setting(True, "Simulates the noise and faults of the sensor's profile.")
+    seed: int = setting(
+        0,
+        "Random seed of the noise. Each seed simulates another sensor of the same model.",
+        low=0,
+        high=2**31,
+    )
+    width: int = setting(
+        0, "Width of the images. 0 uses the width of the profile.", unit="px", low=0, high=4096
+    )
 
 
 class SyntheticStudio:

@@ -12,26 +12,42 @@ from enliven_viewer.settings import RenderSettings
 class StudioSettings:
     """The settings of the studio's window."""
 
-    render: RenderSettings = setting(RenderSettings, "How the picture is made.")
+    render: RenderSettings = setting(RenderSettings, "Settings of the rendered image.")
     width: int = setting(1360, "Width of the window.", unit="pixels", low=640, high=16384)
     height: int = setting(820, "Height of the window.", unit="pixels", low=480, high=16384)
     reach: float = setting(
-        11.0, "How near a click must be to a joint or bone.", unit="pixels", low=1, high=80
+        11.0, "Maximum distance of a click from a joint or bone to select it.", unit="pixels", low=1, high=80
     )
     snap: float = setting(
-        26.0, "A root that is dragged this near to a node is merged with it.", unit="pixels", low=1, high=200
+        26.0,
+        "Maximum distance at which a dragged root snaps to a node and is merged with it.",
+        unit="pixels",
+        low=1,
+        high=200,
     )
-    frame_step: float = setting(1 / 30, "One step of the arrow keys.", unit="seconds", low=0.001, high=1)
+    frame_step: float = setting(1 / 30, "Time step of the arrow keys.", unit="seconds", low=0.001, high=1)
     shortest: float = setting(
-        2.0, "Length of a timeline on which nothing moves.", unit="seconds", low=0.1, high=600
+        2.0,
+        "Minimum length of the timeline, for a project without motion.",
+        unit="seconds",
+        low=0.1,
+        high=600,
     )
-    autosave: float = setting(20.0, "Seconds between two recovery files.", unit="seconds", low=1, high=3600)
-    toast: float = setting(6.0, "How long a message stays.", unit="seconds", low=1, high=60)
-    ghosts: int = setting(3, "Ghosts on each side of the playhead.", low=0, high=20)
+    autosave: float = setting(
+        20.0,
+        "Time between two recovery files. Raise it if saving a large project interrupts work.",
+        unit="seconds",
+        low=1,
+        high=3600,
+    )
+    toast: float = setting(6.0, "Time for which a message stays visible.", unit="seconds", low=1, high=60)
+    ghosts: int = setting(
+        3, "Number of ghost poses (onion skin) on each side of the playhead.", low=0, high=20
+    )
     ghost_step: float = setting(
-        0.25, "Time between two ghosts where no key poses are.", unit="seconds", low=0.02, high=10
+        0.25, "Time between two ghosts if there are no key poses.", unit="seconds", low=0.02, high=10
     )
     trail: float = setting(
-        1.0, "How far trails go on each side of the playhead.", unit="seconds", low=0.05, high=30
+        1.0, "Length of motion trails on each side of the playhead.", unit="seconds", low=0.05, high=30
     )
-    matches: int = setting(6, "Thumbnails of matches that are offered.", low=1, high=24)
+    matches: int = setting(6, "Maximum number of thumbnails of matches.", low=1, high=24)

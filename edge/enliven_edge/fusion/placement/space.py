@@ -24,9 +24,15 @@ _UNIT = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0,
 class Place:
     """The pose of one sensor, and the offset of its clock."""
 
-    world_from_sensor: _Rows = setting(_UNIT, "(4, 4) from the level frame in which the sensor tells bodies.")
-    world_from_camera: _Rows | None = setting(None, "(4, 4) of its depth camera; left out where it has none.")
-    clock_offset_ns: int = setting(0, "Nanoseconds to add to its clock to get the first sensor's.")
+    world_from_sensor: _Rows = setting(
+        _UNIT, "(4, 4) world pose of the level frame in which the sensor reports bodies."
+    )
+    world_from_camera: _Rows | None = setting(
+        None, "(4, 4) world pose of the depth camera. Omit it for a sensor without one."
+    )
+    clock_offset_ns: int = setting(
+        0, "Nanoseconds to add to the sensor's clock to match the first sensor's clock."
+    )
 
     @property
     def camera(self) -> Float | None:

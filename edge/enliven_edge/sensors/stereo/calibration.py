@@ -25,11 +25,20 @@ _Row = tuple[float, float, float]
 class StereoLens:
     """One camera of the pair."""
 
-    fx: float = setting(doc="Focal length across.", unit="px", low=10, high=20000)
-    fy: float = setting(doc="Focal length down.", unit="px", low=10, high=20000)
-    cx: float = setting(doc="Principal point from the left column's centre.", unit="px", low=0, high=16384)
-    cy: float = setting(doc="Principal point from the top row's centre.", unit="px", low=0, high=16384)
-    distortion: tuple[float, float, float, float, float] = setting(doc="Brown-Conrady k1, k2, p1, p2, k3.")
+    fx: float = setting(doc="Horizontal focal length.", unit="px", low=10, high=20000)
+    fy: float = setting(doc="Vertical focal length.", unit="px", low=10, high=20000)
+    cx: float = setting(
+        doc="Horizontal principal point, measured from the centre of the left column.",
+        unit="px",
+        low=0,
+        high=16384,
+    )
+    cy: float = setting(
+        doc="Vertical principal point, measured from the centre of the top row.", unit="px", low=0, high=16384
+    )
+    distortion: tuple[float, float, float, float, float] = setting(
+        doc="Brown-Conrady distortion coefficients k1, k2, p1, p2, k3."
+    )
 
     def matrix(self) -> Float:
         """Returns the (3, 3) camera matrix."""
@@ -42,18 +51,23 @@ class StereoCalibration:
 
     width: int = setting(doc="Width of both images.", unit="px", low=32, high=16384)
     height: int = setting(doc="Height of both images.", unit="px", low=32, high=16384)
-    left: StereoLens = setting(doc="The left camera's lens, as seen from behind the cameras.")
-    right: StereoLens = setting(doc="The right camera's lens.")
-    right_from_left: tuple[_Row, _Row, _Row] = setting(doc="(3, 3) rotation into the right camera's frame.")
-    translation: _Row = setting(
-        doc="The left camera in the right one's frame; x is minus the baseline.", unit="m"
+    left: StereoLens = setting(doc="Intrinsics of the left camera, seen from behind the cameras.")
+    right: StereoLens = setting(doc="Intrinsics of the right camera.")
+    right_from_left: tuple[_Row, _Row, _Row] = setting(
+        doc="(3, 3) rotation from the left to the right camera frame."
     )
-    baseline: float = setting(doc="Between the two cameras.", unit="m", low=0.005, high=5.0)
+    translation: _Row = setting(
+        doc="Position of the left camera in the right camera's frame; x is minus the baseline.", unit="m"
+    )
+    baseline: float = setting(doc="Distance between the two cameras.", unit="m", low=0.005, high=5.0)
     reprojection: float = setting(
-        doc="Root mean square distance of the board's corners.", unit="px", low=0, high=100
+        doc="Root mean square reprojection error of the board's corners.", unit="px", low=0, high=100
     )
     epipolar: float = setting(
-        doc="Root mean square difference of rows when rectified.", unit="px", low=0, high=100
+        doc="Root mean square epipolar error: difference in rows after rectification.",
+        unit="px",
+        low=0,
+        high=100,
     )
 
 

@@ -13,27 +13,35 @@ class MatchingSettings:
     """Settings of choosing by posing and animating by moving."""
 
     height: float = setting(
-        1.2, "Height of the model; 0 takes it as modelled.", unit="m", low=0.0, high=100.0
+        1.2, "Height to which the model is scaled. 0 keeps the modelled size.", unit="m", low=0.0, high=100.0
     )
     beside: float = setting(
         0.7,
-        "Distance of its edge from the first performer's middle, to the right as the sensor sees it.",
+        "Distance from the first performer's centre to the near edge of the character, to the right as "
+        "the sensor sees it.",
         unit="m",
     )
-    mirror: bool = setting(True, "The character moves like the performer's mirror image.")
+    mirror: bool = setting(True, "Moves the character like the performer's mirror image.")
     extend: bool = setting(
-        True, "Chains extend along the longest branch that hangs on them; else it is carried rigidly."
+        True, "Extends chains along the longest branch below them. If false, that branch moves rigidly."
     )
-    fade: float = setting(0.6, "Time to ease over any change of who drives.", unit="s", low=0.0, high=10.0)
+    fade: float = setting(
+        0.6,
+        "Duration of the blend after any change of the performers that drive the character.",
+        unit="s",
+        low=0.0,
+        high=10.0,
+    )
     hand_over: float = setting(
         60.0,
-        "A performer away for longer loses the hold to the only idle one in view; 0: never.",
+        "If a performer is away for longer, the only idle performer in view takes over their hold. 0 "
+        "turns this off.",
         unit="s",
         low=0.0,
         high=3600.0,
     )
-    listed: int = setting(6, "Matches sent to viewers.", unit="matches", low=1, high=15)
-    ranking: RankingSettings = setting(RankingSettings, "How matches are scored.")
+    listed: int = setting(6, "Number of matches that are sent to viewers.", unit="matches", low=1, high=15)
+    ranking: RankingSettings = setting(RankingSettings, "Scoring of matches.")
     picking: PickingSettings = setting(
         PickingSettings, "When the shown match changes, and when it is accepted."
     )

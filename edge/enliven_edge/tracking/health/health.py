@@ -62,17 +62,36 @@ class HealthSettings:
     """The limits beyond which a problem is reported."""
 
     frame_rate: float = setting(
-        30.0, "Frames a second that the sensor promises, where it does not say.", unit="Hz", low=0.1
+        30.0,
+        "Expected frame rate, used if the sensor does not state one. Slower sensors are reported.",
+        unit="Hz",
+        low=0.1,
     )
-    silent: float = setting(1.0, "Without a frame for this long, the sensor is silent.", unit="s", low=0.05)
-    frozen: float = setting(0.7, "The same image for this long is a frozen sensor.", unit="s", low=0.1)
-    missing: float = setting(0.28, "The share of the usual depth that may be missing.", low=0.01, high=1.0)
-    near: float = setting(0.9, "A performer nearer than this is too near.", unit="m", low=0.0)
+    silent: float = setting(
+        1.0, "Time without a frame after which a silent sensor is reported.", unit="s", low=0.05
+    )
+    frozen: float = setting(
+        0.7, "Time with an unchanged image after which a frozen sensor is reported.", unit="s", low=0.1
+    )
+    missing: float = setting(
+        0.28,
+        "Fraction of the usual depth pixels that may be missing before it is reported.",
+        low=0.01,
+        high=1.0,
+    )
+    near: float = setting(0.9, "A performer nearer than this is reported as too near.", unit="m", low=0.0)
     far_margin: float = setting(
-        0.3, "A performer this close to the farthest depth that is used is too far.", unit="m", low=0.0
+        0.3, "A performer within this distance of the depth limit is reported as too far.", unit="m", low=0.0
     )
-    unclear: float = setting(0.35, "Below this mean confidence a performer is unclear.", low=0.0, high=1.0)
-    learning: float = setting(2.0, "A room younger than this is still being learnt.", unit="s", low=0.0)
+    unclear: float = setting(
+        0.35, "A performer with a lower mean confidence is reported as unclear.", low=0.0, high=1.0
+    )
+    learning: float = setting(
+        2.0,
+        "While the background model is younger than this, the edge reports that it is still being learnt.",
+        unit="s",
+        low=0.0,
+    )
 
 
 @dataclass(frozen=True)

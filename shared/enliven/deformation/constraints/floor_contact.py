@@ -34,15 +34,35 @@ class FloorSettings:
 
     use: Literal["off", "raised", "above", "stand"] = setting(
         "off",
-        "'raised': the whole mesh is lifted so that nothing of it sinks into the floor; 'above': what would "
-        "sink bends; 'stand': and feet that stand do not slide.",
+        "'raised': lifts the whole mesh so that it never sinks into the floor; 'above': bends the "
+        "parts that would sink. 'stand': also locks standing feet.",
     )
-    touch: float = setting(0.02, "A foot so near the floor may stand.", low=0.0, high=1.0)
-    still: float = setting(0.12, "A foot slower than this, in heights a second, stands.", low=0.0, high=10.0)
-    dwell: float = setting(0.1, "After so long.", unit="s", low=0.0, high=10.0)
-    give: float = setting(0.08, "A foot that the mesh leaves so far behind lets go.", low=0.0, high=1.0)
-    ease: float = setting(0.2, "Time to let go, and to stand.", unit="s", low=0.0, high=10.0)
-    weight: float = setting(50.0, "How hard the floor holds, times embedded.planes.", low=0.0, high=1000.0)
+    touch: float = setting(
+        0.02,
+        "Maximum height of a standing foot above the floor, as a fraction of the mesh's height.",
+        low=0.0,
+        high=1.0,
+    )
+    still: float = setting(
+        0.12, "Maximum speed of a standing foot, in mesh heights per second.", low=0.0, high=10.0
+    )
+    dwell: float = setting(
+        0.1,
+        "Time for which both conditions must hold before the foot is locked.",
+        unit="s",
+        low=0.0,
+        high=10.0,
+    )
+    give: float = setting(
+        0.08,
+        "Displacement at which a locked foot is released, as a fraction of the mesh's height.",
+        low=0.0,
+        high=1.0,
+    )
+    ease: float = setting(0.2, "Duration of locking and releasing a foot.", unit="s", low=0.0, high=10.0)
+    weight: float = setting(
+        50.0, "Weight of the floor, as a factor on embedded.planes.", low=0.0, high=1000.0
+    )
 
 
 @dataclass

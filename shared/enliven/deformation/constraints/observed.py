@@ -27,17 +27,33 @@ class ObservedSettings:
     """Settings for following the observed surface of the performer."""
 
     farthest: float = setting(
-        0.25, "How far from the mesh a seen point may be to draw it.", unit="m", low=0.0, high=5.0
+        0.25,
+        "Maximum distance of an observed point from the mesh for it to attract the mesh.",
+        unit="m",
+        low=0.0,
+        high=5.0,
     )
     angle: float = setting(
-        math.pi / 3, "How far the two normals may be apart.", unit="rad", low=0.0, high=math.pi
+        math.pi / 3,
+        "Maximum angle between the normals of an observed point and the mesh.",
+        unit="rad",
+        low=0.0,
+        high=math.pi,
     )
     doubt: float = setting(
-        0.08, "A point so far away counts a quarter of a near one.", unit="m", low=0.001, high=5.0
+        0.08,
+        "Robust width: a point at this distance has a quarter of the full weight.",
+        unit="m",
+        low=0.001,
+        high=5.0,
     )
-    points: int = setting(500, "Most seen points a frame that draw.", low=10, high=20_000)
-    surface: int = setting(1500, "Points of the mesh that can be drawn.", low=10, high=100_000)
-    weight: float = setting(3.0, "How hard they draw, times embedded.planes.", low=0.0, high=1000.0)
+    points: int = setting(500, "Maximum number of observed points per frame.", low=10, high=20_000)
+    surface: int = setting(
+        1500, "Number of sample points on the mesh that can be attracted.", low=10, high=100_000
+    )
+    weight: float = setting(
+        3.0, "Weight of the observed points, as a factor on embedded.planes.", low=0.0, high=1000.0
+    )
 
 
 @dataclass(frozen=True)

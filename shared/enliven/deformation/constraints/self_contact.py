@@ -23,11 +23,17 @@ from enliven.settings import setting
 class SelfContactSettings:
     """Settings for keeping limbs apart."""
 
-    use: bool = setting(False, "Whether parts of the mesh that touch push each other away.")
+    use: bool = setting(False, "Turns on self-contact: parts of the mesh that touch push each other away.")
     detour: float = setting(
-        3.0, "Parts may touch that are so many times farther apart along the mesh.", low=1.0, high=100.0
+        3.0,
+        "Parts collide only if their distance along the mesh exceeds this factor times their "
+        "thickness. Raise it if neighbouring parts push each other.",
+        low=1.0,
+        high=100.0,
     )
-    weight: float = setting(10.0, "How hard they push, times embedded.planes.", low=0.0, high=1000.0)
+    weight: float = setting(
+        10.0, "Weight of self-contact, as a factor on embedded.planes.", low=0.0, high=1000.0
+    )
 
 
 class SelfContact:

@@ -61,30 +61,34 @@ _STILL = 2
 class EmbeddedSettings:
     """The weights of the energy (Sumner et al. 2007; KinÊtre, eq. 8) and the stopping criteria of a frame."""
 
-    rotation: float = setting(1.0, "Weight of E_rot: how little a node may stretch.", low=0.0)
-    smoothness: float = setting(10.0, "Weight of E_reg: how much neighbours agree.", low=0.0)
-    constraint: float = setting(100.0, "Weight of E_con: how hard the body pulls.", low=0.0)
-    rigidity: float = setting(1.0, "Weight of E_rig at loose parts; the paper's is smoothness / 10.", low=0.0)
+    rotation: float = setting(1.0, "Weight of E_rot: resistance of nodes to stretching.", low=0.0)
+    smoothness: float = setting(
+        10.0, "Weight of E_reg: agreement of neighbouring nodes. Raise it for stiffer bending.", low=0.0
+    )
+    constraint: float = setting(100.0, "Weight of E_con: pull of the performer's body.", low=0.0)
+    rigidity: float = setting(
+        1.0, "Weight of E_rig: rigidity of loosely connected parts. The paper uses smoothness / 10.", low=0.0
+    )
     rigid_translation: Literal["printed", "turning"] = setting(
         "printed",
-        "E_rig compares translations as eq. 7 prints it, which resists turning a loose part with the whole, "
-        "or in the middle of the edge, which does not.",
+        "How E_rig compares translations: 'printed' follows eq. 7 and resists turning loose parts with "
+        "the whole mesh. 'turning' compares at mid-edge and allows it.",
     )
-    planes: float = setting(10.0, "Weight of soft planes: the floor, limbs beside limbs, depth.", low=0.0)
-    iterations: int = setting(60, "Most iterations in a frame.", low=1, high=3000)
+    planes: float = setting(
+        10.0, "Weight of soft plane constraints: floor, self-contact and observed depth.", low=0.0
+    )
+    iterations: int = setting(60, "Maximum number of iterations per frame.", low=1, high=3000)
     budget_ms: float = setting(
         0.0,
-        "About the most milliseconds of a frame: it is counted in steps, which are timed once, at the "
-        "first hold; the best so far is shown, and the next frames make up the rest. 0: no limit, and the "
-        "same input gives the same frames.",
+        "Approximate time limit per frame; later frames continue from an unfinished result. 0 removes "
+        "the limit and makes results repeatable.",
         low=0.0,
         high=1000.0,
         unit="ms",
     )
     tolerance: float = setting(
         1e-4,
-        "A frame is done after an iteration that promised to lower the energy by less than this part, or a "
-        "tenth of it where the last ones lowered it by more than they promised.",
+        "Relative decrease of the energy below which a frame is finished. Lower is more exact and slower.",
         low=0.0,
     )
 

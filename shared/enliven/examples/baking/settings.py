@@ -12,41 +12,44 @@ class BakeSettings:
     """Settings for the accuracy and the cost of a bake."""
 
     rms: float = setting(
-        0.001, "Root mean square error that is good enough.", unit="share of the mesh's size", low=0.0
+        0.001, "Maximum accepted root mean square error.", unit="share of the mesh's size", low=0.0
     )
     worst: float = setting(
         0.01,
-        "Error of any vertex in any frame that is good enough.",
+        "Maximum accepted error of any vertex in any frame.",
         unit="share of the mesh's size",
         low=0.0,
     )
-    nodes: int = setting(96, "Transforms at most; control points count.", low=1, high=1024)
-    first: int = setting(32, "Transforms to begin with.", low=1, high=1024)
-    targets: int = setting(64, "Morph targets at most.", low=1, high=512)
+    nodes: int = setting(96, "Maximum number of transforms, including control points.", low=1, high=1024)
+    first: int = setting(32, "Initial number of transforms.", low=1, high=1024)
+    targets: int = setting(64, "Maximum number of morph targets (blend shapes).", low=1, high=512)
     rounds: int = setting(
-        4, "How often weights and transforms are fitted in turn, after each addition.", low=1, high=100
+        4, "Number of alternating fits of weights and transforms after each addition.", low=1, high=100
     )
-    candidates: int = setting(8, "Transforms, of those around a vertex, that it may follow.", low=4, high=16)
+    candidates: int = setting(8, "Number of nearby transforms that a vertex may follow.", low=4, high=16)
     smooth: float = setting(
         0.006,
-        "Error that a vertex takes rather than be weighted wholly otherwise than its neighbours.",
+        "Error accepted for weights that are similar to those of neighbouring vertices.",
         unit="share of the mesh's size",
         low=0.0,
         high=1.0,
     )
     rigid: float = setting(
         0.005,
-        "How strongly a transform is kept a rotation where the surface does not tell.",
+        "Strength with which transforms stay rotations if the surface does not determine them.",
         low=1e-9,
         high=10.0,
     )
     frames: int = setting(
-        120, "Frames that are fitted to, those farthest from one another; measured are all.", low=2, high=5000
+        120,
+        "Number of most different frames used for the fit. The error is measured in all frames.",
+        low=2,
+        high=5000,
     )
-    kept: float = setting(256.0, "Solved frames are kept while they need no more.", unit="MB", low=0.0)
+    kept: float = setting(256.0, "Maximum memory for cached solved frames.", unit="MB", low=0.0)
     keys: float = setting(
         0.0005,
-        "Error that leaving out keys of the animation may add.",
+        "Additional error allowed for removing animation keys.",
         unit="share of the mesh's size",
         low=0.0,
     )

@@ -31,21 +31,25 @@ class CutSettings:
 
     slide: float = setting(
         0.15,
-        "how far the cut may move so that it passes no vertex closely, of an edge's length",
+        "Maximum shift of the cut to keep it away from vertices, as a fraction of an edge's length.",
         low=0.0,
         high=0.5,
     )
     gap: float = setting(
-        0.3, "how much of a loop may be missing (holes of a scan) for it to be closed", low=0.0, high=1.0
-    )
-    belongs: float = setting(
-        0.75,
-        "how much of each side of a plane must follow that side's bones; below it the skin says where to cut",
+        0.3,
+        "Maximum missing fraction of a loop that is still closed. Raise it for scans with holes.",
         low=0.0,
         high=1.0,
     )
-    rounding: float = setting(0.0, "how round the caps are: 0 flat, 1 half balls", low=0.0, high=1.0)
-    fine: bool = setting(True, "give the caps points inside, so that they can bend and be rounded")
+    belongs: float = setting(
+        0.75,
+        "Minimum fraction of each side that follows its own bones. Below it, the skin weights decide "
+        "where to cut.",
+        low=0.0,
+        high=1.0,
+    )
+    rounding: float = setting(0.0, "Roundness of the caps: 0 is flat, 1 a hemisphere.", low=0.0, high=1.0)
+    fine: bool = setting(True, "Adds vertices inside the caps, so that they can bend and be rounded.")
 
 
 @dataclass

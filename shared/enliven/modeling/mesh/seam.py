@@ -36,27 +36,39 @@ _FAR = 1.5
 class SeamSettings:
     """Settings for smoothing a seam and its weights."""
 
-    smooth_rings: int = setting(3, "rings of vertices around a seam that are smoothed", low=0, high=20)
+    smooth_rings: int = setting(3, "Number of vertex rings around a seam that are smoothed.", low=0, high=20)
     smooth_reach: float = setting(
-        0.15, "how far around a seam it is smoothed at least", unit="radii of the seam", low=0.0, high=5.0
+        0.15, "Minimum distance from the seam that is smoothed.", unit="radii of the seam", low=0.0, high=5.0
     )
     smooth_most: float = setting(
-        0.9, "how far at most, where rings are wide", unit="radii of the seam", low=0.0, high=10.0
+        0.9,
+        "Maximum distance from the seam that is smoothed, if rings are wide.",
+        unit="radii of the seam",
+        low=0.0,
+        high=10.0,
     )
     farthest: float = setting(
-        0.3, "how far a vertex may be moved", unit="radii of the seam", low=0.0, high=10.0
+        0.3, "Maximum displacement of a vertex.", unit="radii of the seam", low=0.0, high=10.0
     )
     strength: float = setting(
-        1.0, "how far vertices move to where they are smoothest", unit="share", low=0.0, high=1.0
+        1.0, "Strength of the smoothing: 0 is off, 1 is the smoothest shape.", unit="share", low=0.0, high=1.0
     )
     crease: float = setting(
-        15.0, "where a seam bends by less, it stays as it is", unit="degrees", low=0.0, high=180.0
+        15.0,
+        "Seam edges that bend by less than this angle are not smoothed.",
+        unit="degrees",
+        low=0.0,
+        high=180.0,
     )
     weight_rings: int = setting(
-        3, "rings of vertices around a seam that get new skin weights at least", low=0, high=40
+        3, "Minimum number of vertex rings around a seam that get new skin weights.", low=0, high=40
     )
     weight_reach: float = setting(
-        0.7, "how far around a seam skin weights are new", unit="radii of the seam", low=0.0, high=10.0
+        0.7,
+        "Minimum distance from the seam within which skin weights are new.",
+        unit="radii of the seam",
+        low=0.0,
+        high=10.0,
     )
 
 

@@ -38,13 +38,13 @@ class PuppetCutSettings:
 
     tolerance: float = setting(
         0.02,
-        "How far a half may be, in a key pose, from where it was in the whole.",
+        "Maximum deviation of a half from its shape in the whole puppet, in a key pose.",
         unit="share of the mesh's size",
         low=0.0,
         high=1.0,
     )
-    along: int = setting(4, "New control points along the cut, to begin with.", low=3, high=100)
-    most: int = setting(12, "New control points of a half at most.", low=3, high=500)
+    along: int = setting(4, "Initial number of new control points along the cut.", low=3, high=100)
+    most: int = setting(12, "Maximum number of new control points per half.", low=3, high=500)
 
 
 def cut_puppet(

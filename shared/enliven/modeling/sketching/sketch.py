@@ -31,14 +31,19 @@ from enliven.settings import setting
 class SketchSettings:
     """Settings for converting strokes to parts."""
 
-    points: int = setting(200, "points along the outline at most", low=24, high=2000)
-    vertices: int = setting(4000, "about how many vertices the mesh has at most", low=100, high=100_000)
-    tolerance: float = setting(
-        0.45, "how far the axis may leave its bone, of the radius; less makes more bones", low=0.02, high=10.0
+    points: int = setting(200, "Maximum number of points along the outline.", low=24, high=2000)
+    vertices: int = setting(
+        4000, "Approximate maximum number of vertices of the mesh.", low=100, high=100_000
     )
-    longest: float = setting(8.0, "a bone's length at most", unit="diameters", low=0.5, high=1e6)
-    depth: float = setting(1.0, "how thick parts are; 1 is round", unit="diameters", low=0.05, high=4.0)
-    smooth: int = setting(6, "rounds of smoothing of the surface", low=0, high=100)
+    tolerance: float = setting(
+        0.45,
+        "Maximum distance of the axis from its bone, relative to the radius. Lower it for more bones.",
+        low=0.02,
+        high=10.0,
+    )
+    longest: float = setting(8.0, "Maximum length of a bone.", unit="diameters", low=0.5, high=1e6)
+    depth: float = setting(1.0, "Thickness of parts. 1 is round.", unit="diameters", low=0.05, high=4.0)
+    smooth: int = setting(6, "Number of smoothing passes over the surface.", low=0, high=100)
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,14 @@ from enliven.settings import setting
 class HeatSettings:
     """Settings for computing skin weights."""
 
-    heat: float = setting(2.0, "more makes weights sharper, less softer around joints", low=1e-3, high=1e3)
+    heat: float = setting(
+        2.0,
+        "Sharpness of the skin weights. Lower it for softer transitions around joints.",
+        low=1e-3,
+        high=1e3,
+    )
     tie: float = setting(
-        1e-3, "bones that are farther by no more than this share give heat together", low=0.0, high=1.0
+        1e-3, "Bones within this relative distance of the nearest one also give heat.", low=0.0, high=1.0
     )
 
 

@@ -16,7 +16,10 @@ class InsertSettings:
     """Settings for sharing the skin of a bone with a new node."""
 
     blend: float = setting(
-        0.5, "how far from the new node the two bones blend, of the shorter of the two", low=0.0, high=1.0
+        0.5,
+        "Distance from the new node over which the two bones blend, as a fraction of the shorter bone.",
+        low=0.0,
+        high=1.0,
     )
 
 

@@ -66,14 +66,14 @@ RATE_OF_START = 1.5e-3
 class TrainingSettings:
     """The size of the data set and the length of the training."""
 
-    pictures: int = setting(110_000, "Rendered pictures.", low=2 * KEPT_BACK, high=10_000_000)
-    steps: int = setting(12_000, "Steps of the training.", low=1)
-    batch: int = setting(128, "Pictures in a step.", low=1)
-    rate: float = setting(4e-3, "The highest learning rate.", low=1e-6, high=1.0)
+    pictures: int = setting(110_000, "Number of rendered images.", low=2 * KEPT_BACK, high=10_000_000)
+    steps: int = setting(12_000, "Number of training steps.", low=1)
+    batch: int = setting(128, "Number of images per training step.", low=1)
+    rate: float = setting(4e-3, "Maximum learning rate.", low=1e-6, high=1.0)
     frontal: float = setting(
-        0.5, "Share of the people who look at the sensor; the others face anywhere.", low=0.0, high=1.0
+        0.5, "Fraction of people that face the sensor. The others face any direction.", low=0.0, high=1.0
     )
-    seed: int = setting(0, "Fixes everything random.", low=0, high=2**31)
+    seed: int = setting(0, "Random seed of the training.", low=0, high=2**31)
 
 
 @dataclass(frozen=True)
