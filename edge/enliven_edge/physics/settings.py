@@ -31,7 +31,9 @@ class EngineSettings:
         unit="s",
         low=0.0,
     )
-    gravity: float = setting(9.81, "Downwards.", unit="m/s²", low=-50.0, high=50.0)
+    gravity: float = setting(
+        9.81, "Gravitational acceleration, downwards.", unit="m/s²", low=-50.0, high=50.0
+    )
     stiffness: float = setting(
         0.02,
         "Time constant in which contacts settle. Lower values make contacts harder.",
@@ -78,7 +80,7 @@ class BoxesSettings:
 class DodgeballSettings:
     """Settings of balls that are thrown at every target in turn."""
 
-    balls: int = setting(4, "Balls.", low=1, high=64)
+    balls: int = setting(4, "Number of balls.", low=1, high=64)
     radius: float = setting(0.11, "Radius of a ball.", unit="m", low=0.02, high=1.0)
     mass: float = setting(0.25, "Mass of a ball.", unit="kg", low=0.001, high=100.0)
     bounce: float = setting(
