@@ -57,8 +57,8 @@ for frame in itertools.islice(list(frames), {LATER} + 1):
 def figures() -> Iterator[Figure]:
     """Yields start.help_s, .first_pose_s and .first_frame_ms; if named, also .install_s and .test_s."""
     yield Figure("start.help_s", statistics.median(_help() for _ in range(LAPS)), "s")
-    _first_pose()  # afterwards kernels are compiled and files are in the disk cache
-    yield Figure("start.first_pose_s", statistics.median(_first_pose() for _ in range(LAPS)), "s")
+    first_pose()  # afterwards kernels are compiled and files are in the disk cache
+    yield Figure("start.first_pose_s", statistics.median(first_pose() for _ in range(LAPS)), "s")
     laps = [_frames() for _ in range(LAPS)]
     first = statistics.median(lap[0] for lap in laps)
     later = statistics.median(ms for lap in laps for ms in lap[1:])
@@ -80,18 +80,23 @@ def _frames() -> list[float]:
     return [float(line) for line in made.stdout.split()]
 
 
-def _first_pose() -> float:
-    """Returns the seconds from the start of an edge that possesses at once to the first pose that a viewer
-    receives."""
+def first_pose(patience: float = PATIENCE, **environment: str) -> float:
+    """Returns the seconds from the start of an edge that possesses at once to a viewer's first pose.
+
+    Args:
+        patience: timeout in seconds.
+        environment: additional environment variables of the edge.
+    """
     port, control = free_ports()[:2]
     document = Document(Timeline(bounded=False))
     feed = EdgeFeed(EdgeClient([str(Endpoint("127.0.0.1", port, control))]))
     words = ["edge", "--possess-at", "0", "--port", str(port), "--control-port", str(control)]
     began = time.perf_counter()
-    edge = subprocess.Popen([*ENLIVEN, *words, "--name", f"bench-{port}"], stderr=subprocess.DEVNULL)
+    command = [*ENLIVEN, *words, "--name", f"bench-{port}"]
+    edge = subprocess.Popen(command, env={**os.environ, **environment}, stderr=subprocess.DEVNULL)
     try:
         while not _is_possessed(document):
-            if time.perf_counter() - began > PATIENCE or edge.poll() is not None:
+            if time.perf_counter() - began > patience or edge.poll() is not None:
                 raise RuntimeError("the edge sent no pose")
             if not feed.poll(document):
                 time.sleep(0.001)
