@@ -72,9 +72,9 @@ nightly: setup-dev ## test-long, fuzzing for 600 s, and headline benchmarks that
 	@.venv/bin/python -m pip install -q -c constraints.txt -r tests/benchmarks/requirements.txt
 	@.venv/bin/python tests/benchmarks/nightly.py $(ARGS)
 
-docs: setup-dev  ## the API reference of every room, from the docstrings, into out/api
+docs: setup-dev  ## the documentation as a site with search and the library's API, into out/site
 	@.venv/bin/python -m pip install -q -c constraints.txt -r docs/requirements.txt
-	@.venv/bin/python scripts/api_reference.py
+	@.venv/bin/python -m mkdocs build -q && echo "out/site is built; to read it with its search: .venv/bin/python -m http.server -d out/site"
 
 films: setup-dev ## film what the tracker makes of the real recordings, into out/tracking: make films ONLY="uva four"
 	@.venv/bin/python tests/benchmarks/tracking/tracking_films.py $(ONLY)

@@ -206,7 +206,7 @@ def targets() -> list[Target]:
         Target("recording index", 400, seeds.recording_anew, _recording),
         Target("recording chunk", 400, seeds.chunk_anew, _recording),
         Target("take", 200, seeds.take_anew, _take),
-        Target("project bytes", 200, seeds.of_bytes(models.project()), lambda data, _: project_of(data)),
+        Target("project bytes", 400, seeds.of_bytes(models.project()), lambda data, _: project_of(data)),
         Target("project", 400, models.project_anew, lambda data, _: project_of(data)),
         Target("gltf", 400, seeds.of_json(models.gltf()), _gltf(".gltf")),
         Target("glb", 300, models.glb_anew, _gltf(".glb")),

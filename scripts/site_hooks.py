@@ -1,0 +1,119 @@
+"""Hooks of the documentation site: pages from outside ``docs/``, links into the code, and the API page.
+
+MkDocs knows one folder of pages. The start page, the changelog and the pages of the packages lie elsewhere in
+the checkout, where code hosts show them. They are added to the site here, and links are rewritten to the
+site's paths. A link to a file outside the site, such as a module, becomes plain text.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+ADDED = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+    "SECURITY.md": "security.md",
+    "examples/README.md": "examples-gallery.md",
+    "firmware_configs/README.md": "firmware-configs.md",
+    "shared/README.md": "package-enliven.md",
+    "edge/README.md": "package-edge.md",
+    "viewer/README.md": "package-viewer.md",
+    "synthesis/README.md": "package-synthesis.md",
+    "kernels/README.md": "package-kernels.md",
+}
+"""Pages outside ``docs/``, from the top of the checkout, and their names in the site."""
+LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s#]+)(#[^()\s]*)?\)")
+"""A Markdown link or picture: mark, text, target without anchor, anchor. Anchors alone do not match."""
+API = "api.md"
+"""The page of the public API of the library."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Adds the pages from outside ``docs/``, their pictures, and the page of the API."""
+    from mkdocs.structure.files import File  # Only `make docs` has MkDocs, and the tests import this module.
+
+    for path, uri in ADDED.items():
+        files.append(File.generated(config, uri, content=(ROOT / path).read_text(encoding="utf-8")))
+    for picture in sorted((ROOT / "examples").glob("*.png")):
+        files.append(File.generated(config, f"examples/{picture.name}", abs_src_path=str(picture)))
+    files.append(File.generated(config, API, content=api_page()))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Returns a page with links that are right in the site."""
+    sources = {uri: path for path, uri in ADDED.items()}
+    uri = page.file.src_uri
+    source = sources.get(uri, f"docs/{uri}")
+
+    def rewrite(match: re.Match[str]) -> str:
+        return rewritten(match, source, uri, files)
+
+    return LINK.sub(rewrite, markdown)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Returns a page whose docstrings show names as code, without the roles that Sphinx would read."""
+    if page.file.src_uri != API:
+        return html
+    html = re.sub(r":(?:class|func|meth|mod|attr|data|obj):(?=<code>)", "", html)
+    return re.sub(r"<code>~?(?:[a-z_]+\.)+(\w+)</code>", r"<code>\1</code>", html)
+
+
+def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
+    """Returns a link of a page rewritten for the site, or the link's text if its target is not in the site.
+
+    Args:
+        match: of :data:`LINK`.
+        source: the page's path in the checkout.
+        uri: the page's path in the site.
+        files: the site's files, by ``get_file_from_path``.
+    """
+    mark, text, target, anchor = match.groups()
+    if re.match(r"[a-z]+:", target):
+        return match[0]
+    path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+    there = ADDED.get(path, path.removeprefix("docs/"))
+    if files.get_file_from_path(there) is None:
+        return text
+    relative = posixpath.relpath(there, posixpath.dirname(uri) or ".")
+    return f"{mark}[{text}]({relative}{anchor or ''})"
+
+
+def api_page() -> str:
+    """Returns the page of the names that ``from enliven import ...`` offers."""
+    head = (
+        "# Library API\n\nFor authors of scripts: the names that `from enliven import ...` offers, with "
+        "their parameters. [The library page](library.md) shows each at work.\n"
+    )
+    names = sorted(exported("enliven").items(), key=lambda item: item[0].lower())
+    return head + "".join(f"\n::: {module}.{name}\n" for name, module in names if module)
+
+
+def exported(package: str) -> dict[str, str]:
+    """Returns the names that a package's stub exports, each with the module that defines it."""
+    folder = ROOT / "shared" / Path(*package.split("."))
+    stub = (folder / "__init__.pyi").read_text(encoding="utf-8")
+    result = {}
+    for module, names in re.findall(r"^from \.([\w.]+) import (\([^)]*\)|.*)$", stub, re.MULTILINE):
+        for name in re.findall(r"(\w+)(?: as \w+)?", re.sub(r" as \w+", "", names)):
+            result[name] = defining_module(f"{package}.{module}", name)
+    return result
+
+
+def defining_module(module: str, name: str) -> str:
+    """Returns the module that defines a name which a module or a package's stub offers."""
+    folder = ROOT / "shared" / Path(*module.split("."))
+    if not (folder / "__init__.pyi").exists():
+        return module
+    return exported(module).get(name, module)
