@@ -88,11 +88,11 @@ def _person(said: ScanMessage) -> Advice:
 def _moved(said: ScanMessage) -> str:
     """Returns the instruction for an object with an unknown pose."""
     if said.thing == "carried":
-        return tr("Taken up, or lost: lay it down, and go round it")
+        return tr("Object lifted or lost: put it down, and go round it")
     if said.thing == "lost":
         return tr("It is not found: turn it back a little, and more slowly")
     if said.thing == "settling":
-        return tr("It is looked for, {0:.0f} s: walk round it slowly", said.seconds)
+        return tr("Looking for the object, {0:.0f} s: walk round it slowly", said.seconds)
     return tr("Not found yet: walk on, show what was seen before")
 
 

@@ -156,7 +156,7 @@ class MapTool(Tool):
         plan = replace(automatic(clip, shape), **vars(self.whole))
         if not (itself or plan.chains):
             mend = tr("Map it chain by chain, or pose the take and find matches.")
-            error = InputError(tr("no limb of the take suits one of the shape"), where=clip.id, mend=mend)
+            error = InputError(tr("no limb of the take fits a limb of the shape"), where=clip.id, mend=mend)
             editor.toasts.complain(error)
             return
 

@@ -48,7 +48,7 @@ class PuppetCommands:
         if not self._add(later("make a puppet of {0}", name), change):
             return False
         self.editor.toasts.say(
-            tr("{0} stays; its puppet stands beside it", name), tr("K puts control points on it.")
+            tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
         )
         return True
 
