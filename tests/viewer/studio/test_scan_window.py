@@ -75,7 +75,7 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"tracking": "empty"}, "Go nearer: nothing is seen"),
         ({"phase": "paused"}, "Paused"),
         ({"phase": "failed", "note": "nothing stands there"}, "nothing stands there"),
-        ({"full": True}, "It is full: nothing new is added. Press Done"),
+        ({"full": True}, "The scan is full: nothing new is added. Press Done"),
         ({"phase": "done"}, ""),
         ({"thing": "carried", "tracking": "lost"}, "Object lifted or lost: put it down, and go round it"),
         ({"thing": "settling", "seconds": 1.2}, "Looking for the object, 1 s: walk round it slowly"),

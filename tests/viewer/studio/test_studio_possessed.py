@@ -240,4 +240,4 @@ def test_a_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Worksp
     editor.edit("delete", lambda project: delete_character(project, performed))
     editor.choose("stool")
     play([Key("ctrl+shift+v")], stage)
-    assert "is not there any more" in editor.toasts.shown[-1].text
+    assert "no longer exists" in editor.toasts.shown[-1].text

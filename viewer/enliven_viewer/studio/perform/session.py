@@ -347,14 +347,14 @@ class PerformSession:
         """Returns why the selected character cannot be put on the stage, with advice."""
         one = self.editor.chosen()
         if one is None:
-            return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
+            return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
         bare = "It has no surface, so it cannot be performed" if one.mesh is None else ""
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
         """Returns why the selected character cannot be removed from the stage, with advice."""
         there = self.editor.selection.character in self.standing
-        return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
+        return self.lacks_edge() or ("" if there else "It is not on the stage. Choose one that is")
 
     def put(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""

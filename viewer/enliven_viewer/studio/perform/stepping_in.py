@@ -196,7 +196,7 @@ class SteppingIn:
     def _busy(self, press: _Press) -> str:
         """Returns a text if the edge has not answered for a while."""
         lasts = press.since is not None and time.monotonic() - press.since > _ANSWERED_S
-        return tr("The stage is busy: it follows in a moment") if lasts else ""
+        return tr("The stage is busy. Please wait a moment") if lasts else ""
 
     def _ask(self, press: _Press) -> None:
         """Sends the request to the edge."""

@@ -148,7 +148,9 @@ class MapTool(Tool):
         """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
-            editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
+            editor.toasts.say(
+                tr("Nothing to map"), tr("Choose a take, and click the shape that should move.")
+            )
             return
 
         before, gentle, loop = editor.project, self.gentle, self.loop

@@ -157,7 +157,7 @@ class Commands:
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.say(
-                tr("{0} limbs move alike", len(group.limbs)), tr("Shift their bars for a delay.")
+                tr("{0} limbs move alike", len(group.limbs)), tr("Move their bars for a delay.")
             )
 
     def pin(self) -> None:

@@ -57,9 +57,9 @@ class PuppetCommands:
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
         self.editor.toasts.say(
-            tr("The key pose before is outlined")
+            tr("The previous key pose is outlined")
             if puppets.silhouette
-            else tr("The key pose before is not outlined any more")
+            else tr("The previous key pose is no longer outlined")
         )
 
     def warn(self) -> None:

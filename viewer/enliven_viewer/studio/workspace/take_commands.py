@@ -122,7 +122,7 @@ def take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
-        return "" if takes.unused() else "Every take is played. Remove its clips first."
+        return "" if takes.unused() else "Every take is in use. Remove its clips first."
 
     yield Action(
         "takes.next",

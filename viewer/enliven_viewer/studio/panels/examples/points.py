@@ -102,7 +102,7 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     _joint(workspace, puppet, point)
     switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
     imgui.same_line()
-    tip = tr("The surface is pulled towards it, and need not reach it")
+    tip = tr("The surface is pulled towards it, but need not reach it")
     switch(workspace, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):

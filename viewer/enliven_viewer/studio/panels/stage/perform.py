@@ -111,7 +111,7 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if not edge.connected:
         if live.near and not len(live.document.timeline):
             return live.making, WAIT
-        gone = tr("The stage at {0} is silent. It is looked for again by itself.", _plain(edge.address))
+        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain(edge.address))
         looked = tr("Looking for a stage at {0}", _plain(edge.address))
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
     if edge.phase == "ended":
@@ -176,7 +176,7 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
     workspace.remember("webcam")
-    told("A plain camera in place of a depth camera: bodies from its picture, by MediaPipe; experimental")
+    told("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
@@ -392,7 +392,7 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.stepping_in.press("extend")
     workspace.remember("extend")
-    told("Hold with these parts as well as before  (E)")
+    told("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()

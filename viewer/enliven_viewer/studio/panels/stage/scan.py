@@ -221,7 +221,7 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
             scan.keep(kept)
         workspace.remember(f"scan keep {kept}")
     if scan.keeps == "box":
-        quiet("Drag the dots: each moves a side of the box. Without the floor, unless it reaches under it.")
+        quiet("Drag the dots to move the sides of the box. Without the floor, unless it reaches under it.")
         if imgui.button(labelled(tr("Round the middle"), "Round the middle"), _WHOLE):
             scan.fit_box()
         workspace.remember("scan fit box")
