@@ -29,7 +29,7 @@ SAME_EVERYWHERE = {"Shift", "enliven", "Ctrl"}
 
 
 FOR_DEVELOPERS = {
-    *("there is no widget ", " on the screen", "Known: ", " is ", "it is there already"),
+    *("no widget ", " is on the screen", "Known: ", " is ", "it is there already"),
     *("Give it another id or key.",),
     "Use --film out.mp4 to render without a window, or start where there is a display.",
 }

@@ -40,7 +40,7 @@ def _window() -> Check:
     """Checks if glfw can open the display. A machine without a display can still make films."""
     name = "window"
     if not has_display():
-        return Check(name, True, "there is no display, so 'enliven view' needs --film")
+        return Check(name, True, "no display was found, so 'enliven view' needs --film")
     try:
         import glfw
 

@@ -88,7 +88,7 @@ class RenderSettings:
     def __post_init__(self) -> None:
         if self.backdrop and not re.fullmatch(r"#[0-9a-fA-F]{6}", self.backdrop):
             mend = "Give six hexadecimal digits, such as '#22334a'."
-            raise InputError(f"{self.backdrop!r} is no colour", where="render.backdrop", mend=mend)
+            raise InputError(f"{self.backdrop!r} is not a colour", where="render.backdrop", mend=mend)
 
     @property
     def opening(self) -> float:
@@ -193,5 +193,7 @@ def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
         return settings
     found = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
     if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
-        raise InputError(f"{size!r} is no size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720.")
+        raise InputError(
+            f"{size!r} is not a size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720."
+        )
     return replace(settings, width=int(found[1]), height=int(found[2]))

@@ -23,17 +23,17 @@ def train_estimator(
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     start: Annotated[
         Path | None,
-        typer.Option(help="A network that this command made, to train on from instead of from nothing."),
+        typer.Option(help="A network from this command; training continues from it."),
     ] = None,
     share: Annotated[
         float,
-        typer.Option(min=0.0, max=1.0, help="With --start, the share of what is learnt that is taken over."),
+        typer.Option(
+            min=0.0, max=1.0, help="With --start, how far to go from the old weights (0) to the new ones (1)."
+        ),
     ] = 1.0,
     album: Annotated[
         Path | None,
-        typer.Option(
-            help="A folder to keep the rendered pictures in; where they are there, none are rendered."
-        ),
+        typer.Option(help="A folder for the rendered pictures; they are reused if they exist."),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
@@ -60,9 +60,9 @@ def train_estimator(
             "this file is there already", where=str(output), mend="Add --overwrite to replace it."
         )
     if not output.absolute().parent.is_dir():
-        raise InputError("there is no such folder", where=str(output.parent), mend="Make it first.")
+        raise InputError("this folder does not exist", where=str(output.parent), mend="Make it first.")
     if start is not None and not start.is_file():
-        raise InputError("there is no such network", where=str(start), mend="Name an .onnx file.")
+        raise InputError("this network does not exist", where=str(start), mend="Name an .onnx file.")
     try:
         for needed in ("torch", "onnx", "onnxscript"):
             import_module(needed)

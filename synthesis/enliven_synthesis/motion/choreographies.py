@@ -21,7 +21,7 @@ def choreography(name: str) -> Choreography:
     """
     if name not in _MAKERS:
         raise InputError(
-            f"there is no choreography {name!r}",
+            f"unknown choreography {name!r}",
             where="synthetic performer",
             mend=f"Known: {', '.join(_MAKERS)}.",
         )

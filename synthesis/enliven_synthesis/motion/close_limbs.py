@@ -167,9 +167,7 @@ class CloseLimbs:
     def __init__(self, performer: Performer, name: str, seed: int = 0) -> None:
         if name not in _KEYS:
             known = ", ".join(_KEYS)
-            raise InputError(
-                f"there is no motion {name!r}", where="synthetic performer", mend=f"Known: {known}."
-            )
+            raise InputError(f"unknown motion {name!r}", where="synthetic performer", mend=f"Known: {known}.")
         rng = np.random.default_rng(seed) if seed else None
         tempo = 1.0 if rng is None else 1.0 + _TEMPO * float(rng.uniform(-1.0, 1.0))
         self._performer, self._jogs = performer, name == "jog"

@@ -284,9 +284,7 @@ def exercise(name: str, seed: int = 0) -> Choreography:
     """
     if name not in _MAKERS:
         known = ", ".join(_MAKERS)
-        raise InputError(
-            f"there is no exercise {name!r}", where="synthetic performer", mend=f"Known: {known}."
-        )
+        raise InputError(f"unknown exercise {name!r}", where="synthetic performer", mend=f"Known: {known}.")
     return _MAKERS[name](_Variation(seed))
 
 

@@ -166,7 +166,7 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
             near = difflib.get_close_matches(str(name_or_path), known, n=1)
             hint = f"Did you mean {near[0]!r}? " if near else ""
             raise InputError(
-                f"there is no sensor profile {str(name_or_path)!r}",
+                f"unknown sensor profile {str(name_or_path)!r}",
                 where="sensor profile",
                 mend=f"{hint}Known: {', '.join(known)}; or give the path of a .toml file.",
             )

@@ -123,7 +123,7 @@ def _checked_width(profile: SensorProfile, width: int) -> int | None:
         return None
     if width < 16 or width * profile.camera.height % profile.camera.width:
         raise InputError(
-            f"{width} pixels across is no even scale of {profile.camera.width}x{profile.camera.height}",
+            f"{width} pixels across is not an even scale of {profile.camera.width}x{profile.camera.height}",
             where=profile.name,
             mend=f"Give {profile.camera.width}, or its half or quarter.",
         )

@@ -74,14 +74,14 @@ class Dataset:
         """
         if not (folder / _COMPLETE).exists():
             raise InputError(
-                "there is no album that was rendered to its end",
+                "the album was not rendered completely",
                 where=str(folder),
-                mend="Remove the folder to have it rendered anew, or name another one.",
+                mend="Remove the folder to render it again, or name another one.",
             )
         try:
             self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
-            what, mend = f"an array of it is damaged ({error})", "Remove the folder to have it rendered anew."
+            what, mend = f"an array of it is damaged ({error})", "Remove the folder to render it again."
             raise InputError(what, where=str(folder), mend=mend) from None
 
     def __len__(self) -> int:

@@ -121,8 +121,8 @@ def seconds_of(message):
 
 def test_the_window_says_what_goes_on(scanned):
     words = [text for _, text in scanned.told]
-    assert any(text.startswith("Taken up, or lost: lay it down") for text in words)
-    assert any(text.startswith("It is looked for, ") for text in words)
+    assert any(text.startswith("Object lifted or lost: put it down") for text in words)
+    assert any(text.startswith("Looking for the object, ") for text in words)
     assert any(text.startswith("Found again in ") and text.endswith(" s: go round it") for text in words)
     said = [message for message, _ in scanned.told]
     carried = [one for one in said if one.thing == "carried"]

@@ -103,8 +103,8 @@ def test_the_registry_opens_it() -> None:
     [
         ({"profile": "kinekt"}, "Did you mean 'kinect"),
         ({"choreography": "tango"}, "Known: chair"),
-        ({"width": 321}, "no even scale"),
-        ({"width": 4}, "no even scale"),
+        ({"width": 321}, "not an even scale"),
+        ({"width": 4}, "not an even scale"),
         ({"width": -5}, "outside"),
         ({"camera_hight": 1.0}, "Did you mean camera_height"),
         ({"camera_height": 99.0}, "outside"),

@@ -72,7 +72,7 @@ def test_where_sound_cannot_be_encoded_the_film_is_silent_and_says_so(tmp_path, 
 
 
 def test_a_size_that_is_none_is_refused_before_any_work(tmp_path) -> None:
-    with pytest.raises(InputError, match="'wide' is no size"):
+    with pytest.raises(InputError, match="'wide' is not a size"):
         exporter_of(tmp_path / "a.mp4", size="wide")
     with pytest.raises(InputError, match="has no 'unit'"):
         exporter_of(tmp_path / "a.mp4", unit="cm")

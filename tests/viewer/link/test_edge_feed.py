@@ -100,7 +100,7 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
         assert not document.edge.connected and document.edge.address == "tcp://127.0.0.1:9"
         feed.ask(Possess("box"))
         feed.poll(document)
-        assert "no character" in document.edge.message
+        assert "unknown character" in document.edge.message
     finally:
         feed.close()
 

@@ -83,7 +83,7 @@ def test_help_has_worked_examples() -> None:
 
 @pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
 def test_a_size_that_is_none_is_said(text: str) -> None:
-    with pytest.raises(InputError, match="no size"):
+    with pytest.raises(InputError, match="not a size"):
         sized(ViewerSettings(), text)
 
 

@@ -49,7 +49,7 @@ def test_a_backdrop_is_shown_in_its_colour(gl, colour: str) -> None:
 
 
 def test_a_backdrop_that_is_no_colour_is_refused_with_its_key() -> None:
-    with pytest.raises(InputError, match="no colour"):
+    with pytest.raises(InputError, match="not a colour"):
         load_settings(ViewerSettings, {"render": {"backdrop": "blue"}})
 
 

@@ -110,7 +110,7 @@ def test_with_nobody_in_view_it_is_done_as_soon_as_somebody_comes(sitting) -> No
     one = sitting(actor())
     one.connect()
     one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words.startswith("Nobody is in view"), "it is said at once"
+    assert one.perform.stepping_in.words.startswith("No one is in view"), "it is said at once"
     one.pictures(5)
     assert not one.held and one.perform.stepping_in.waits
     one.present = [person()]
@@ -135,7 +135,7 @@ def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) 
     one.connect()
     one.perform.stepping_in.press()
     one.until(lambda: not one.perform.stepping_in.waits)
-    assert one.toasts == [("Possess was given up", "Nobody is in view: step in front of the camera")]
+    assert one.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
 
 
 def test_what_the_edge_refuses_is_said_with_what_to_do(sitting) -> None:

@@ -75,10 +75,10 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"tracking": "empty"}, "Go nearer: nothing is seen"),
         ({"phase": "paused"}, "Paused"),
         ({"phase": "failed", "note": "nothing stands there"}, "nothing stands there"),
-        ({"full": True}, "It is full: nothing new is added. Press Done"),
+        ({"full": True}, "The scan is full: nothing new is added. Press Done"),
         ({"phase": "done"}, ""),
-        ({"thing": "carried", "tracking": "lost"}, "Taken up, or lost: lay it down, and go round it"),
-        ({"thing": "settling", "seconds": 1.2}, "It is looked for, 1 s: walk round it slowly"),
+        ({"thing": "carried", "tracking": "lost"}, "Object lifted or lost: put it down, and go round it"),
+        ({"thing": "settling", "seconds": 1.2}, "Looking for the object, 1 s: walk round it slowly"),
         ({"thing": "sought", "seconds": 4.0}, "Not found yet: walk on, show what was seen before"),
         ({"thing": "found", "seconds": 1.5, "view": view(1.0)}, "Found again in 1.5 s: go round it"),
         (

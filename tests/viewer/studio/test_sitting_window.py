@@ -95,7 +95,7 @@ def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, 
     assert said["not understood"].startswith("Not understood: ")
     assert said["phrases"] == 2
     # The performer may come back while the pointer goes to the button.
-    assert said["waits"].startswith(("Nobody is in view", "Stand still")), "a press is answered at once"
+    assert said["waits"].startswith(("No one is in view", "Stand still")), "a press is answered at once"
     assert said["held"] == ["Performer 1 is in the scan: the whole body"], "and done without another press"
     assert said["recorded"][0] > 0 and said["recorded"][1]
     assert said["moves"] > 0.02, "what was recorded plays"

@@ -155,6 +155,6 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
 
 def test_in_the_window(tmp_path) -> None:
     said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["complaints"] == ["that is no number"], said
+    assert said["done"] and said["complaints"] == ["that is not a number"], said
     assert said["place"] == pytest.approx(1.5, abs=1e-4) and said["tall"] == pytest.approx(0.5, abs=1e-4)
     assert said["steps"] == ["place post", "size of post"], "what is no number changes nothing"

@@ -22,23 +22,23 @@ def graph(
     output: Annotated[Path, typer.Option("--output", "-o", help="The picture to make: png, jpg or webp.")],
     nodes: Annotated[int, typer.Option(min=1, max=65535, help="How many nodes.")] = 128,
     radius: Annotated[
-        float | None, typer.Option(help="Metres between nodes instead; their number follows.")
+        float | None, typer.Option(help="Distance between nodes in metres; replaces --nodes.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Another seed is another choice of nodes.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Each seed gives another choice of nodes.")] = 0,
     up: Annotated[Literal["x", "y", "z"], typer.Option(help="The mesh's own axis that points up.")] = "y",
     height: Annotated[
-        float, typer.Option(help="Metres that the mesh is scaled to; 0 takes it as modelled.")
+        float, typer.Option(help="Scale the mesh to this height in metres; 0 keeps its own size.")
     ] = 1.75,
     size: Annotated[int, typer.Option(min=160, max=4096, help="Width of each of the three views.")] = 640,
 ) -> None:
-    """Draw the deformation graph that a mesh would be possessed by, from three sides.
+    """Draw the deformation graph that would move a mesh, from three sides.
 
     \b
       enliven graph HORSE.obj -o horse.png
       enliven graph chair -o chair.png --nodes 256
       enliven graph SCAN.ply -o scan.png --up z --radius 0.1
 
-    Nodes that part the graph, and the edges that a part hangs by, are marked: KinEtre's E_rig acts there.
+    Cut vertices and bridges of the graph are marked: KinEtre's E_rig acts there.
     """
     if output.suffix.lower() not in _WRITABLE:
         known = ", ".join(ending[1:] for ending in _WRITABLE)

@@ -50,13 +50,14 @@ def put(
     edge: Edge = "127.0.0.1",
     name: Annotated[str, typer.Option(help="Its name on the stage; the file's if not given.")] = "",
     drive: Annotated[
-        Literal["graph", "skeleton"], typer.Option(help="What moves it: a graph, or a glTF's own skeleton.")
+        Literal["graph", "skeleton"],
+        typer.Option(help="How it is moved: by a graph, or by a glTF's own skeleton."),
     ] = "graph",
     up: Annotated[
         Literal["x", "y", "z"] | None, typer.Option(help="The mesh's own axis that points up; else guessed.")
     ] = None,
 ) -> None:
-    """Put a character on the stage, or in the place of the one of its name; who holds that goes on.
+    """Put a character on the stage, or replace the one with its name; its performers stay in control.
 
     \b
       enliven stage put HORSE.obj
@@ -77,7 +78,7 @@ def put(
 def remove(
     character: Annotated[str, typer.Argument(help="Its name on the stage.")], edge: Edge = "127.0.0.1"
 ) -> None:
-    """Take a character from the stage; who held it is free."""
+    """Remove a character from the stage and release its performers."""
     with _joined(edge) as client:
         answers: list[Answer] = []
         client.stage.remove(character, answers.append)
@@ -88,7 +89,7 @@ def remove(
 
 @stage.command("list")
 def list_(edge: Edge = "127.0.0.1") -> None:
-    """List what stands on the stage: name, revision, what moves it, vertices, and who holds it."""
+    """List the characters on the stage: name, revision, kind, vertices, and performers."""
     from enliven.wire import CUES
 
     words = {"graph": "a possessed mesh", "bones": "a rigged model", "points": "a puppet"}

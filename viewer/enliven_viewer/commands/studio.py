@@ -37,7 +37,7 @@ def studio(
     """
     if not has_display():
         raise ResourceError(
-            "there is no display to open a window on",
+            "no display was found to open a window on",
             where="enliven studio",
             mend="Start it where there is a screen, or under xvfb-run.",
         )

@@ -30,18 +30,19 @@ def view(
     ] = None,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the edge's poses.")] = None,
     control_port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Port of its commands; one on by itself.")
+        int | None, typer.Option(min=1, max=65535, help="Port of its commands; by default the next one.")
     ] = None,
     film: Annotated[Path | None, typer.Option(help="Make this MP4 instead of opening a window.")] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Make this contact sheet (PNG); needs no window.")
     ] = None,
-    size: Annotated[str | None, typer.Option(help="Of window or film, such as 1920x1080.")] = None,
+    size: Annotated[str | None, typer.Option(help="Size of the window or film, such as 1920x1080.")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this long.")] = None,
     wait: Annotated[
-        float | None, typer.Option(min=0.0, help="Seconds a film waits for an edge; else by the settings.")
+        float | None,
+        typer.Option(min=0.0, help="Seconds that a film waits for an edge; default: the settings."),
     ] = None,
-    hud: Annotated[bool, typer.Option(help="Whether anything is written over the picture.")] = True,
+    hud: Annotated[bool, typer.Option(help="Show text over the picture.")] = True,
     fullscreen: Annotated[
         bool,
         typer.Option("--fullscreen", help="Fill the screen, for an audience; F11 shows the menus again."),
@@ -70,7 +71,7 @@ def view(
     filming = film is not None or sheet is not None
     if not filming and not has_display():
         raise ResourceError(
-            "there is no display to open a window on",
+            "no display was found to open a window on",
             where="enliven view",
             mend="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
@@ -96,7 +97,7 @@ def _need_take(take: Path | None) -> None:
     """Refuses a file that other programs play, with advice."""
     if take is not None and take.suffix.lower() in _OTHERS and take.exists():
         mend = _OTHERS[take.suffix.lower()].format(take) + "."
-        raise InputError("it is no take", where=str(take), mend=mend)
+        raise InputError("this is not a take", where=str(take), mend=mend)
 
 
 def _film(

@@ -190,7 +190,7 @@ def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
             time.sleep(_IDLE)
     if document.edge.connected or len(document.timeline):
         raise ResourceError(
-            "the edge sent no pose", where=document.edge.address, mend="Look at what the edge says."
+            "the edge sent no pose", where=document.edge.address, mend="Check the messages of the edge."
         )
     raise ResourceError(
         f"no edge appeared within {patience:g} s",

@@ -162,7 +162,7 @@ class EdgeClient:
                 edge.command(own, on_reply)
                 return
         known = ", ".join(self.characters) or "none"
-        refused = Refused(f"there is no character {character!r}; known: {known}"[:400])
+        refused = Refused(f"unknown character {character!r}; known: {known}"[:400])
         self._notices.append(Notice("warning", refused.reason))
         if on_reply is not None:
             on_reply(refused)

@@ -196,7 +196,7 @@ class EdgeConnection:
             replied(Refused(str(error)[:400]))
             return
         if not self._requests.send(request, "command", _COMMAND_WITHIN, replied):
-            replied(Refused(f"there is no edge at {self.endpoint}"))
+            replied(Refused(f"no edge answers at {self.endpoint}"))
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
         """Sends a request.

@@ -228,4 +228,4 @@ class StageLink:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
         if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: told(answer or silent)):
-            told(Refused("there is no edge"))
+            told(Refused("no edge is connected"))

@@ -177,4 +177,6 @@ class Preferences:
             self.path.replace(self.path.with_suffix(_DAMAGED))
         except OSError as error:
             what = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
-            self.refusal = ResourceError(what, where=str(self.path), mend=tr("Check who may read the file."))
+            self.refusal = ResourceError(
+                what, where=str(self.path), mend=tr("Check that you may read the file.")
+            )

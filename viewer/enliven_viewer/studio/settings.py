@@ -45,7 +45,7 @@ class StudioSettings:
         3, "Number of ghost poses (onion skin) on each side of the playhead.", low=0, high=20
     )
     ghost_step: float = setting(
-        0.25, "Time between two ghosts if there are no key poses.", unit="seconds", low=0.02, high=10
+        0.25, "Time between two ghosts of a shape without key poses.", unit="seconds", low=0.02, high=10
     )
     trail: float = setting(
         1.0, "Length of motion trails on each side of the playhead.", unit="seconds", low=0.05, high=30

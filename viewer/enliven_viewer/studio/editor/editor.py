@@ -167,7 +167,7 @@ class Editor:
         """Undoes the last edit."""
         self._step(
             later("Undone: {0}"),
-            later("Nothing is left to be undone"),
+            later("Nothing is left to undo"),
             self.history.undo_name,
             self.history.undo,
         )
@@ -176,7 +176,7 @@ class Editor:
         """Redoes the last undone edit."""
         self._step(
             later("Done again: {0}"),
-            later("Nothing is left to be done again"),
+            later("Nothing is left to redo"),
             self.history.redo_name,
             self.history.redo,
         )

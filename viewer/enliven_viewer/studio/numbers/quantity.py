@@ -107,12 +107,12 @@ class _Reader:
         if self.left and (self.left[-1].isalpha() or self.left[-1] in "%°"):
             unit = self.left.pop()
             if unit.lower() not in self._units:
-                raise self.refused(tr("{0} is no unit here", unit))
+                raise self.refused(tr("{0} is not a unit here", unit))
             value *= self._units[unit.lower()]
         return value
 
     def refused(self, what: str = "") -> InputError:
         known = ", ".join(self._units)
         return InputError(
-            what or tr("that is no number"), mend=tr("Write one such as 1.2 + 0.3; units: {0}.", known)
+            what or tr("that is not a number"), mend=tr("Write one such as 1.2 + 0.3; units: {0}.", known)
         )

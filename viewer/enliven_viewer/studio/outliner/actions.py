@@ -40,7 +40,7 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
         chosen = editor.selection.characters
         editor.choose_all(*(one.id for one in editor.reachable if one.id not in chosen))
 
-    about = "What is hidden or locked is left out."
+    about = "Hidden and locked shapes are left out."
     yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
     yield Action("edit.none", "Edit", "Choose nothing", ("ctrl+shift+a",), lambda: editor.choose(None), none)
     yield Action("edit.inverse", "Edit", "Choose the others", ("ctrl+i",), inverse, empty, about=about)
@@ -88,7 +88,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         lambda: outliner.hide(*chosen(), on=not all_hidden()),
         lacks,
         all_hidden,
-        "The window does not draw it; exports and the stage are as before.",
+        "Hides it in this window only; exports and the stage do not change.",
     )
     yield Action(
         "shape.hide_others",
@@ -97,7 +97,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         ("shift+i",),
         outliner.hide_others,
         lacks,
-        about="Only what is chosen is seen.",
+        about="Shows only the chosen shapes.",
     )
     yield Action(
         "shape.show_all",
@@ -115,7 +115,7 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         lambda: outliner.lock(*chosen(), on=not all_locked()),
         lacks,
         all_locked,
-        "What is locked can be neither picked nor edited.",
+        "Locked shapes cannot be picked or edited.",
     )
     yield Action(
         "shape.unlock_all",

@@ -114,7 +114,7 @@ def _plot(
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     if group.name in NUMBERS and not group.dots:
-        said = tr("Double-click: a key, from which on it changes over time.")
+        said = tr("Double-click: adds a key, so that it changes over time.")
         draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
     if group.name in KEYED and not group.dots:
         said = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
@@ -193,7 +193,7 @@ def _menu(curves: CurveInput) -> None:
 
 def _told(dot: Dot, group: CurveGroup) -> str:
     said = tr("{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time)
-    more = tr("Drag: another value or moment. Right button: how it goes on, remove.")
+    more = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
     return f"{said}\n{more}"
 
 

@@ -27,10 +27,10 @@ _SLOWEST = 0.02
 _TOLD = {
     "loop": later("Begin again at the end"),
     "muted": later("It does not play"),
-    "hold": later("The first and the last frame stand beyond the clips; otherwise nothing plays there"),
+    "hold": later("Holds the first and last frame before and after the clips; if off, nothing plays there"),
     "mirrored": later("Play the take's mirror image: left for right"),
     "travel": later("Go through the world with the performer, on its feet"),
-    "level_feet": later("Where the weight goes from one foot to another, both have one height"),
+    "level_feet": later("While the weight moves from one foot to the other, both keep the same height"),
 }
 """Tooltips of the switches. Which ones a layer has depends on the rig."""
 _LABELS = {
@@ -143,14 +143,14 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FEET[one]) for one in FEET])
     workspace.remember("feet")
     if jointed:
-        told("Feet that are not pinned yet (P) are found where you ask for more than Auto")
+        told("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
-        told("What stands on the floor at rest; or the feet that you named (E)")
+        told("The parts that touch the floor at rest, or the feet you named (E)")
     again = False
     if not jointed and feet != "never":
         again = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
-        told("They are held as it moved when you chose this; after other edits of its clips, find them again")
+        told("Feet are held for the motion at that time; find them again after you edit its clips")
     if again or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)

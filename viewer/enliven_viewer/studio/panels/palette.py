@@ -27,7 +27,7 @@ def draw_palette(workspace: Workspace) -> None:
         imgui.set_next_item_width(-1)
         entered, typed = imgui.input_text_with_hint(
             "##typed",
-            tr("Type some letters of what you want to do"),
+            tr("Type a few letters of a command"),
             finding.typed,
             imgui.InputTextFlags_.enter_returns_true,
         )
@@ -42,7 +42,7 @@ def draw_palette(workspace: Workspace) -> None:
             if _row(workspace, action, number == finding.marked, bool(moved)):
                 finding.marked, picked = number, action
         if not finding.found:
-            imgui.text_disabled(tr("Nothing is called so."))
+            imgui.text_disabled(tr("Nothing has this name."))
         imgui.end_child()
         if entered or picked is not None:
             _do(workspace)

@@ -107,7 +107,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    told("The clip of the model that plays, in the place of its other motion; keys stay")
+    told("The model's clip that plays instead of its other motion; keys stay")
 
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
@@ -154,7 +154,7 @@ def _swing(workspace: Workspace, name: str) -> None:
         return handle_characters(project, [name], exaggeration=wanted)
 
     slider(workspace, f"swing {_SWING}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    told("How far soft spots swing past the motion. 0: not at all. 1: as a mass on a spring")
+    told("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
 def _several(workspace: Workspace) -> None:

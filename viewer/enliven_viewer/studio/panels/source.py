@@ -47,7 +47,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
-        told("Rank the parts of the chosen shape that look like the take as it stands now")
+        told("Find the parts of the chosen shape that look most like the take now")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
@@ -63,23 +63,23 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
 
 
 _WHOLE = (
-    ("floor", later("On the floor"), later("Keep what stands on the floor, by its lowest point")),
+    ("floor", later("On the floor"), later("Keep the lowest point of a standing shape on the floor")),
     (
         "steps",
         later("Steps"),
-        later("Let legs of another build than the performer's step where the performer's feet do"),
+        later("Let legs of other proportions step where the performer's feet step"),
     ),
     ("travel", later("Travels"), later("Let it go where the performer goes")),
     ("pin", later("Feet hold"), later("Hold feet in their place while they stand")),
     (
         "stretch",
         later("Bones stretch"),
-        later("Let its bones get longer and thinner as the take's do, in its own size"),
+        later("Stretch its bones like those of the take, scaled to its own size"),
     ),
     (
         "limits",
         later("Joint limits"),
-        later("Keep joints of a model that is not a person within what its own clips show, and a margin"),
+        later("Keep joints of a model that is not a person near the range of its own clips"),
     ),
 )
 """Options of whole-body retargeting: the setting, its label, and its effect."""
@@ -107,7 +107,7 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
         tool.gentle,
     )
     workspace.remember("whole gentle")
-    told("Movements are weighted down, both sides alike, until the surface stretches by little")
+    told("Reduces the motion equally on both sides until the surface stretches only a little")
     imgui.end_popup()
 
 
@@ -150,7 +150,7 @@ def _takes(workspace: Workspace, tool: MapTool) -> None:
         imgui.end_combo()
     workspace.remember("takes")
     if not takes:
-        quiet("There are no takes. Open a BVH, or an animated model.")
+        quiet("No takes yet. Open a BVH file, or an animated model.")
 
 
 def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:

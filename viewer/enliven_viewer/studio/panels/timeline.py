@@ -110,7 +110,7 @@ def _transport(workspace: Workspace) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    told("Drag: how fast it plays here; nothing is changed by it")
+    told("Drag: how fast it plays here; the project does not change")
     _tracking(workspace)
     _buttons(workspace)
 
@@ -161,12 +161,12 @@ def _buttons(workspace: Workspace) -> None:
         if imgui.button(_MAGNET + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     workspace.remember("snapping")
-    told("Drags stick to clips, markers, the playhead and frames")
+    told("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
     if imgui.button(_ALL + "##all", ImVec2(34, 0)):
         timeline.show_all()
     workspace.remember("show all")
-    told("Show the whole project; Ctrl+wheel zooms, Shift+wheel goes along")
+    told("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:

@@ -135,7 +135,7 @@ def tell_details(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -
     said = {
         "pose": tr("Click: edit this key pose. Drag: another moment for it."),
         "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
-        "switch": tr("Drag: when the puppet leaves or touches the floor. Delete takes it away."),
+        "switch": tr("Drag: when the puppet leaves or touches the floor. Delete removes it."),
         "band": tr("Double click: a switch here. Green: on the floor, blue: in flight."),
         "found": tr("Contacts and flights; click to find them again after editing."),
     }.get(handle.kind, "")

@@ -235,7 +235,7 @@ PERFORM_ACTIONS = (
         lambda session: session.close_up.toggle(),
         _HERE,
         on=lambda session: session.close_up.on,
-        about="The view goes there while a pose chooses, with the side beside it, and back once it is held.",
+        about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),
     *_several("Playing back", _HERE, ("Back to what is live", "l", lambda live: live.playhead.go_live())),

@@ -69,4 +69,4 @@ class StagePhysics:
 
     def _answered(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._editor.toasts.say(tr("There is no physics on this stage"), answer.reason)
+            self._editor.toasts.say(tr("This stage has no physics"), answer.reason)

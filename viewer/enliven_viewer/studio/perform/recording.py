@@ -89,7 +89,8 @@ class StageRecording:
             elif (self.recorder.cut and not self._guests) or self._silent > _GONE:
                 self.stop()
                 self.editor.toasts.say(
-                    tr("The edge is gone, so the recording ended"), tr("What was done until then is kept.")
+                    tr("The edge is gone, so the recording ended"),
+                    tr("The recording up to that point is kept."),
                 )
 
     @property
@@ -137,7 +138,7 @@ class StageRecording:
         """
         if self.phase == "idle":
             if not self.recorded:
-                self.editor.toasts.say(tr("There is no recording to take again"), tr("Record first."))
+                self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
             alternatives = alternatives_of(self.editor.project, self.recorded)
             if beside:

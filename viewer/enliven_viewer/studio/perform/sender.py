@@ -103,7 +103,7 @@ class StageSender:
 
     def _removed(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._tell(tr("{0} is not taken from the stage", name), answer.reason)
+            self._tell(tr("{0} was not removed from the stage", name), answer.reason)
         else:
             self._tell(tr("{0} is gone from the stage", name), "")
 

@@ -325,8 +325,8 @@ class PerformSession:
         if self.connected:
             return ""
         if self.live is not None and self.live.near and not len(self.live.document.timeline):
-            return tr("{0}. Wait until somebody is seen", self.live.making)
-        return "The stage is silent. Look whether its camera's program runs"
+            return tr("{0}. Wait until a person is seen", self.live.making)
+        return "The stage is silent. Check that its camera's program runs"
 
     def lacks_voice(self) -> str:
         """Returns why the microphone cannot be switched, with advice."""
@@ -341,20 +341,20 @@ class PerformSession:
     def lacks_recording(self) -> str:
         """Returns why no alternative of the last recording can be recorded, with advice."""
         last = self.recording.recorded or self.recording.phase == "recording"
-        return self.lacks_edge() or ("" if last else "There is no recording to take again. Record first")
+        return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
         """Returns why the selected character cannot be put on the stage, with advice."""
         one = self.editor.chosen()
         if one is None:
-            return self.lacks_edge() or "Nothing is chosen. Click the character that is to be performed"
-        bare = "It has no surface. Only what has one can be performed" if one.mesh is None else ""
+            return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
+        bare = "It has no surface, so it cannot be performed" if one.mesh is None else ""
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
         """Returns why the selected character cannot be removed from the stage, with advice."""
         there = self.editor.selection.character in self.standing
-        return self.lacks_edge() or ("" if there else "It does not stand on the stage. Choose one that does")
+        return self.lacks_edge() or ("" if there else "It is not on the stage. Choose one that is")
 
     def put(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""

@@ -139,5 +139,5 @@ class StageSizes:
     def _answered(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._asked[order.do, order.character or ""] = wanted, float("inf")
-            what = tr("stays as large as it is") if order.do == "set" else tr("swings as before")
+            what = tr("keeps its size") if order.do == "set" else tr("swings as before")
             self._editor.toasts.say(tr("{0} {1} on the stage", order.character, what), answer.reason)

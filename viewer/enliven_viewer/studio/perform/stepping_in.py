@@ -103,7 +103,7 @@ class SteppingIn:
             return
         live = self._stage.live
         if live is not None and live.take:
-            self._refuse(tr("What plays is a recording. Connect to a stage to step in"))
+            self._refuse(tr("This is a recording. Connect to a stage to step in"))
         elif live is not None and self._stage.client is None:
             live.possess(mode)
         elif live is not None:
@@ -148,10 +148,10 @@ class SteppingIn:
         if phase in ("scanning", "paused"):
             return tr("The camera scans. Finish the scan first, or cancel it")
         if press.of_scan and phase in ("off", "failed"):
-            return tr("The scan became no character. Scan again, or choose another one")
+            return tr("The scan did not become a character. Scan again, or choose another one")
         own = stage.editor.project.characters.get(name)
         if own is not None and name not in stage.standing:
-            return "" if own.mesh is not None else tr("It has no surface. Only what has one can be performed")
+            return "" if own.mesh is not None else tr("It has no surface, so it cannot be performed")
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
         nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
@@ -174,7 +174,7 @@ class SteppingIn:
         now = time.monotonic()
         if not stage.performers and live.playhead.live:
             press.seen_since, press.had_to_wait = None, True
-            return tr("Nobody is in view: step in front of the camera")
+            return tr("No one is in view: step in front of the camera")
         press.seen_since = press.seen_since or now
         if press.had_to_wait and now - press.seen_since < SEEN_S:
             return tr("Stand still for a moment")
@@ -196,7 +196,7 @@ class SteppingIn:
     def _busy(self, press: _Press) -> str:
         """Returns a text if the edge has not answered for a while."""
         lasts = press.since is not None and time.monotonic() - press.since > _ANSWERED_S
-        return tr("The stage is busy: it follows in a moment") if lasts else ""
+        return tr("The stage is busy. Please wait a moment") if lasts else ""
 
     def _ask(self, press: _Press) -> None:
         """Sends the request to the edge."""
@@ -216,7 +216,7 @@ class SteppingIn:
         if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER):
             press.asked = False
             if time.monotonic() > press.until:
-                self._refuse(tr("The stage does not answer. Look whether its program runs"))
+                self._refuse(tr("The stage does not answer. Check that its program runs"))
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:

@@ -107,4 +107,4 @@ class StageVoice:
     def _answered(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted = False
-            self._editor.toasts.say(tr("The microphone stays as it is"), answer.reason)
+            self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)

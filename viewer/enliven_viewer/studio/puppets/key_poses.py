@@ -131,7 +131,7 @@ class KeyPoses(PuppetSelection):
         """Adds a key pose as one edit, and starts editing it."""
         if not puppet.points:
             self.editor.toasts.say(
-                tr("It has no control points yet"), tr("Click the mesh where it is to be held.")
+                tr("It has no control points yet"), tr("Click the mesh where you want to hold it.")
             )
             return False
         standing = self.stage.standing_of(puppet.id)

@@ -16,7 +16,7 @@ def scan_actions(scan: ScanSession) -> Iterator[Action]:
         "Scan...",
         ("ctrl+shift+n",),
         scan.open,
-        about="Carry the stage's camera round a thing: it becomes a character.",
+        about="Carry the camera round an object to make it a character.",
     )
     yield Action("scan.start", "Scan", "Start a scan", (), scan.start, scan.lacks_stage)
     yield Action(
@@ -55,6 +55,6 @@ def scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.again,
         scan.lacks_again,
-        about="Scan on, for what was not seen yet.",
+        about="Go on scanning to fill gaps.",
         apart=True,
     )

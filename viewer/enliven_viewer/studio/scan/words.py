@@ -62,13 +62,15 @@ def advice_of(said: ScanMessage) -> Advice:
         text, mood = _TRACKED[said.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
     if said.full:
-        return Advice(tr("It is full: nothing new is added. Press Done"), "wait")
+        return Advice(tr("The scan is full: nothing new is added. Press Done"), "wait")
     if not said.tracking or not said.stage_from_camera:
         return Advice(tr("Point the camera at the thing"), "wait")
     if said.thing == "found":
         return Advice(tr("Found again in {0:.1f} s: go round it", max(said.seconds, 0.1)), "good", arrow=True)
     if said.thing == "turning":
-        return Advice(tr("It is followed: go on turning it") if said.view else tr("All round: press Done"))
+        return Advice(
+            tr("The camera follows it: go on turning") if said.view else tr("All round: press Done")
+        )
     if not said.view:
         return Advice(tr("All round: press Done"), "good")
     return Advice(_way(said), "good", arrow=True)
@@ -88,11 +90,11 @@ def _person(said: ScanMessage) -> Advice:
 def _moved(said: ScanMessage) -> str:
     """Returns the instruction for an object with an unknown pose."""
     if said.thing == "carried":
-        return tr("Taken up, or lost: lay it down, and go round it")
+        return tr("Object lifted or lost: put it down, and go round it")
     if said.thing == "lost":
-        return tr("It is not found: turn it back a little, and more slowly")
+        return tr("Object not found: turn it back a little, and more slowly")
     if said.thing == "settling":
-        return tr("It is looked for, {0:.0f} s: walk round it slowly", said.seconds)
+        return tr("Looking for the object, {0:.0f} s: walk round it slowly", said.seconds)
     return tr("Not found yet: walk on, show what was seen before")
 
 

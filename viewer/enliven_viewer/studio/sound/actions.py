@@ -10,7 +10,7 @@ from enliven_viewer.language import later
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.sound.player import SoundPlayer
 
-_NONE = later("There is no sound. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
+_NONE = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
 _MENU = "Sound"
 
 
@@ -38,7 +38,7 @@ def sound_actions(player: SoundPlayer) -> Iterator[Action]:
         player.toggle,
         lacks,
         lambda: player.heard,
-        about="While it plays, and while it is recorded along it.",
+        about="While you play, and while you record to it.",
         apart=True,
         group=_MENU,
     )

@@ -40,13 +40,13 @@ def read_sound(path: Path) -> Sound:
                 count += len(part)
                 if count > _LONGEST * SOUND_RATE:
                     what = tr("it is longer than {0:.0f} minutes", _LONGEST / 60)
-                    raise InputError(what, where=where, mend=tr("Cut out the part that is performed to."))
+                    raise InputError(what, where=where, mend=tr("Keep only the part that you perform to."))
     except (av.FFmpegError, OSError):
         if not count:
             what = tr("it cannot be read as sound")
             raise InputError(what, where=where, mend=tr("Save it as .wav.")) from None
     if not count:
-        raise InputError(tr("it has not one sample"), where=where, mend=tr("Save it again as .wav."))
+        raise InputError(tr("it contains no sound"), where=where, mend=tr("Save it again as .wav."))
     return Sound(path.stem, np.concatenate(parts))
 
 

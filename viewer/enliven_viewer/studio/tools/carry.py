@@ -145,8 +145,8 @@ class CarryTool(Tool):
             )
         elif not [one for one in self.editor.reachable if one.id != held.character]:
             what, mend = (
-                tr("There is no other shape to merge with"),
-                tr("Draw or open one; what is locked stays as it is."),
+                tr("You need a second shape to merge"),
+                tr("Draw or open one; locked shapes cannot be merged."),
             )
         else:
             what, mend = (

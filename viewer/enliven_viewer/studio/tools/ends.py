@@ -48,9 +48,9 @@ class EndsTool(Tool):
         if shape is None:
             return "Click a character that performers hold, to name its head, hands and feet."
         if self._held is not None:
-            return tr("Let go where the performer's {0} is to be; Esc drops it.", _TOLD[self._held[0]])
+            return tr("Let go where the performer's {0} should be; Esc drops it.", _TOLD[self._held[0]])
         if len(shape.ends):
-            return "Limb drives limb by these ends. Drag one to move it; Delete lets them be found."
+            return "These marks pair its limbs with yours. Drag one to move it; Delete finds them again."
         return "Where head, hands and feet were found: drag a mark where it is wrong."
 
     @property

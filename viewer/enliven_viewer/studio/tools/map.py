@@ -148,7 +148,9 @@ class MapTool(Tool):
         """Retargets the whole take: maps every limb to a suitable limb of the selected shape."""
         editor, clip, shape = self.editor, self.source.clip, self.editor.chosen(Shape)
         if clip is None or shape is None:
-            editor.toasts.say(tr("Nothing to map"), tr("Choose a take, and click the shape that is to move."))
+            editor.toasts.say(
+                tr("Nothing to map"), tr("Choose a take, and click the shape that should move.")
+            )
             return
 
         before, gentle, loop = editor.project, self.gentle, self.loop
@@ -156,7 +158,7 @@ class MapTool(Tool):
         plan = replace(automatic(clip, shape), **vars(self.whole))
         if not (itself or plan.chains):
             mend = tr("Map it chain by chain, or pose the take and find matches.")
-            error = InputError(tr("no limb of the take suits one of the shape"), where=clip.id, mend=mend)
+            error = InputError(tr("no limb of the take fits a limb of the shape"), where=clip.id, mend=mend)
             editor.toasts.complain(error)
             return
 

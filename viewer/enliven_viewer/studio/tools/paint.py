@@ -78,7 +78,7 @@ class PaintTool(Tool):
         if one.kind == "bones":
             return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
         if self.both_sides and self.mirror(one.mesh) is None:
-            return "Its sides are not alike, so only where you paint is painted."
+            return "Its sides are not alike, so only the side you paint is painted."
         words = {
             "softer": "Orange gives way, and swings past what the performer does.",
             "stiffer": "Blue keeps its shape.",

@@ -41,7 +41,9 @@ class PoseTool(Tool):
             return "Drag a puppet sideways to turn it where it stands. K poses it."
         if self.editor.keying:
             return "Drag a joint, a dot or the whole: it gets a key at the playhead. Shift+K ends that."
-        return "Drag a joint to turn its bone, the root to turn the whole; with Shift about the upright."
+        return (
+            "Drag a joint to turn its bone, the root to turn the whole; with Shift about the vertical axis."
+        )
 
     def press(self, pointer: Pointer) -> bool:
         node = self._node_at(pointer)

@@ -62,7 +62,7 @@ class PuppetTool(Tool):
                 "Drag control points for {0}. Enter keeps it; R resets a point, Delete removes it.", name
             )
         if not puppet.points:
-            return "Click the mesh where it is to be held: the ends of its limbs, its feet, its head."
+            return "Click the mesh where you want to hold it: the ends of its limbs, its feet, its head."
         return "Drag a control point to make a key pose of this moment; click the mesh for another one."
 
     @property

@@ -75,7 +75,7 @@ def _every(
         "Take the tour",
         (),
         lambda: ask("tour"),
-        about="A chair dances, loses a leg, and is kept: each step sees what you do. Resumes where you left.",
+        about="A chair dances, loses a leg, and is saved. You do each step, and go on where you left.",
     )
     yield Action(
         "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."
@@ -192,7 +192,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+c",),
         c.motion.copy,
         c.motion.lacks_copy,
-        about="Of the chosen chain; or what performers did with the chosen character.",
+        about="Motion of the chosen chain, or the performance of the chosen character.",
     )
     yield Action(
         "motion.paste",
@@ -210,7 +210,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+d",),
         c.spread,
         c.lacks_limb,
-        about="Gives the motion of the chosen limb to all limbs that are equal to it.",
+        about="Copies the motion of the chosen limb to all equal limbs.",
     )
     yield Action(
         "motion.clear",
@@ -219,7 +219,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+x",),
         c.clear_motion,
         c.lacks_shape,
-        about="Takes all motion off the chosen chain, or off the whole shape.",
+        about="Removes all motion from the chosen chain, or from the whole shape.",
     )
     for name, label, seconds in (("later", "Later", _SHIFT), ("earlier", "Earlier", -_SHIFT)):
         yield Action(
@@ -229,7 +229,7 @@ def _motion(c: Commands) -> Iterator[Action]:
             (f"ctrl+alt+{'right' if seconds > 0 else 'left'}",),
             lambda seconds=seconds: c.shift(seconds),
             c.lacks_playing,
-            about="All motion of what is chosen, by a tenth of a second.",
+            about="All motion of the selection, by a tenth of a second.",
             apart=seconds > 0,
         )
     yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.muted)
@@ -252,10 +252,10 @@ def _keys(c: Commands) -> Iterator[Action]:
         ("shift+k",),
         c.keys.toggle,
         on=lambda: c.editor.keying,
-        about="What is posed (R) or moved (G) gets a key at the playhead: a joint, a dot, or the whole.",
+        about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )
-    about = "As the bone, the node or the whole is there now; drag the key in the curves."
+    about = "Keeps its current pose at this moment; drag the key in the curves."
     yield Action(
         "motion.key", "Motion", "A key at the playhead", ("ctrl+j",), c.keys.set, c.keys.lacks, about=about
     )
@@ -313,7 +313,7 @@ def _shape(c: Commands) -> Iterator[Action]:
         ("ctrl+shift+p",),
         c.motion.solve_again,
         c.motion.lacks_possessed,
-        about="The performers take hold of the character as it is now, as after a cut.",
+        about="Applies the recorded performance again to the changed shape, as after a cut.",
         apart=True,
     )
     yield Action(
@@ -332,7 +332,7 @@ def _shape(c: Commands) -> Iterator[Action]:
         (),
         c.puppets.bake,
         c.puppets.lacks_examples,
-        about="Makes a possessed character of it, which can be cut and merged.",
+        about="Turns it into a possessed character, which can be cut and merged.",
     )
 
 

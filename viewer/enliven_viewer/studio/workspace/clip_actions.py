@@ -15,9 +15,9 @@ def clip_actions(c: ClipCommands) -> Iterator[Action]:
     """
     deeds = (
         ("split", "Split at the playhead", ("shift+s",), "It plays as before, in two clips."),
-        ("blend", "Blend with the next", ("shift+b",), "The clip goes over into the next one."),
-        ("reverse", "Play backwards", ("shift+r",), "From its end to its begin, where it is."),
-        ("mirror", "Swap left and right", ("shift+x",), "The take as a mirror shows it."),
+        ("blend", "Blend with the next", ("shift+b",), "The clip blends into the next one."),
+        ("reverse", "Play backwards", ("shift+r",), "The clip plays backwards, in its place."),
+        ("mirror", "Swap left and right", ("shift+x",), "Plays the take's mirror image."),
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )
     for name, label, keys, about in deeds:

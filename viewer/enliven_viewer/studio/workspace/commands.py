@@ -58,7 +58,7 @@ class Commands:
 
     def lacks_marked(self) -> str:
         """Returns why the in and out points cannot be removed, with advice."""
-        return "" if self.editor.marked else "There is no in or out point. Alt+I and Alt+O set them."
+        return "" if self.editor.marked else "No in or out point is set. Alt+I and Alt+O set them."
 
     def step(self, count: int) -> None:
         """Moves the playhead by `count` frames."""
@@ -81,7 +81,7 @@ class Commands:
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
-                tr("Copied {0} with its motion", self._told()), tr("Ctrl+V puts a copy beside it.")
+                tr("Copied {0} with its motion", self._told()), tr("Ctrl+V puts a copy next to it.")
             )
 
     def cut_out(self) -> None:
@@ -157,7 +157,7 @@ class Commands:
             )
         elif self.editor.edit("same on equal limbs", lambda p: spread_motion(p, shape.id, group, joint)):
             self.editor.toasts.say(
-                tr("{0} limbs move alike", len(group.limbs)), tr("Shift their bars for a delay.")
+                tr("{0} limbs move alike", len(group.limbs)), tr("Move their bars for a delay.")
             )
 
     def pin(self) -> None:
@@ -256,11 +256,11 @@ class Commands:
 
     def lacks_undo(self) -> str:
         """Returns why undo is unavailable; empty if it is available."""
-        return "" if self.editor.history.undo_name else "Nothing is left to be undone."
+        return "" if self.editor.history.undo_name else "Nothing is left to undo."
 
     def lacks_redo(self) -> str:
         """Returns why redo is unavailable; empty if it is available."""
-        return "" if self.editor.history.redo_name else "Nothing is left to be done again."
+        return "" if self.editor.history.redo_name else "Nothing is left to redo."
 
     @property
     def _names(self) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
         if ending in endings:
             return add, read(path)
     known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
-    what = tr("{0} is of no known kind", ending) if ending else tr("its name has no ending")
+    what = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
     raise InputError(what, where=str(path), mend=tr("Known: {0}.", known))
 
 
@@ -244,7 +244,7 @@ def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
         return project
 
     if editor.edit(later("open {0}", path.name), add):
-        mend = tr("What was possessed can be cut and merged.")
+        mend = tr("Possessed characters can be cut and merged.")
         if editor.puppets.puppet is not None:
             mend = tr("Choose a take in the performer's view for {0}.", editor.puppets.puppet.id)
         editor.toasts.say(tr("{0} brought {1}", path.name, ", ".join(added)), mend)

@@ -43,7 +43,7 @@ class Fitting:
         """Returns why the selected character cannot be fitted, with advice."""
         heights = self.heights()
         if heights is None:
-            return "Nothing is there to fit it to. Choose one thing that stands beside others."
+            return "No other shape to compare with. Choose one that stands next to others."
         same = abs(heights[0] / heights[1] - 1.0) < _ALIKE
         return "It is as tall as the others. Choose one that is not." if same else ""
 
@@ -69,13 +69,13 @@ class Fitting:
         heights = self.heights()
         if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
             return
-        said = tr("It is {0:.3g} m tall, beside {1:.3g} m", heights[0], heights[1])
+        said = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
         self.editor.toasts.say(said, tr("Alt+F makes it as tall as the others."))
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:
     """Yields the action that fits the selected character to the others."""
-    about = "As tall as what stands beside it."
+    about = "As tall as the shapes next to it."
     yield Action(
         "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about
     )

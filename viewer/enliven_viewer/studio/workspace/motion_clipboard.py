@@ -77,7 +77,9 @@ class MotionClipboard:
     def lacks_paste(self) -> str:
         """Returns why pasting motion is unavailable; empty if it is available."""
         if self._performed is not None:
-            return "" if self.editor.chosen() else "No character is chosen. Click the one that is to perform."
+            return (
+                "" if self.editor.chosen() else "No character is chosen. Click the one that should perform."
+            )
         if self._copied is None:
             return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
         said = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
@@ -105,9 +107,7 @@ class MotionClipboard:
         name, notes = target.id, list[str]()
         if performed is None:
             mend = tr("Copy the motion of another one.")
-            self.editor.toasts.complain(
-                InputError(tr("{0} is not there any more", source), where=name, mend=mend)
-            )
+            self.editor.toasts.complain(InputError(tr("{0} no longer exists", source), where=name, mend=mend))
             return
 
         beside = aside(self.editor, [target])

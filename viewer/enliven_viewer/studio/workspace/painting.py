@@ -14,7 +14,7 @@ _KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
 _ABOUT = {
     "softer": "Strokes let the mesh give way, and swing past what the performer does.",
     "stiffer": "Strokes let the mesh keep its shape.",
-    "erase": "Strokes bring back what the mesh was before it was painted.",
+    "erase": "Strokes remove the paint from the mesh.",
 }
 
 
@@ -56,7 +56,7 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
         both_sides,
         on=lambda: tool.both_sides,
         group=_MENU,
-        about="What is painted on the left is painted on the right too, where the mesh is its mirror image.",
+        about="Paints both sides at once, if the left and right of the mesh are mirror images.",
     )
     yield Action(
         "paint.clear",
@@ -66,5 +66,5 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
         tool.clear,
         tool.lacks_paint,
         group=_MENU,
-        about="Nothing of the chosen mesh is stiffer or softer than the rest.",
+        about="Makes the whole mesh equally stiff again.",
     )

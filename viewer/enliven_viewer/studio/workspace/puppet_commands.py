@@ -48,7 +48,7 @@ class PuppetCommands:
         if not self._add(later("make a puppet of {0}", name), change):
             return False
         self.editor.toasts.say(
-            tr("{0} stays; its puppet stands beside it", name), tr("K puts control points on it.")
+            tr("{0} stays; its puppet stands next to it", name), tr("K puts control points on it.")
         )
         return True
 
@@ -57,9 +57,9 @@ class PuppetCommands:
         puppets = self.editor.puppets
         puppets.silhouette = not puppets.silhouette
         self.editor.toasts.say(
-            tr("The key pose before is outlined")
+            tr("The previous key pose is outlined")
             if puppets.silhouette
-            else tr("The key pose before is not outlined any more")
+            else tr("The previous key pose is no longer outlined")
         )
 
     def warn(self) -> None:

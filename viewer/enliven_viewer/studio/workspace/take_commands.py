@@ -10,7 +10,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_NONE = later("Nothing was taken again there. Record beside what was recorded last, and choose its lane.")
+_NONE = later("No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane.")
 
 
 class TakeCommands:
@@ -122,7 +122,7 @@ def take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
-        return "" if takes.unused() else "Every take is played. Remove its clips first."
+        return "" if takes.unused() else "Every take is in use. Remove its clips first."
 
     yield Action(
         "takes.next",
@@ -131,7 +131,7 @@ def take_actions(takes: TakeCommands) -> Iterator[Action]:
         ("alt+right",),
         lambda: takes.step(1),
         takes.lacks,
-        about="Of those that were recorded beside one another.",
+        about="Switches between the takes of this lane.",
         apart=True,
     )
     yield Action(

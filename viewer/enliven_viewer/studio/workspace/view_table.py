@@ -42,7 +42,7 @@ def playing_actions(c: Commands) -> Iterator[Action]:
         ("alt+l",),
         c.unmark,
         c.lacks_marked,
-        about="Takes the in and out points away.",
+        about="Removes the in and out points.",
     )
     yield Action("view.bones", "View", "Bones", ("b",), c.bones, on=lambda: editor.show_bones, apart=True)
     yield Action(
@@ -115,7 +115,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         ("alt+p",),
         preferences.watch_performer,
         on=lambda: preferences.performer,
-        about="As their camera sees them, each camera's beside the other's.",
+        about="The picture of their camera; with several cameras, side by side.",
     )
 
 
@@ -131,7 +131,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
         "Frame the whole way",
         ("ctrl+f",),
         editor.frame_way,
-        about="All places that the chosen shape, or else all, come to while they play.",
+        about="Shows everywhere that the chosen shape goes, or all shapes if none is chosen.",
     )
     yield Action(
         "view.follow",
@@ -140,7 +140,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
         ("shift+f",),
         editor.moves.toggle_follow,
         on=lambda: editor.moves.follow,
-        about="The view goes along with the chosen character, or with all, from the side that you chose.",
+        about="The view follows the chosen character, or all of them, from the side that you chose.",
     )
     yield Action(
         "view.turntable",
@@ -204,5 +204,5 @@ def curve_action(curves: CurveInput) -> Action:
         ("shift+c",),
         curves.toggle,
         on=lambda: curves.on,
-        about="Turn, place, keys, weight and speed of what is chosen, over time, above the timeline.",
+        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
     )

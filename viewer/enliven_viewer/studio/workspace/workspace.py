@@ -411,7 +411,7 @@ class Workspace:
         """
         if name not in self.widgets:
             known = ", ".join(sorted(self.widgets))
-            what = f"there is no widget {name!r} on the screen"
+            what = f"no widget {name!r} is on the screen"
             raise InputError(what, where="session", mend=f"Known: {known}.")
         return self.widgets[name]
 

@@ -81,13 +81,13 @@ def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[
         told_points = tr("Control points at the ends of the limbs; or click the surface yourself")
         return tr("Suggest points"), told_points, lambda: suggest(workspace, puppet)
     if take is None:
-        told_take = tr("The motion of a performer that the puppet is to follow")
+        told_take = tr("The motion of a performer that the puppet should follow")
         return tr("Open a take..."), told_take, partial(workspace.ask, "open")
     if any(not point.joint for point in puppet.points):
         guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
         told_joints = tr("Pair every point with a joint of the performer, by place")
         return tr("Guess joints"), told_joints, lambda: editor.edit("guess joints", guess)
-    told_pose = tr("A key pose for the performer's moment: drag the points to what it means")
+    told_pose = tr("Pose the puppet for this moment of the performer: drag its points")
     begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
     return tr("Pose it here"), told_pose, begin
 

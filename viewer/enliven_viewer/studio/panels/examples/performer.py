@@ -49,7 +49,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
                 view.show(name)
             workspace.remember(f"pick {name}")
         if not takes:
-            quiet("There are no takes. Open one with Ctrl+O.")
+            quiet("No takes yet. Open one with Ctrl+O.")
         imgui.end_combo()
     workspace.remember("takes")
     if unused:

@@ -45,7 +45,7 @@ def _standing(workspace: Workspace, puppet: Puppet) -> None:
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, said in (
         (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
-        (later("Quarter turn"), "y", tr("Until it looks at you with View > From the front (1)")),
+        (later("Quarter turn"), "y", tr("Repeat until it faces you in View > From the front (1)")),
     ):
         if imgui.button(labelled(tr(label), label), half):
             _stand(workspace, puppet.id, axis)
@@ -100,9 +100,9 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     imgui.indent(22)
     name_field(workspace, "point name", name, lambda to: change(later("rename a control point"), name=to))
     _joint(workspace, puppet, point)
-    switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it, and walks by it")
+    switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
     imgui.same_line()
-    tip = tr("The surface is pulled towards it, and need not reach it")
+    tip = tr("The surface is pulled towards it, but need not reach it")
     switch(workspace, "soft", point.weight is not None, edit("weight", lambda on: 1.0 if on else None), tip)
     imgui.same_line()
     if imgui.button(labelled(tr("Remove"), "Remove")):

@@ -67,8 +67,8 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
         if imgui.is_item_hovered():
             imgui.set_tooltip(
                 tr(
-                    "Whether every moment of the take is like one of the key poses.\n"
-                    "A dashed picture is a moment that none of them is like."
+                    "Shows whether every moment of the take is like one of the key poses.\n"
+                    "A dashed picture is a moment that is like none of them."
                 )
             )
     number = puppets.number
@@ -94,11 +94,11 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draws the buttons for the edited key pose."""
     meant = {
         "Done": tr("Keep it, and let the puppet play (Enter)"),
-        "Cancel": tr("Put it back as it was"),
-        "Duplicate": tr("The same pose for a moment half a second on"),
-        "Mirror": tr("Its mirror image, for a moment half a second on"),
+        "Cancel": tr("Go back to the old pose"),
+        "Duplicate": tr("Copies the pose to half a second later"),
+        "Mirror": tr("Copies its mirror image to half a second later"),
         "Here": tr("Move it to the playhead"),
-        "Remove": tr("Take this example away"),
+        "Remove": tr("Remove this example"),
     }
     for place, label in enumerate(meant):
         if place:
@@ -170,7 +170,7 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
     if pressed and moment is not None:
         workspace.begin_pose(*moment)
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip(tr("A key pose for what the performer does now"))
+        imgui.set_tooltip(tr("Make a key pose for this moment"))
 
 
 def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:

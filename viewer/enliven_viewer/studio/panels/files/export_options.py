@@ -36,7 +36,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
     at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
     options.rate = RATES[imgui.combo("##rate", at, [tr("{0} a second", rate) for rate in RATES])[1]]
     workspace.remember("export rate")
-    told("Pictures, or poses, a second")
+    told("Pictures or poses per second")
     if film:
         _film(workspace)
     else:
@@ -70,7 +70,7 @@ def _range(workspace: Workspace) -> None:
         options.first, options.last = editor.marked
     imgui.end_disabled()
     workspace.remember("export marked")
-    told("What lies between the in and the out point (Alt+I, Alt+O)")
+    told("Only the part between the in and out points (Alt+I, Alt+O)")
 
 
 def _film(workspace: Workspace) -> None:
@@ -102,7 +102,9 @@ def _format(workspace: Workspace) -> None:
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]
         workspace.remember("export morphs")
-        told("As morph targets, in a larger file; else the surface follows bones, which every program plays")
+        told(
+            "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
+        )
         imgui.same_line(0.0, 18.0)
     centimetres = imgui.checkbox(
         labelled(tr("Centimetres (.bvh)"), "Centimetres (.bvh)"), options.unit == "cm"

@@ -27,16 +27,16 @@ def draw_numbers(workspace: Workspace) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _word(tr("Place"), tr("Of the middle of what is chosen, and of its lowest point above the floor"))
+    _word(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
         at = float(place[axis])
         number_field(workspace, f"place {name}", at, LENGTH, lambda to, axis=axis: figures.move_to(axis, to))
-    _word(tr("Turn"), tr("Turn it further about an axis of the stage: y is the upright"))
+    _word(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
         number_field(workspace, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
-    _word(tr("Tall"), tr("How tall it stands now; also in percent of that: 150 %"))
+    _word(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
     imgui.same_line(_LABEL + 12)
     more = {"percent": height / 100.0}
     number_field(workspace, "tall", height, LENGTH, figures.make_tall, **more)

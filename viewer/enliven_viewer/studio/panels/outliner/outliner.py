@@ -62,7 +62,7 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
             with small(), tinted(QUIET, imgui.Col_.text):
                 imgui.text_wrapped(tr("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O)."))
         if outliner.typed and not outliner.rows:
-            imgui.text_disabled(tr("Nothing is called so."))
+            imgui.text_disabled(tr("Nothing has this name."))
         imgui.pop_style_var()
         imgui.end_child()
         if divided:
@@ -129,7 +129,7 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH)
         if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):
             outliner.live_hidden = not outliner.live_hidden
-        told("Whether the live stage is seen while you animate and model")
+        told("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
@@ -208,7 +208,7 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
     imgui.same_line(right - 2 * _SWITCH)
     if _switch(workspace, f"eye {row.id}", CLOSED_EYE if now.hidden else EYE, now.hidden):
         outliner.hide(*names, on=not now.hidden)
-    told("Show it again" if now.hidden else "Hide it here; exports and the stage stay as they are")
+    told("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH)
     if _switch(workspace, f"lock {row.id}", _LOCKED if now.locked else _UNLOCKED, now.locked):
         outliner.lock(*names, on=not now.locked)

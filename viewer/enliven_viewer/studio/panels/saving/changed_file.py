@@ -55,7 +55,7 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     """Draws the differences by kind, and a button that adds the items that only the file has."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
-        quiet("Both hold the same.")
+        quiet("Both are the same.")
     for side, heading in _SIDES.items():
         items = [one.item for one in differences if one.side == side]
         if items:

@@ -90,7 +90,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
-    told(tr("Perform before it: {0}", camera.title) if camera.can_start else camera.title)
+    told(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
     if beside:
         imgui.same_line()
         imgui.begin_disabled(search.looking is not None)

@@ -71,7 +71,7 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    told(perform.stepping_in.words if waits else tr("Step in: nobody else holds it then  (P)"))
+    told(perform.stepping_in.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -97,7 +97,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
         recording.record()
     workspace.remember("record")
-    told("What you do becomes motion on the timeline, while what is there plays  (Ctrl+R)")
+    told("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
@@ -111,7 +111,7 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if not edge.connected:
         if live.near and not len(live.document.timeline):
             return live.making, WAIT
-        gone = tr("The stage at {0} is silent. It is looked for again by itself.", _plain(edge.address))
+        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain(edge.address))
         looked = tr("Looking for a stage at {0}", _plain(edge.address))
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
     if edge.phase == "ended":
@@ -148,9 +148,9 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
         perform.voice.wanted,
     )[1]
     workspace.remember("voice wanted")
-    told("Spoken commands, understood on this machine alone. The panel lists the phrases then")
+    told("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     heading("A camera elsewhere")
-    quiet("Where a camera stands: the address of its computer. Or let somebody recorded perform here.")
+    quiet("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
         "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
@@ -168,15 +168,15 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--loop"))
     workspace.remember("recorded person")
-    told("Plays the recording that comes with enliven, over and over, as if somebody stood there")
+    told("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _WHOLE):
         workspace.ask("perform")
     workspace.remember("recording of yours")
-    told("What a camera recorded, or a motion capture (.bvh): it plays over and over")
+    told("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
     workspace.remember("webcam")
-    told("A plain camera in place of a depth camera: bodies from its picture, by MediaPipe; experimental")
+    told("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _WHOLE):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
@@ -196,7 +196,7 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
-    told("Leave the stage; what was recorded stays")
+    told("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
     roomy = area.height > _ROOMY
     imgui.begin_child("##state", ImVec2(0, _STATE_ROOMY if roomy else _STATE), imgui.ChildFlags_.frame_style)
@@ -233,7 +233,7 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
             perform.lead(guest)
         workspace.remember(f"lead {number}")
-        told("What you put on a stage, and what you ask for, goes there from then on")
+        told("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.part(guest)
@@ -256,7 +256,7 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
         recording.again(beside=True)
     workspace.remember("again beside")
     imgui.end_disabled()
-    told("Both are kept: the lane on the timeline says which is heard, and lets you choose")
+    told("Both are kept: choose in the lane on the timeline which of them plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
@@ -294,7 +294,7 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
     workspace.remember("clear span")
     recording.loops = imgui.checkbox(labelled(tr("Over and over"), "Over and over"), recording.loops)[1]
     workspace.remember("loops")
-    told("The marked time is recorded again and again until you stop; all are kept, the last is heard")
+    told("The marked time is recorded again and again until you stop; all are kept, the last one plays")
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
@@ -364,10 +364,10 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
 
 def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
     """Draws which performer steps in with which body parts, and the other ways to control a character."""
-    heading("Who steps in, with what")
+    heading("Performer and body parts")
     present, choice = perform.performers, live.possession
     numbers = {live.numbers.number_of(body): body for body in present}
-    everyone = tr("Whoever is free") if present else tr("Whoever comes: nobody is in view")
+    everyone = tr("Whoever is free") if present else tr("First to come: no one is in view")
     names = [everyone, *(tr("Performer {0}", number) for number in sorted(numbers))]
     bodies = [numbers[number] for number in sorted(numbers)]
     at = 1 + bodies.index(choice.body) if choice.body in bodies else 0
@@ -380,19 +380,19 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
     workspace.remember("parts")
-    told("Which parts of the body take hold; the stage shows what they would hold  (1 to 9)")
+    told("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
         perform.stepping_in.press("join")
     workspace.remember("join")
-    told("Step in beside those who hold it already  (J)")
+    told("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.stepping_in.press("extend")
     workspace.remember("extend")
-    told("Hold with these parts as well as before  (E)")
+    told("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
@@ -403,7 +403,7 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")
-    told("People who come later are left out  (K)")
+    told("Newcomers cannot step in  (K)")
 
 
 def _part(name: str) -> str:

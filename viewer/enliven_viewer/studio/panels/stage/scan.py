@@ -28,7 +28,7 @@ _SIZES: dict[Size, str] = {
 _WAYS: dict[Way, tuple[str, str]] = {
     "round": (
         later("The camera goes round it"),
-        later("Once, a metre and a half away; it stands where it is"),
+        later("Once, a metre and a half away; the object stays in its place"),
     ),
     "laid": (
         later("It is laid down otherwise, too"),
@@ -142,7 +142,7 @@ def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
         workspace.actions.do("scan.again")
     imgui.end_disabled()
     workspace.remember("scan again")
-    told("Scan on, for what was not seen yet: lay it on its side, or look from below")
+    told("Go on scanning to fill gaps: lay it on its side, or look from below")
 
 
 def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
@@ -204,7 +204,7 @@ def _progress(said: ScanMessage) -> None:
     share = 1.0 - min(max(said.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
-    told(tr("{0:.0f} of 100 parts of what is about the middle were seen", 100 * share))
+    told(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * share))
     arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
     quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
     if said.note:
@@ -221,7 +221,7 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
             scan.keep(kept)
         workspace.remember(f"scan keep {kept}")
     if scan.keeps == "box":
-        quiet("Drag the dots: each moves a side of the box. Without the floor, unless it reaches under it.")
+        quiet("Drag the dots to move the sides of the box. Without the floor, unless it reaches under it.")
         if imgui.button(labelled(tr("Round the middle"), "Round the middle"), _WHOLE):
             scan.fit_box()
         workspace.remember("scan fit box")

@@ -31,7 +31,7 @@ _MEANT = Texts(
         "next": "next match",
         "previous": "match before",
         "follow": "follows the pose again",
-        "lock": "only who is here performs",
+        "lock": "only people here now perform",
         "unlock": "everybody performs again",
         "scale": "scales with both hands",
         "parts": "chooses the parts",
@@ -78,7 +78,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
     if imgui.button("?##phrases", ImVec2(_HELP, _HELP)):
         imgui.open_popup(_PHRASES)
     workspace.remember("voice phrases")
-    told("What you can say")
+    told("Commands you can say")
     if imgui.begin_popup(_PHRASES):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)

@@ -66,7 +66,7 @@ def _page(workspace: Workspace, area: Area) -> None:
     column = room if is_narrow else column
     imgui.push_font(None, 22.0)
     imgui.push_text_wrap_pos(0.0)
-    imgui.text(tr("What shall come alive?"))
+    imgui.text(tr("Bring something to life"))
     imgui.pop_text_wrap_pos()
     imgui.pop_font()
     imgui.push_font(None, BODY * _fitting(workspace, column))
@@ -103,7 +103,7 @@ def _recent(workspace: Workspace, column: float) -> None:
     heading("Recent")
     paths = [Path(name) for name in workspace.preferences.recent[:_MOST_RECENT]]
     if not paths:
-        quiet("What you open or save is listed here. You can also drop files onto the window.")
+        quiet("Files that you open or save are listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):
         if imgui.selectable(f"{path.name}###recent {number}", False, 0, ImVec2(column, 0))[0]:
             workspace.attempt(lambda path=path: workspace.open(path))
