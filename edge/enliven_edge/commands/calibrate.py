@@ -162,7 +162,7 @@ def _write(found: Calibration, collectors: list[Collector], output: Path, accept
     doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]
     missing = [name for name in found.sensors if name not in found.world_from_sensor]
     if missing or (doubt and not accept_doubt):
-        kept = f"; {output} is as it was" if output.exists() else ""
+        kept = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
             f"the sensors cannot be placed yet{kept}", where="calibrate", mend="; ".join(found.advice) + "."
         )

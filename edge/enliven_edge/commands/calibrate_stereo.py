@@ -63,9 +63,9 @@ def calibrate_stereo(
         return
     if folder is None:
         raise InputError(
-            "there are no image pairs",
+            "no image pairs were given",
             where="calibrate-stereo",
-            mend="Give their folder, or --live and a folder to keep them in.",
+            mend="Give the folder of the pairs, or --live and a folder for new pairs.",
         )
     if live:
         _take(board, folder, (left, right), _size(size, "--size"), pairs)
@@ -92,7 +92,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     _tell(judgement)
     found = solution.calibration
     if found is None or not (judgement.usable or accept_doubt):
-        kept = f"; {output} is as it was" if output.exists() else ""
+        kept = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
             f"the calibration is not good enough{kept}",
             where=str(folder),

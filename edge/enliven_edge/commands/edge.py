@@ -51,18 +51,18 @@ def edge(
     mesh: Annotated[
         list[str] | None,
         typer.Option(
-            help="What is moved: a mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'; "
-            "several: again."
+            help="Character to move: a mesh, 'chair', 'lamp', or a puppet (its session, its project, or "
+            "'cactus'). Repeat the option for several."
         ),
     ] = None,
     possess_at: Annotated[
-        float | None, typer.Option(help="Take hold this many seconds after the start.")
+        float | None, typer.Option(help="Possess the mesh this many seconds after the start.")
     ] = None,
     parts: Annotated[
         list[str] | None,
         typer.Option(
-            help="What takes hold: all, legs, 'upper body', ...; of two performers: 'legs / torso'; "
-            "several: one for each --mesh.",
+            help="Body parts that possess the mesh: all, legs, 'upper body', ...; for two performers: "
+            "'legs / torso'. Give one for each --mesh.",
             callback=known_parts,
         ),
     ] = None,
@@ -75,7 +75,7 @@ def edge(
     drive: Annotated[
         list[str] | None,
         typer.Option(
-            help="What moves the model: graph, or skeleton (a rigged glTF's own); one for each --mesh."
+            help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF). Give one for each --mesh."
         ),
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,

@@ -37,7 +37,7 @@ def record(
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
+        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
     ] = None,
     level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,

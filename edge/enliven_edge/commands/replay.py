@@ -16,8 +16,12 @@ def replay(
     fast: Annotated[bool, typer.Option("--fast", help="As fast as it goes.")] = False,
     loop: Annotated[bool, typer.Option(help="Begin again at the end.")] = False,
     mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, 'chair' or 'lamp'.")] = "chair",
-    possess_at: Annotated[float, typer.Option(help="Take hold this many seconds after the start.")] = 1.5,
-    parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    possess_at: Annotated[
+        float, typer.Option(help="Possess the mesh this many seconds after the start.")
+    ] = 1.5,
+    parts: Annotated[
+        str, typer.Option(help="Body parts that possess it: all, legs, 'upper body', ...")
+    ] = "all",
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,

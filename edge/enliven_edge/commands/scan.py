@@ -35,11 +35,15 @@ def scan(
     ] = 2.2,
     within: Annotated[
         float | None,
-        typer.Option(min=0.3, max=10, help="Metres; with what is farther left out, the thing may be turned."),
+        typer.Option(
+            min=0.3,
+            max=10,
+            help="Ignore depth beyond this many metres. Use it if the object is turned, not the camera.",
+        ),
     ] = None,
     moved: Annotated[
         bool,
-        typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+        typer.Option(help="The object is turned and put down during the scan; one mesh gets all its sides."),
     ] = False,
     turned: Annotated[
         bool,
@@ -52,11 +56,13 @@ def scan(
         int, typer.Option(min=1, help="Which of several things on the floor; 1 was looked at most.")
     ] = 1,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
+        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
     ] = None,
-    memory: Annotated[int, typer.Option(min=16, help="Megabytes of voxels; full, the scan ends.")] = 1500,
+    memory: Annotated[
+        int, typer.Option(min=16, help="Maximum megabytes of voxels; the scan ends there.")
+    ] = 1500,
     whole: Annotated[
-        bool, typer.Option(help="Keep all that was scanned, not what stands on the floor.")
+        bool, typer.Option(help="Keep all that was scanned, not only the object on the floor.")
     ] = False,
     box: Annotated[
         str, typer.Option(help="Keep what is in a box, metres: x0,y0,z0,x1,y1,z1, as --whole shows it.")
@@ -67,14 +73,16 @@ def scan(
     add: Annotated[
         Path | None, typer.Option(help="An earlier scan's mesh, project or recording, to which this adds.")
     ] = None,
-    keep: Annotated[bool, typer.Option(help="Keep the images beside it, for --add: NAME.scan.mcap.")] = True,
+    keep: Annotated[bool, typer.Option(help="Keep the images for --add, in NAME.scan.mcap.")] = True,
     triangles: Annotated[
         int, typer.Option(min=0, help="Triangles of the mesh at most; 0 keeps all.")
     ] = 50_000,
     edge: Annotated[
         str | None, typer.Option(help="Put it on the stage of this running edge: HOST, or HOST:PORT.")
     ] = None,
-    sheet: Annotated[Path | None, typer.Option(help="A PNG of six views to write beside it.")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Also write six views of the mesh to this PNG file.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing mesh.")] = False,
 ) -> None:
     """Scan a thing: carry a depth camera round it, until the recording ends, the time is up, or Ctrl-C.

@@ -183,7 +183,7 @@ def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str
         said = f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
         if down is not None:
             apart = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
-            said += f", {apart:.0f} degrees from what the floor says"
+            said += f", {apart:.0f} degrees from the floor's normal"
         facts.append(("gravity", said))
     return facts
 
@@ -196,7 +196,7 @@ def _way(word: str) -> Way | None:
         return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
     if word not in WAYS:
         known = ", ".join(("auto", "none", *WAYS))
-        raise InputError(f"there is no way {word!r} to draw", where="--picture", mend=f"Give {known}.")
+        raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {known}.")
     return word  # type: ignore[return-value]
 
 

@@ -126,8 +126,8 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
 
 
 def _without_depth(path: Path) -> InputError:
-    mend = "Give a recording of a depth camera; one of bodies is a take as it is."
-    return InputError("there are no depth images in it", where=str(path), mend=mend)
+    mend = "Give a recording of a depth camera. A recording of bodies is already a take."
+    return InputError("the recording has no depth images", where=str(path), mend=mend)
 
 
 def _counted(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:

@@ -43,7 +43,7 @@ class SoundRecording:
                 given = (file.getframerate(), file.getnchannels(), file.getsampwidth())
                 self._sound = file.readframes(file.getnframes())
         except (wave.Error, EOFError):
-            raise InputError("it is no WAV file", where=str(self._path)) from None
+            raise InputError("it is not a WAV file", where=str(self._path)) from None
         if given != (RATE, 1, 2):
             what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
             raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")

@@ -101,7 +101,7 @@ class MediaPipeSettings:
         model = self.model_file
         if model is not None and not model.is_file():
             mend = "Give the path of a .task file."
-            raise InputError("there is no such model", where=str(model), mend=mend)
+            raise InputError("the model file does not exist", where=str(model), mend=mend)
         if self.python:
             return
         found = importlib.util.find_spec("mediapipe")

@@ -180,7 +180,7 @@ class Playground:
     def _reset(self, trouble: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""
         self.resets += 1
-        log.warning("the physics begin anew: %s", trouble)
+        log.warning("the physics engine failed and starts again: %s", trouble)
         assert self._ground is not None
         self.world.restart()
         self.game.begin(self.world, self._ground, spheres, radii)

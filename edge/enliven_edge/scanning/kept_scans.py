@@ -59,8 +59,10 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     """
     source = path if path.suffix.lower() == ".mcap" else kept_beside(path)
     if path.exists() and not source.exists():
-        what = f"its scan was not kept: there is no {source.name} beside it"
-        raise InputError(what, where=str(path), mend="Give the recording of which it was made, or scan anew.")
+        what = f"its scan was not kept: {source.name} is missing"
+        raise InputError(
+            what, where=str(path), mend="Give the recording that it was made from, or scan again."
+        )
     placed = _FACT in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
     for frame in recorded_images(source, stop):
@@ -88,6 +90,8 @@ def refuse_unseen(found: int, path: Path) -> None:
         InputError: if the number is 0.
     """
     if not found:
-        what = "nothing of it was seen again, so there is nothing to lay the new images onto"
-        mend = "Begin with what both show, from where it was looked at before, and hold still for a moment."
+        what = "no part of the earlier scan was seen again, so the new images cannot be aligned"
+        mend = (
+            "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."
+        )
         raise InputError(what, where=str(path), mend=mend)

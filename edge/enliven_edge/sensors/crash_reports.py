@@ -56,7 +56,7 @@ class CrashReport:
 
     def __str__(self) -> str:
         day = time.strftime("%Y-%m-%d %H:%M", time.localtime(self.when))
-        return f"{self.path.name}, {day}: {self.what} crashed; send it, with what you did, to {self.whereto}"
+        return f"{self.path.name}, {day}: {self.what} crashed; send it to {self.whereto} and say what you did"
 
 
 def folder() -> Path:

@@ -136,7 +136,7 @@ class ReopeningSensor(Sensor):
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:
             time.sleep(timeout)
-            raise TimeoutError(f"{self.name} is opened anew in {wait - timeout:.1f} s")
+            raise TimeoutError(f"{self.name} is opened again in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
         self._ask("open", self._open)
 

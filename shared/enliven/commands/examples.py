@@ -87,7 +87,7 @@ def new(
 @examples.command()
 def check(
     session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
-    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
 ) -> None:
     """Say what a session lacks, and how well its examples cover what it plays.
 
@@ -123,16 +123,16 @@ def check(
 def fit(
     session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="What to make: .glb, .mcap (a take), or .enliven.")
+        Path, typer.Option("--output", "-o", help="Output file: .glb, .mcap (a take), or .enliven.")
     ],
-    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Draw six moments of take and puppet (needs the viewer's package).")
     ] = None,
-    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames a second of what is made.")] = 30.0,
-    start: Annotated[float, typer.Option(help="Seconds to begin at.")] = 0.0,
+    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames per second of the output.")] = 30.0,
+    start: Annotated[float, typer.Option(help="Start time in seconds.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option(help="Seconds to stop at; until all was played once if not given.")
+        float | None, typer.Option(help="End time in seconds; by default after everything was played once.")
     ] = None,
     morphs: Annotated[
         bool, typer.Option("--morphs", help="Of a .glb: morph targets instead of transforms.")
@@ -181,7 +181,7 @@ def _from(session: Path, file: Path) -> str:
 def _axis(name: str) -> Axis:
     known: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in known:
-        raise InputError(f"{name!r} is no axis", where="--up", mend="Say x, y or z.")
+        raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")
     return known[name]
 
 

@@ -19,12 +19,12 @@ def export(
     source: Annotated[
         Path, typer.Argument(help="A recording (.mcap), a project (.enliven), or a .bvh, .txt or .glb.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
     character: Annotated[
         list[str] | None,
         typer.Option("--character", "-c", help="Only this character, person or animation; may be repeated."),
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds to begin at.")] = 0.0,
+    start: Annotated[float, typer.Option(min=0, help="Start time in seconds.")] = 0.0,
     end: Annotated[float | None, typer.Option(min=0, help="Seconds to stop at; else where it ends.")] = None,
     rate: Annotated[
         float | None, typer.Option(min=1, max=240, help="Frames a second; else as recorded, or 30.")

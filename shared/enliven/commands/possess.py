@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def possess(
     take: Annotated[Path, typer.Argument(help="A recording (.mcap) of an edge, or of tracked people.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .enliven, .glb or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .enliven, .glb or .mp4.")],
     mesh: Annotated[
         str, typer.Option(help="A mesh file, or chair or lamp; else the mesh that was possessed.")
     ] = "",
@@ -24,9 +24,9 @@ def possess(
         str, typer.Option("--character", "-c", help="Of the recording; else the first that was possessed.")
     ] = "",
     parts: Annotated[
-        str, typer.Option(help="Parts of the body that take hold, in place of what was recorded.")
+        str, typer.Option(help="Body parts that possess the mesh, instead of the recorded ones.")
     ] = "",
-    at: Annotated[float, typer.Option(min=0, help="Seconds at which they do, with --parts.")] = 0.0,
+    at: Annotated[float, typer.Option(min=0, help="Time in seconds at which they do, with --parts.")] = 0.0,
     nodes: Annotated[int, typer.Option(min=1, max=4096, help="Nodes of the other mesh's graph.")] = 128,
     up: Annotated[
         Literal["x", "y", "z"] | None,

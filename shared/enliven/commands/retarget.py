@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def retarget(
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
     model: Annotated[Path, typer.Argument(help="The model: .glb, .gltf or .vrm, rigged or not.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
     mapping: Annotated[
         Path | None, typer.Option("--map", help="A mapping file; without one, the mapping is found.")
     ] = None,
@@ -69,7 +69,9 @@ def retarget(
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
-        typer.Option(min=1, max=240, help="Frames a second of what is made; the take's own, at most 60."),
+        typer.Option(
+            min=1, max=240, help="Frames per second of the output; by default the take's, at most 60."
+        ),
     ] = None,
     height: Annotated[
         float | None, typer.Option(help="Metres to scale the model to; as modelled if not given.")

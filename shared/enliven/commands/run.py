@@ -33,7 +33,9 @@ def run(
     ),
     possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
     parts: list[str] | None = typer.Option(
-        None, help="What takes hold: 'legs', 'upper body', ...; else all.", callback=known_parts
+        None,
+        help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
+        callback=known_parts,
     ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
@@ -46,7 +48,7 @@ def run(
     ),
     physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
     drive: list[str] | None = typer.Option(
-        None, help="What moves it: graph, or skeleton (of a rigged glTF)."
+        None, help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF)."
     ),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(
@@ -73,13 +75,13 @@ def run(
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
-    for what, path in (("recording", recording), ("file of settings", settings)):
+    for what, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
-            raise InputError(f"there is no such {what}", where=str(path), mend="Check the path.")
+            raise InputError(f"this {what} does not exist", where=str(path), mend="Check the path.")
     need_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
-        say("enliven: there is no display here, so this makes a film; with one, a window opens")
+        say("enliven: no display was found, so this makes a film; with a display, a window opens")
     endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS

@@ -77,7 +77,7 @@ class Skeleton:
         """
         if name not in self.names:
             known = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
-            raise InputError(f"there is no joint {name!r}", where="skeleton", mend=f"Known: {known}.")
+            raise InputError(f"the joint {name!r} does not exist", where="skeleton", mend=f"Known: {known}.")
         return self.names.index(name)
 
     def below(self, joint: int) -> tuple[int, ...]:

@@ -220,9 +220,9 @@ class _Reader:
     def _take(self, name: str) -> str:
         """Returns the ID of the take with that name; the first take if the name is empty."""
         if not self._takes:
-            raise InputError("there is no take", mend='Say [[take]] file = "..." first.')
+            raise InputError("the session has no take", mend='Add [[take]] file = "..." first.')
         if name and name not in self._takes:
-            raise InputError(f"there is no take {name!r}", mend=f"Known: {', '.join(self._takes)}.")
+            raise InputError(f"the take {name!r} does not exist", mend=f"Known: {', '.join(self._takes)}.")
         return name or next(iter(self._takes))
 
     @property

@@ -70,7 +70,7 @@ class Examples:
         """
         if name not in self.points:
             mend = f"Known: {', '.join(self.points)}."
-            raise InputError(f"there is no control point {name!r}", where=_WHERE, mend=mend)
+            raise InputError(f"the control point {name!r} does not exist", where=_WHERE, mend=mend)
         return self.points.index(name)
 
     def _check_shapes(self) -> None:

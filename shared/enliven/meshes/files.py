@@ -46,7 +46,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     known = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and path.is_file():
         raise InputError(
-            f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
+            f"{suffix or 'a file without an ending'} is not a known mesh format", where=str(path), mend=known
         )
     mesh, read_notes = _unrepaired(path, suffix, known)
     try:

@@ -76,7 +76,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     """
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
-        raise InputError("it has no DATA line, so it is no PCD file", where=where)
+        raise InputError("it has no DATA line, so it is not a PCD file", where=where)
     lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
     said = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
     kind, body = head[1].decode(), data[head.end() :]

@@ -118,7 +118,7 @@ class RigEdits(ABC):
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
         """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
         others."""
-        mend = "Choose the whole: keys turn and move it. A puppet is posed by its key poses."
+        mend = "Choose the whole character: keys turn and move it. A puppet is posed by its key poses."
         raise InputError("its handles take no keys", where=character.where, mend=mend)
 
     @abstractmethod

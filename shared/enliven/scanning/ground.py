@@ -139,7 +139,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
             what, where="scan", mend="Carry the camera round the thing, and look at it all the time."
         )
     if s.number > len(parts):
-        what = f"there is no thing number {s.number} where the camera looked; {len(parts)} stand there"
+        what = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
         raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices

@@ -101,7 +101,7 @@ def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
         "--reach",
         1.6,
     ]
-    with pytest.raises(InputError, match=r"What was seen is kept: --recording .*no\.scan\.mcap"):
+    with pytest.raises(InputError, match=r"The recorded images were kept: --recording .*no\.scan\.mcap"):
         run(*sensor, "-o", made)
     assert not made.exists()
     run("--recording", tmp_path / "no.scan.mcap", "-o", made, "--voxel", 16, "--whole")
@@ -117,7 +117,9 @@ def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_c
     run(*words, "-o", tmp_path / "second.glb", "--thing", 2)
     tall, short = (load_mesh(tmp_path / f"{name}.glb").mesh.bounds[1, 1] for name in ("first", "second"))
     assert tall == pytest.approx(0.5, abs=0.04) and short == pytest.approx(0.3, abs=0.04)
-    with pytest.raises(InputError, match=r"no thing number 3 where the camera looked; 2 stand there"):
+    with pytest.raises(
+        InputError, match=r"object number 3 does not exist where the camera looked; 2 stand there"
+    ):
         run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
 
 

@@ -151,10 +151,10 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Say what it plays: [[layer]]."),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--up", "w"),
-            "'w' is no axis. Say x, y or z.",
+            "'w' is not an axis. Give x, y or z.",
         ),
-        (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is no motion"),
-        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is no project"),
+        (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is not a motion file"),
+        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is not a project"),
         (("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9), "from 9 s to 3 s is nothing"),
     ],
 )

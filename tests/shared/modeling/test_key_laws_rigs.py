@@ -247,10 +247,10 @@ def test_a_merge_goes_on_with_the_keys_of_its_host(rig):
 
 def test_character_without_keys_is_refused():
     for rig, handle, words in (
-        ("points", 1, "no node 1"),
-        ("cage", "front", "no node 'front'"),
-        ("graph", 99, "no node 99"),
-        ("graph", "head", "no node 'head'"),
+        ("points", 1, "node 1 does not exist"),
+        ("cage", "front", "node 'front' does not exist"),
+        ("graph", 99, "node 99 does not exist"),
+        ("graph", "head", "node 'head' does not exist"),
     ):
         with pytest.raises(InputError, match=words):
             set_key(*WORLDS[rig], handle, 0.5)

@@ -119,7 +119,9 @@ class LibcameraImages:
             fitting = fitting or [c for c in there if not word.isdigit() and word in c.id]
             if not fitting:
                 raise ResourceError(
-                    f"there is no camera {word!r}", where="sensor libcamera", mend=f"Connected: {listed}."
+                    f"the camera {word!r} was not found",
+                    where="sensor libcamera",
+                    mend=f"Connected: {listed}.",
                 )
             found.append(fitting[0])
         if len({camera.id for camera in found}) < len(found):

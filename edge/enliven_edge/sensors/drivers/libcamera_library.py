@@ -82,8 +82,8 @@ def libcamera_library(tuning: str) -> Any:
     """
     if tuning:
         if not Path(tuning).is_file():
-            mend = "Those that ship are in firmware_configs/libcamera."
-            raise InputError("there is no such tuning file", where=tuning, mend=mend)
+            mend = "The shipped tuning files are in firmware_configs/libcamera."
+            raise InputError("the tuning file does not exist", where=tuning, mend=mend)
         os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
     os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
     known = list(sys.path)

@@ -145,7 +145,9 @@ class OakSensor(Sensor):
         presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
         if preset not in presets:
             raise InputError(
-                f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
+                f"the preset {preset!r} does not exist",
+                where="sensor oak",
+                mend=f"Give {', '.join(presets)}.",
             )
         self._device = self._found(device)
         keep_dump_of(self._device)

@@ -249,7 +249,7 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     """Parses the document, the parents of its nodes and the bytes of a GLB. Raises one clear message."""
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
-        raise InputError("it is no glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
+        raise InputError("it is not a glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     if not data:
         raise InputError("the file is empty", where=str(path), mend=_AGAIN)
@@ -280,7 +280,7 @@ def _check_references(document: Entry) -> None:
     for number, skin in enumerate(skins):
         away = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
         if away:
-            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is no node")
+            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is not a node")
         if number in used and not skin.joints:
             raise InputError(f"skin {number} has no joints")
     for number, animation in enumerate(document.animations):

@@ -47,7 +47,9 @@ def key_handle(
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
     if wanted.shape != (3,) or not np.isfinite(wanted).all():
-        raise InputError(f"{place} is no place", where=character.where, mend="Give three metres.")
+        raise InputError(
+            f"{place} is not a point", where=character.where, mend="Give three numbers in metres."
+        )
     wanted = root_motion(project, character, time).inverse(wanted[None])[0]
     if isinstance(character, Shape):
         return _key_joint(project, character, bone_number(character, handle), wanted, time)

@@ -193,7 +193,7 @@ class CutPlan:
         if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
             mend = "Cut it where its bone is inside of it, or with a stroke."
             raise InputError("no part of the mesh surrounds the bone there", where=where, mend=mend)
-        self.notes.append("the bone passes through nothing there: the parts were taken asunder as they are")
+        self.notes.append("the bone passes through no part there: the parts were separated without a cut")
 
     def choose_covered(self) -> None:
         """Chooses the loops that the drawn stroke covers by at least half."""

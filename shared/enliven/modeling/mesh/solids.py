@@ -50,7 +50,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if closed.caps:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
-        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing: they stay as they are")
+        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
     whole = _whole(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),

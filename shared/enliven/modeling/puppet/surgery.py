@@ -172,8 +172,8 @@ class _Half:
 
     def _tell(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
-            f"{name!r} got {added} control points; in its key poses it is within {1000 * worst:.1f} mm "
-            f"({100 * worst / size:.2f} % of the whole's size) of what it was."
+            f"{name!r} got {added} control points. Its key poses deviate from the original by at most "
+            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
         )
 
     def _border(self) -> Int32:
