@@ -148,7 +148,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
         (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),
         (("fit", "bare.toml", "-o", "out.glb"), "Put control points on the mesh."),
-        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Say what it plays: [[layer]]."),
+        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Add the motion to play: [[layer]]."),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--up", "w"),
             "'w' is not an axis. Give x, y or z.",
@@ -173,7 +173,7 @@ def test_missing_input_is_reported_before_solving(folder, capsys):
     (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n[[point]]\nvertex = 3\n')
     assert examples(folder, "check", "bare.toml") == 3
     said = capsys.readouterr().out
-    for sentence in ("Pair 'point 1' with a joint.", "Pose two examples.", "Say what it plays: [[layer]]."):
+    for sentence in ("Pair 'point 1' with a joint.", "Pose two examples.", "Add the motion to play: [[layer]]."):
         assert sentence in said
 
 
