@@ -32,7 +32,7 @@ def scan(
         typer.Option(min=1, max=50, help="Voxel size in millimetres; by default 4, or 8 for a person."),
     ] = None,
     reach: Annotated[
-        float, typer.Option(min=0.3, max=10, help="Maximum distance in metres of the surfaces to keep.")
+        float, typer.Option(min=0.3, max=10, help="Maximum distance in metres from camera to surfaces.")
     ] = 2.2,
     within: Annotated[
         float | None,

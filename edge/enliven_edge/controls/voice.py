@@ -109,7 +109,7 @@ class Microphone:
         inputs = [str(one["name"]) for one in self._library.query_devices() if one["max_input_channels"] > 0]
         if not inputs:
             return ResourceError(
-                "no microphone is connected", where="voice", mend="Plug one in; it is found by itself."
+                "no microphone is connected", where="voice", mend="Plug one in; it is detected automatically."
             )
         if self._name and not any(self._name.lower() in one.lower() for one in inputs):
             mend = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]

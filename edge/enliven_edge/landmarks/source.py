@@ -182,7 +182,7 @@ class MediaPipeSource(LandmarkSource):
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
-        why = lines[-1][:200] if lines else "it ended without a word"
+        why = lines[-1][:200] if lines else "it ended without a message"
         return ResourceError(f"MediaPipe does not run: {why}", where="landmarks", mend=_MEND)
 
 

@@ -124,7 +124,7 @@ class Playground:
         late = self.world.left_out
         trouble = self.world.advance(seconds)
         if self.world.left_out > late == 0.0:
-            log.warning("the physics take longer than engine.budget, so now and then they lag behind")
+            log.warning("the physics take longer than engine.budget, so they sometimes lag behind")
         if trouble:
             self._reset(trouble, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)

@@ -71,11 +71,11 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         else:
             states[scanner.add(frame).state] += 1
     if 2 * states[ScanState.UNSURE] > states.total():
-        what = "it shows hardly more than one blank surface, which does not tell where the camera is"
-        raise InputError(what, where=str(source), mend="Let things that stand about be in view, too.")
+        what = "it shows little more than one blank surface, so the camera cannot be located"
+        raise InputError(what, where=str(source), mend="Keep other objects in view, too.")
     if not scanner.poses:
         what = "no frame of it shows enough depth"
-        raise InputError(what, where=str(source), mend="Give a recording of the same place or thing.")
+        raise InputError(what, where=str(source), mend="Give a recording of the same place or object.")
     scanner.look_again()
     return len(scanner.poses)
 

@@ -27,7 +27,7 @@ def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
         turned = scanner.settings.moved.followed
-        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved that is quicker."
+        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved this scan is quicker."
     return said
 
 
@@ -65,7 +65,7 @@ def _of_several(scanner: Scanner) -> list[str]:
         return []
     sizes = [_size(levelled(part, ground)) for part in parts]
     listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
-    return [f"{len(parts)} things stand there ({listed} cm); number {cut.number} was taken, see --thing."]
+    return [f"{len(parts)} objects stand there ({listed} cm); number {cut.number} was taken, see --thing."]
 
 
 def _size(mesh: Mesh) -> str:

@@ -114,11 +114,11 @@ def _keep(path: Path, write: Callable[[Path], None]) -> None:
         write(passing)
         passing.replace(path)
     except Exception as error:
-        log.warning("a report of a crash cannot be kept: %s", error)
+        log.warning("a crash report cannot be saved: %s", error)
         with contextlib.suppress(OSError):
             passing.unlink()
     else:
-        log.warning("a report of the crash is kept: %s", path)
+        log.warning("the crash report was saved: %s", path)
     tidy()
 
 

@@ -145,7 +145,7 @@ class History:
             InputError: if nothing was undone.
         """
         if self._at + 1 == len(self._steps):
-            raise InputError("there is nothing to do again", where="history")
+            raise InputError("there is nothing to redo", where="history")
         self._at += 1
         return self.project
 

@@ -99,7 +99,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
         what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
-            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
+            what, where=str(path), mend="Check that it is complete and that its ending is right. " + known
         ) from None
 
 

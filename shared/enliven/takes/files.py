@@ -42,7 +42,7 @@ def read_take(
         return clip, notes
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
-        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        what = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(what, where=str(path), mend="Choose another start and end.")
     return between_times(clip, start, stop), notes
 

@@ -254,7 +254,7 @@ WRONG = [
     ('file = "moves.enliven"', 'file = "moves.xyz"', "[[take]] 1: "),
     ('file = "moves.enliven"', 'file = "moves.enliven"\nanimation = "run"', "animation 'run' does not exist"),
     ("vertex = 300", "vertex = 30000", "[[point]] 3: puppet 'stool': the mesh has no vertex 30000"),
-    ("vertex = 300", "", "[[point]] 3: it needs a vertex or a place. Say vertex = 4711 or at = [x, y, z]."),
+    ("vertex = 300", "", "[[point]] 3: it needs a vertex or a place. Give vertex = 4711 or at = [x, y, z]."),
     ("vertex = 300", "at = [0, 1]", "[[point]] 3: at is [0, 1]"),
     ("time = 0.2", "", "[[pose]] 1: it needs a time or a frame"),
     ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),

@@ -58,7 +58,7 @@ def test_unmeasured_areas_and_specks_are_left_out() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_too_few_points_are_reported(count: int) -> None:
-    with pytest.raises(InputError, match="no surface"):
+    with pytest.raises(InputError, match="too few for a surface"):
         surface_through(np.ones((count, 3)), np.zeros(3))
 
 

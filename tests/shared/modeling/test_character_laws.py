@@ -252,7 +252,7 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     handles = player(time).handles
     assert len(handles) == len(character.handles) == len(character.parents)
     if not len(handles):
-        with pytest.raises(InputError, match="not posed by hand"):
+        with pytest.raises(InputError, match="cannot be posed by hand"):
             rig_of(character).dragged(project, character, 0, np.zeros(3), time)
         return
     number = int(random.integers(len(handles)))

@@ -232,7 +232,7 @@ def test_a_mirrored_layer_twice_is_nothing_and_a_recorded_mesh_refuses(rig):
     once = mirror_layers(project, name, numbers)
     assert not same(once, project) and same(mirror_layers(once, name, numbers), project)
     graph, other, parts = world("graph")
-    with pytest.raises(InputError, match="fits that mesh alone"):
+    with pytest.raises(InputError, match="fits only its own mesh"):
         mirror_layers(graph, other, parts)
 
 

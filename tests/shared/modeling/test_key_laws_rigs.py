@@ -194,7 +194,7 @@ def test_key_can_be_set_within_layers_and_next_to_another(rig):
     made = key_characters(project, [name], 0.5, (0, 0, 1.0))
     near(vertices_of(made, name, 0.5), vertices_of(project, name, 0.5) + np.array([0, 0, 1.0]))
     muted = change_layers(project, name, [first], muted=True)
-    with pytest.raises(InputError, match="not heard"):
+    with pytest.raises(InputError, match="have no effect"):
         key_characters(muted, [name], 0.5, (0, 0, 1.0))
 
 

@@ -81,7 +81,8 @@ def judged(
     if fit.rms > settings.worst_residual:
         verdict = Verdict.NO_MATCH
         advice = (
-            f"what {name} sees does not fit ({100 * fit.rms:.0f} cm apart): let one person alone walk about"
+            f"the joints that {name} sees do not fit ({100 * fit.rms:.0f} cm apart): "
+            "let only one person walk about"
         )
     elif seconds < settings.overlap:
         verdict = Verdict.WALK_ON

@@ -205,7 +205,7 @@ class OakSensor(Sensor):
             depth, number = image.getFrame(), image.getSequenceNum()
             transformation = image.getTransformation()
         except (RuntimeError, AttributeError, ValueError) as error:
-            raise InputError(f"an image of it is none ({error})", where=self.name) from None
+            raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
         if self._rehearsal is not None:
             time_ns = self._rehearsal.taken(time_ns)

@@ -62,7 +62,7 @@ def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surfa
     if target.shape != (len(handle.vertices), 3):
         raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
     if not np.isfinite(target).all():
-        raise InputError("its target is not finite", where=who, mend="The last good pose stays.")
+        raise InputError("its target is not finite", where=who, mend="The last valid pose is kept.")
     farthest = float(np.abs(target - surface.centre).max())
     if farthest > _FAR * surface.extent:
         raise InputError(

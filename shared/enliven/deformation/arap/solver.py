@@ -106,7 +106,7 @@ class ArapSolver:
             raise InputError(
                 f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
                 where=WHERE,
-                mend="Give fewer vertices a handle; a few dozen hold as well.",
+                mend="Give fewer vertices per handle; a few dozen are enough.",
             )
         held = None
         if len(self._columns) > _MOST_KEPT:

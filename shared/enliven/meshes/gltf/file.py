@@ -209,7 +209,7 @@ class GltfFile:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MOST_UNPACKED:
-                    raise InputError(f"all together it is more than {MOST_UNPACKED} bytes")
+                    raise InputError(f"in total it has more than {MOST_UNPACKED} bytes")
                 self._unpacked[view] = meshopt_bytes(self._slice(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
@@ -261,7 +261,9 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         what = f"it cannot be read as glTF 2: {plain_reason(error)}"
-        raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says?") from None
+        raise InputError(
+            what, where=str(path), mend="Check that it is complete and that its ending is right."
+        ) from None
     return found
 
 

@@ -211,7 +211,7 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer(character, numbers[0])
     if layer.source != "takes":
-        what = "what was recorded of a mesh fits that mesh alone"
+        what = "a recorded deformation fits only its own mesh"
         raise InputError(what, where=character.where, mend="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 

@@ -132,7 +132,7 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     linear, seen, weight = within_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
-        raise InputError("its keys are not heard here", where=f"layer {layer.id!r}", mend=mend)
+        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
     more = np.linalg.solve(linear, place - seen) / (weight * layer.size)
     back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
     known = np.array(key_at(project, shape.id, node, time).metres)

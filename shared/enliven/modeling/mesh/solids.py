@@ -42,7 +42,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     welded, of = weld(mesh)
     use = _usable(welded)
     if not use.all():
-        notes.append(f"left out {int((~use).sum())} faces without area or there twice")
+        notes.append(f"left out {int((~use).sum())} faces that have no area or occur twice")
     used = mesh.with_faces(use)
     closed = closed_surface(used, of)
     if not len(closed.faces):

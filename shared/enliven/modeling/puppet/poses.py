@@ -92,7 +92,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     if plane is not None:
         length = float(np.linalg.norm(plane.normal))
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
-            what = f"a plane at {plane.point} across {plane.normal} is none"
+            what = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
             raise InputError(what, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
     return project.with_characters(puppet.with_changes(symmetry=plane))
 

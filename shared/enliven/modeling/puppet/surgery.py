@@ -154,7 +154,9 @@ class _Half:
         self._tell(name, len(added), worst, size, notes)
         made, gone = without_ambiguous_poses(self._project, self._with(half, name, points))
         if gone:
-            notes.append(f"{name!r} has {gone} key poses less, which its own joints do not tell apart.")
+            notes.append(
+                f"{name!r} has {gone} fewer key poses, since its own joints cannot distinguish them."
+            )
         return made.with_changes(layers=self._layers(follow, {point.name for point in points}))
 
     def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:

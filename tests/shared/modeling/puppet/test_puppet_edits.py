@@ -316,7 +316,7 @@ FIVE = np.zeros((5, 3))
         ),
         (
             lambda p: play_take(p, "stool", "walk", positions=(Position("top", 999, (0, 0, 0)),)),
-            "is at no frame of the motion. Frames are 0..90.",
+            "is outside of the motion's frames. Frames are 0..90.",
         ),
         (lambda p: change_layers(p, "stool", [3], loop=True), "layer 3 does not exist. It has 1."),
         (lambda p: remove_layer(p, "stool", 1), "layer 1 does not exist"),
