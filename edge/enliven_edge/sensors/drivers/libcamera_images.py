@@ -149,7 +149,9 @@ class _Eye:
             camera.acquire()
         except (RuntimeError, OSError) as error:
             raise ResourceError(
-                f"it cannot be opened ({error})", where=camera.id, mend="Close what else uses the camera."
+                f"it cannot be opened ({error})",
+                where=camera.id,
+                mend="Close other programs that use the camera.",
             ) from None
         try:
             self._configure(size, formats)

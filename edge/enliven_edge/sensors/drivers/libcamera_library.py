@@ -62,7 +62,9 @@ def listed_cameras() -> list[ListedCamera]:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING, check=False)
     except subprocess.TimeoutExpired:
         what = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
-        raise ResourceError(what, where="sensor libcamera", mend="Close what else uses a camera.") from None
+        raise ResourceError(
+            what, where="sensor libcamera", mend="Close other programs that use a camera."
+        ) from None
     if done.returncode:
         said = (done.stderr.strip().splitlines() or [""])[-1]
         what = f"libcamera cannot list its cameras (exit code {done.returncode}: {said})"

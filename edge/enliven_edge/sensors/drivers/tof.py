@@ -37,7 +37,10 @@ _REASONS = {
         "the camera at this port is not an Arducam ToF camera",
         "Check --set device=NUMBER.",
     ),
-    "ArducamNoCache": ("it is in use, or its library has no memory left", "Close what else uses it."),
+    "ArducamNoCache": (
+        "it is in use, or its library has no memory left",
+        "Close other programs that use it.",
+    ),
 }
 """Meaning and remedy of the library's error codes. All other codes mean that no camera was found."""
 _NONE_FOUND = (
@@ -142,7 +145,9 @@ class TofSensor(Sensor):
         if code != ac.TofErrorCode.ArducamSuccess:
             camera.close()
             what = f"it does not start ({code.name.removeprefix('Arducam')})"
-            raise ResourceError(what, where=self.name, mend="Close what else uses it, or restart the Pi.")
+            raise ResourceError(
+                what, where=self.name, mend="Close other programs that use it, or restart the Pi."
+            )
         self._camera = camera
         try:
             camera.setControl(ac.Control.RANGE, _MODES[metres])

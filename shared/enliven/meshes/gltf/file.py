@@ -278,7 +278,7 @@ def _check_references(document: Entry) -> None:
     for number, node in enumerate(nodes):
         for kind, named, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
             if named is not None and not _is_number(named, len(entries)):
-                raise InputError(f"node {number} has a {kind} {named!s:.20} that is not there")
+                raise InputError(f"node {number} has a {kind} {named!s:.20} that does not exist")
     for number, skin in enumerate(skins):
         away = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
         if away:
@@ -291,7 +291,7 @@ def _check_references(document: Entry) -> None:
             if target is None or not _is_number(channel.sampler, len(animation.samplers or [])):
                 raise InputError(f"a channel of animation {number} has no target or no keys")
             if target.node is not None and not _is_number(target.node, len(nodes)):
-                raise InputError(f"animation {number} moves node {target.node!s:.20}, which is not there")
+                raise InputError(f"animation {number} moves node {target.node!s:.20}, which does not exist")
 
 
 def _is_number(value: Any, count: int) -> bool:
