@@ -89,7 +89,7 @@ class _Preparation(threading.Thread):
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:
             if hashlib.sha256(self._data).digest() != self.order.digest:
-                raise InputError("it was changed on its way", where=where, mend=mend)
+                raise InputError("it was changed during the transfer", where=where, mend=mend)
             former = self._stage.actors.get(self.order.id)
             actor = cast_sent(self._data, self.order, self._settings, former)
             self.carried = self._stage.carry_over(actor)
@@ -161,8 +161,8 @@ class Arrivals:
         key = peer, part.id, part.digest
         arrival = self._waiting.get(key)
         if arrival is None or part.offset != arrival.received:
-            mend = "Ask how far it is with PutCharacter."
-            raise InputError("this part is not waited for", where=f"character {part.id!r}", mend=mend)
+            mend = "Ask for its progress with PutCharacter."
+            raise InputError("this part was not expected", where=f"character {part.id!r}", mend=mend)
         arrival.received += len(part.data)
         arrival.heard = time.monotonic()
         if arrival.received > arrival.order.size:
@@ -267,14 +267,14 @@ class Arrivals:
             room = MAX_SENT_BYTES - sum(each.order.size for each in own)
             mend = "Send it again in a moment."
             if len(own) >= _MOST_WAITING or order.size > room:
-                raise InputError("too many characters are on their way", where=where, mend=mend)
+                raise InputError("too many characters are being transferred", where=where, mend=mend)
             room = _MOST_BYTES_IN_ALL - sum(each.order.size for each in on_way)
             if len(on_way) < _MOST_WAITING_IN_ALL and order.size <= room:
                 return
             counts = Counter(each.peer for each in on_way)
             others = [one for one in self._waiting.items() if one[1].peer is not arrival.peer]
             if not others:
-                raise InputError("too many characters are on their way", where=where, mend=mend)
+                raise InputError("too many characters are being transferred", where=where, mend=mend)
             slowest = min(others, key=lambda one: (-counts[one[1].peer], *one[1].pace(now)))
             del self._waiting[slowest[0]]
 

@@ -195,7 +195,7 @@ class Edge:
     def _end_at_fault(self) -> None:
         """Raises the sensor's fault if ``once`` is set."""
         if self._once and self.health.fault:
-            mend = "Mend the sensor, or start without --once, which goes on with the next good frame."
+            mend = "Fix the sensor, or start without --once to continue with the next good frame."
             raise ResourceError(self.health.fault, where=self.sensor.name, mend=mend)
 
     def _is_over(self, frame: Frame) -> bool:

@@ -32,18 +32,18 @@ HELP = """Step into any mesh and bring it alive.
   enliven                                  the window: sketch, animate, perform (enliven studio)
   enliven run                              watch the chair move with a recorded person
   enliven run --recording TAKE.mcap --mesh HORSE.obj
-  enliven import DEPTH/*.png -o take.mcap  bring in a recording made by others
+  enliven import DEPTH/*.png -o take.mcap  convert a recording made by another program
   enliven track TAKE.mcap -o bodies.mcap   make takes of the people in a recording of depth
-  enliven edge --sensor synthetic          the program beside the camera
+  enliven edge --sensor synthetic          the program at the camera: track and publish
   enliven stage put HORSE.obj              put a character on the stage of a running edge
-  enliven view --edge 192.168.1.20         the program on a screen
+  enliven view --edge 192.168.1.20         show the stage of an edge on this screen
   enliven studio SPIDER.glb                sketch, animate, cut and merge shapes
-  enliven graph HORSE.obj -o horse.png     what a mesh is possessed by
+  enliven graph HORSE.obj -o horse.png     draw the deformation graph of a mesh
   enliven retarget WALK.bvh HORSE.glb -o out.glb   move a model by a motion
   enliven examples fit SESSION.toml -o out.glb     move a mesh by a few example poses
   enliven possess TAKE.mcap --mesh HORSE.obj -o out.glb   move a mesh by a recorded person
-  enliven export TAKE.mcap -o take.glb     what was performed, for other programs (.glb, .bvh, .mp4)
-  enliven doctor                           what this machine lacks, and how to mend it
+  enliven export TAKE.mcap -o take.glb     write a performance as .glb, .bvh or .mp4
+  enliven doctor                           what this machine lacks, and how to fix it
 
 A file in capitals is one of your own. Exit codes: 0 done, 1 a fault of enliven, 2 wrong usage, 3 an
 input that cannot be used, 4 something this machine lacks (a port, a sensor, OpenGL), 130 interrupted.

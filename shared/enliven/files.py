@@ -243,7 +243,7 @@ def open_file(path: Path) -> BinaryIO:
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
-        what = "it is a folder" if stat.S_ISDIR(kind) else "it is no regular file but a pipe or a device"
+        what = "it is a folder" if stat.S_ISDIR(kind) else "it is not a regular file but a pipe or a device"
         raise InputError(what, where=str(path), mend="Name a file that can be read.")
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 

@@ -30,8 +30,8 @@ class Sound:
 
     def __post_init__(self) -> None:
         if self.samples.ndim != 1 or self.samples.dtype != np.int16 or not 0.0 <= self.begin < float("inf"):
-            mend = "Give samples of 16 bits, one channel, and a begin from 0 on."
-            raise InputError("it is no sound", where=f"sound {self.id!r}", mend=mend)
+            mend = "Give 16-bit samples of one channel, and a begin of at least 0."
+            raise InputError("it is not a valid sound", where=f"sound {self.id!r}", mend=mend)
 
     @property
     def end(self) -> float:

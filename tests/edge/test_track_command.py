@@ -55,7 +55,7 @@ def test_depth_becomes_a_take(depth, tmp_path):
     before = made.read_bytes()
     with pytest.raises(InputError, match="exists already"):
         run(depth, "-o", made)
-    with pytest.raises(InputError, match="no depth images in it"):
+    with pytest.raises(InputError, match="the recording has no depth images"):
         run(made, "-o", tmp_path / "again.mcap")
     assert made.read_bytes() == before and not list(tmp_path.glob("*.part"))
 

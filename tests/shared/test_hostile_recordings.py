@@ -184,5 +184,5 @@ def test_arrays_come_back_as_they_were_written(order, shape, kind):
 def test_a_pipe_is_no_recording_and_no_project(tmp_path):
     os.mkfifo(tmp_path / "a")
     for read in (Recording, read_project):
-        with bounded(seconds=20), pytest.raises(InputError, match="no regular file"):
+        with bounded(seconds=20), pytest.raises(InputError, match="not a regular file"):
             read(tmp_path / "a")

@@ -90,7 +90,7 @@ def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_
     running.until(lambda: running.said().fused > 1, "images")
     running.ask(Scan("done"))
     running.until(lambda: running.said().phase == "failed", "the refusal")
-    assert "moved 0 cm" in running.said().note and "round the thing" in running.said().mend
+    assert "moved 0 cm" in running.said().note and "round the object" in running.said().mend
     running.ask(Scan("go on"))
     running.show(frames[1:8])
     running.until(lambda: seen(viewer), "a surface")

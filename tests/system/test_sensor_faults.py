@@ -106,7 +106,7 @@ def test_a_recording_of_such_a_sensor_goes_on(tmp_path, installed):
 
 
 MISSING = "an OAK is not connected"
-PLUG = f"{MISSING}. Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
+PLUG = f"{MISSING}. Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
 """What docs/tour.md's first line with a camera says without one, and where its library is missing too."""

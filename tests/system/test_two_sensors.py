@@ -148,7 +148,7 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
     assert run([*words, "--seconds", "1.5"]) == 3
     said = capsys.readouterr()
-    assert "cannot be placed yet" in said.err and "is as it was" in said.err
+    assert "cannot be placed yet" in said.err and "was left unchanged" in said.err
     assert path.read_bytes() == (takes / "space.toml").read_bytes()
     assert list(tmp_path.iterdir()) == [path]
 

@@ -32,29 +32,30 @@ _EVERY = 4.0
 def calibrate(
     sources: Annotated[
         list[str] | None,
-        typer.Argument(help="Two or more: recordings or sensors, NAME=SOURCE to name one."),
+        typer.Argument(help="Two or more recordings or sensors; NAME=SOURCE names one."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The file that says where the sensors stand.")
+        Path, typer.Option("--output", "-o", help="Output file with the places of the sensors.")
     ] = Path("space.toml"),
     option: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensors, KEY=VALUE or NAME.KEY=VALUE.")
     ] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(help="A TOML file of an edge's settings; its sensors, where none are given."),
+        typer.Option(help="A TOML file of an edge's settings; its sensors are used if none are given."),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=1.0, help="Look for this long at most, by each sensor's clock.")
+        float | None, typer.Option(min=1.0, help="Maximum seconds to watch, by each sensor's clock.")
     ] = None,
     accept_doubt: Annotated[
-        bool, typer.Option(help="Write what was found though it is not good enough, as a comment says then.")
+        bool,
+        typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Find where sensors stand from one person who walks about where they all look. No checkerboard.
+    """Find where sensors stand from one person that walks in front of all of them. No checkerboard.
 
-    Walk in curves, all over the floor, for some twenty seconds. Live sensors are looked at until it is
-    enough; recordings must have been made at the same time. What was in the file before is kept beside it.
+    Walk in curves, all over the floor, for about twenty seconds. Live sensors are read until the result is
+    good enough; recordings must have been made at the same time. The previous file is kept as a backup.
 
     \b
       enliven calibrate LEFT.mcap RIGHT.mcap -o space.toml
@@ -73,7 +74,7 @@ def calibrate(
         given = sources_of(chosen.sensors, settings.parent)
     if len(given) < 2:
         raise InputError(
-            "a calibration needs two sensors at least",
+            "a calibration needs at least two sensors",
             where="calibrate",
             mend="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
         )
@@ -85,7 +86,7 @@ def calibrate(
     for pair in found.pairs:
         say(_sentence(pair))
     if len(found.sensors) > 2:
-        say(f"going round: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg are left over")
+        say(f"error around the loop of sensors: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg")
     _write(found, collectors, output, accept_doubt)
 
 
@@ -162,7 +163,7 @@ def _write(found: Calibration, collectors: list[Collector], output: Path, accept
     doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]
     missing = [name for name in found.sensors if name not in found.world_from_sensor]
     if missing or (doubt and not accept_doubt):
-        kept = f"; {output} is as it was" if output.exists() else ""
+        kept = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
             f"the sensors cannot be placed yet{kept}", where="calibrate", mend="; ".join(found.advice) + "."
         )
@@ -171,5 +172,5 @@ def _write(found: Calibration, collectors: list[Collector], output: Path, accept
     today = datetime.date.today().isoformat()
     remarks = [f"Where the sensors stand: enliven calibrate, {today}.", *doubt, *map(_sentence, found.pairs)]
     old = save_space(output, space, remarks)
-    kept = f" (what was there is now {old})" if old else ""
-    say(f"{output} says where {len(space.sensors)} sensors stand{kept}")
+    kept = f" (the previous file is now {old})" if old else ""
+    say(f"{output} holds the places of {len(space.sensors)} sensors{kept}")

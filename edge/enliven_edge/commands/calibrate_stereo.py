@@ -29,7 +29,9 @@ def calibrate_stereo(
         Path | None,
         typer.Argument(help="Image pairs, left-01.png and right-01.png; with --live they are kept here."),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="The calibration.")] = Path("stereo.toml"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file with the calibration.")] = Path(
+        "stereo.toml"
+    ),
     print_to: Annotated[
         Path | None, typer.Option("--print", help="Write the board as a .pdf to print, and do nothing else.")
     ] = None,
@@ -38,16 +40,19 @@ def calibrate_stereo(
     live: Annotated[bool, typer.Option(help="Take the pairs now, with two cameras of libcamera.")] = False,
     left: Annotated[str, typer.Option(help="The left camera, seen from behind; libcamera's number.")] = "0",
     right: Annotated[str, typer.Option(help="The right camera.")] = "1",
-    size: Annotated[str, typer.Option(help="Pixels of the live images, as they will be used.")] = "640x400",
+    size: Annotated[
+        str, typer.Option(help="Pixels of the live images, as the sensor will use them.")
+    ] = "640x400",
     pairs: Annotated[int, typer.Option(min=8, max=200, help="How many live pairs to keep.")] = 24,
     accept_doubt: Annotated[
-        bool, typer.Option(help="Write what was found though it is not good enough, as a comment says then.")
+        bool,
+        typer.Option(help="Write the result even if it is not good enough; a comment in the file says so."),
     ] = False,
 ) -> None:
-    """Make two cameras a depth sensor: find their lenses and how they stand, from a printed board.
+    """Make two cameras a depth sensor: calibrate their lenses and relative pose with a printed board.
 
-    Print the board at 100 %, glue it flat, measure a square. Take some 24 pairs: near and far, in every
-    corner of both images, tilted to all sides, held still.
+    Print the board at 100 %, glue it to something flat and measure a square. Take about 24 image pairs:
+    near and far, in every corner of both images, tilted to all sides. Hold the board still for each.
 
     \b
       enliven calibrate-stereo --print board.pdf
@@ -63,9 +68,9 @@ def calibrate_stereo(
         return
     if folder is None:
         raise InputError(
-            "there are no image pairs",
+            "no image pairs were given",
             where="calibrate-stereo",
-            mend="Give their folder, or --live and a folder to keep them in.",
+            mend="Give the folder of the pairs, or --live and a folder for new pairs.",
         )
     if live:
         _take(board, folder, (left, right), _size(size, "--size"), pairs)
@@ -92,7 +97,7 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     _tell(judgement)
     found = solution.calibration
     if found is None or not (judgement.usable or accept_doubt):
-        kept = f"; {output} is as it was" if output.exists() else ""
+        kept = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
             f"the calibration is not good enough{kept}",
             where=str(folder),

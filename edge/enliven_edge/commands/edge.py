@@ -33,13 +33,14 @@ log = logging.getLogger(__name__)
 def edge(
     sensor: Annotated[
         list[str] | None,
-        typer.Option(help="A sensor by name, such as synthetic; several: NAME=SENSOR."),
+        typer.Option(help="A sensor by name, such as synthetic. For several, give NAME=SENSOR each."),
     ] = None,
     recording: Annotated[
-        list[str] | None, typer.Option(help="Replay this recording instead of a sensor; several: NAME=FILE.")
+        list[str] | None,
+        typer.Option(help="Replay this recording instead of a sensor. For several, give NAME=FILE each."),
     ] = None,
     space: Annotated[
-        Path | None, typer.Option(help="Where several sensors stand, as enliven calibrate wrote it.")
+        Path | None, typer.Option(help="File with the places of several sensors, from enliven calibrate.")
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE or NAME.KEY=VALUE.")
@@ -51,41 +52,45 @@ def edge(
     mesh: Annotated[
         list[str] | None,
         typer.Option(
-            help="What is moved: a mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'; "
-            "several: again."
+            help="Character to move: a mesh, 'chair', 'lamp', or a puppet (its session, its project, or "
+            "'cactus'). Repeat the option for several."
         ),
     ] = None,
     possess_at: Annotated[
-        float | None, typer.Option(help="Take hold this many seconds after the start.")
+        float | None, typer.Option(help="Possess the mesh this many seconds after the start.")
     ] = None,
     parts: Annotated[
         list[str] | None,
         typer.Option(
-            help="What takes hold: all, legs, 'upper body', ...; of two performers: 'legs / torso'; "
-            "several: one for each --mesh.",
+            help="Body parts that possess the mesh: all, legs, 'upper body', ...; for two performers: "
+            "'legs / torso'. Give one for each --mesh.",
             callback=known_parts,
         ),
     ] = None,
     up: Annotated[
-        Literal["x", "y", "z"] | None, typer.Option(help="The meshes' own axis that points up; else guessed.")
+        Literal["x", "y", "z"] | None,
+        typer.Option(help="The meshes' axis that points up; guessed by default."),
     ] = None,
     physics: Annotated[
-        str | None, typer.Option(help="Loose things to knock about: boxes, dodgeball, or none.")
+        str | None, typer.Option(help="Loose objects to knock about: boxes, dodgeball, or none.")
     ] = None,
     drive: Annotated[
         list[str] | None,
         typer.Option(
-            help="What moves the model: graph, or skeleton (a rigged glTF's own); one for each --mesh."
+            help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF). Give one for each --mesh."
         ),
     ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
     open_to_all: Annotated[
-        bool | None, typer.Option("--open", help="Let other machines watch and take hold; see --host.")
+        bool | None,
+        typer.Option("--open", help="Let other machines watch and possess characters; see --host."),
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
-    control_port: Annotated[int | None, typer.Option(help="Port of the commands; one on by itself.")] = None,
+    control_port: Annotated[
+        int | None, typer.Option(help="Port of the commands; by default the next one.")
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -286,9 +291,9 @@ def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSetti
         return next(iter(sensors.values()))
     if not chosen.space:
         raise InputError(
-            "several sensors need to know where they stand",
+            "the places of several sensors must be known",
             where="edge",
-            mend="Find it, enliven calibrate ... -o space.toml, and give --space space.toml.",
+            mend="Run enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
     return _fused(sources, sensors, chosen, once)
 

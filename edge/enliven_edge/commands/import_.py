@@ -17,14 +17,15 @@ from enliven_edge.commands.progress import write_recording
 
 def import_recording(
     files: Annotated[list[str] | None, typer.Argument(help="Files, folders or patterns.")] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The recording to make.")] = None,
-    reader: Annotated[str | None, typer.Option(help="The layout, where it is not recognised.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output recording.")] = None,
+    reader: Annotated[str | None, typer.Option(help="The layout, if it is not recognised.")] = None,
     fps: Annotated[
         float | None,
-        typer.Option(min=0.1, max=1000.0, help="Frames a second, where the files hold no times."),
+        typer.Option(min=0.1, max=1000.0, help="Frames per second, if the files hold no times."),
     ] = None,
     device: Annotated[
-        str | None, typer.Option(help="Which sensor of several in a file; else the name to give the sensor.")
+        str | None,
+        typer.Option(help="The sensor to read if a file has several; otherwise a name for the sensor."),
     ] = None,
     lens: LensOption = None,
     units_per_metre: UnitsOption = None,
@@ -35,7 +36,7 @@ def import_recording(
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     list_readers: Annotated[bool, typer.Option("--list-readers", help="Show the known layouts.")] = False,
 ) -> None:
-    """Bring a foreign recording in: depth images or skeletons, in any of the known layouts.
+    """Convert a recording of another program: depth images or skeletons, in any known layout.
 
     \b
       enliven import PERSON_TURN/ -o turn.mcap                    a folder of depth images
@@ -43,9 +44,9 @@ def import_recording(
       enliven import STUDY.csv --device 10.0.0.7 -o two.mcap      one of several Kinects in a file
       enliven import VIEWER.bag -o viewer.mcap                    RealSense Viewer, Orbbec Viewer (or .db3)
       enliven import "FRAMES/*.u16" --fps 15 -o frames.mcap       images without times
-      enliven import rgbd_dataset_freiburg1_desk/ -o desk.mcap    TUM's or 7-Scenes' folder as it is
+      enliven import rgbd_dataset_freiburg1_desk/ -o desk.mcap    a folder of TUM or 7-Scenes
       enliven import D405/ --units-per-metre 10000 -o d405.mcap   depth images in another unit
-      enliven import --list-readers                               the layouts that are known
+      enliven import --list-readers                               list the known layouts
     """
     from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of, mirrored
 
@@ -55,7 +56,7 @@ def import_recording(
         return
     if not files or output is None:
         raise InputError(
-            "nothing to import" if not files else "the recording to make is not named",
+            "nothing to import" if not files else "the output file is not named",
             where="enliven import",
             mend="For example: enliven import FOLDER -o take.mcap",
         )

@@ -26,20 +26,20 @@ _USUAL_RATE = 30.0
 
 def inspect(
     recording: Annotated[Path, typer.Argument(help="The recording.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The film to make, an .mp4 file.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Output film, an .mp4 file.")] = None,
     sheet: Annotated[
-        Path | None, typer.Option(help="Also a picture of some of its frames, a .png file.")
+        Path | None, typer.Option(help="Also write a picture of some frames to this .png file.")
     ] = None,
-    width: Annotated[int, typer.Option(min=160, max=3840, help="Of the film, pixels.")] = 640,
-    slow: Annotated[float, typer.Option(min=0.1, max=10.0, help="1 as recorded, 2 half as fast.")] = 1.0,
-    frames: Annotated[int, typer.Option(min=0, help="Stop after so many frames; 0 for all.")] = 0,
+    width: Annotated[int, typer.Option(min=160, max=3840, help="Width of the film in pixels.")] = 640,
+    slow: Annotated[
+        float, typer.Option(min=0.1, max=10.0, help="Slow motion: 1 as recorded, 2 at half speed.")
+    ] = 1.0,
+    frames: Annotated[int, typer.Option(min=0, help="Stop after this number of frames; 0 for all.")] = 0,
 ) -> None:
-    """Say what became of a recorded sensor, or with -o film what the tracker makes of it.
+    """Report the faults of a recorded sensor, or with -o film what the tracker sees.
 
-    It says which images are missing by the sensor's own count, its link and temperature, and its losses. The
-    film shows skeletons over depth, coloured by confidence, and what is wrong with the sensor.
+    The report lists missing images (by the sensor's own count), its link and temperature, and its losses.
+    The film shows skeletons over depth, coloured by confidence, and the faults of the sensor.
 
     \b
       enliven inspect TAKE.mcap
@@ -58,7 +58,9 @@ def inspect(
             log.add(moment)
     elif count == 0:
         raise InputError(
-            "there are no depth frames in it", where=str(recording), mend="Skeletons alone cannot be tracked."
+            "the recording has no depth frames",
+            where=str(recording),
+            mend="Skeletons alone cannot be tracked.",
         )
     else:
         rate, count = _rate(source, count), min(count, frames or count)

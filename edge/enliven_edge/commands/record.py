@@ -28,16 +28,14 @@ _PATIENCE = 0.25
 def record(
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", help="The recording to make; {time} or {number} in its name is filled in."
-        ),
+        typer.Option("--output", "-o", help="Output recording; {time} or {number} in its name is filled in."),
     ],
     sensor: Annotated[str, typer.Option(help="The sensor's name.")] = "synthetic",
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
+        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
     ] = None,
     level: Annotated[int, typer.Option(min=1, max=22, help="Compression: 1 fast, 19 small.")] = 1,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
@@ -67,7 +65,7 @@ def record(
     names = ", ".join(str(path) for path in recorder.paths)
     say(f"{names}: {count} frames of {stream.name}, {size / 1e6:.1f} MB")
     if recorder.lost:
-        say(f"Note: {recorder.lost} messages are missing: the disk was full.")
+        say(f"Note: {recorder.lost} messages are missing because the disk was full.")
     if recorder.failure is not None:
         raise recorder.failure
 

@@ -12,18 +12,22 @@ from enliven_edge.commands.edge import edge
 
 def replay(
     recording: Annotated[Path, typer.Argument(help="The recording.")],
-    speed: Annotated[float, typer.Option(min=0.0, help="1 as recorded, 2 twice as fast.")] = 1.0,
-    fast: Annotated[bool, typer.Option("--fast", help="As fast as it goes.")] = False,
-    loop: Annotated[bool, typer.Option(help="Begin again at the end.")] = False,
+    speed: Annotated[float, typer.Option(min=0.0, help="Speed: 1 as recorded, 2 twice as fast.")] = 1.0,
+    fast: Annotated[bool, typer.Option("--fast", help="Replay as fast as possible.")] = False,
+    loop: Annotated[bool, typer.Option(help="Start again at the end.")] = False,
     mesh: Annotated[str, typer.Option(help="The mesh to possess: a file, 'chair' or 'lamp'.")] = "chair",
-    possess_at: Annotated[float, typer.Option(help="Take hold this many seconds after the start.")] = 1.5,
-    parts: Annotated[str, typer.Option(help="What takes hold: all, legs, 'upper body', ...")] = "all",
+    possess_at: Annotated[
+        float, typer.Option(help="Possess the mesh this many seconds after the start.")
+    ] = 1.5,
+    parts: Annotated[
+        str, typer.Option(help="Body parts that possess it: all, legs, 'upper body', ...")
+    ] = "all",
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[int | None, typer.Option(help="Port of the commands.")] = None,
 ) -> None:
-    """Send a recording through the edge: tracked, driven and published like a live sensor.
+    """Replay a recording through the edge: track, possess and publish as for a live sensor.
 
     \b
       enliven replay TAKE.mcap

@@ -19,7 +19,8 @@ _VOXEL = 4.0
 
 def scan(
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The mesh to make: .glb, .ply, .obj, .stl; or .enliven.")
+        Path,
+        typer.Option("--output", "-o", help="Output mesh: .glb, .ply, .obj or .stl; or a project, .enliven."),
     ],
     recording: Annotated[Path | None, typer.Option(help="A recording of a carried depth camera.")] = None,
     sensor: Annotated[str | None, typer.Option(help="Instead of a recording, a sensor's name.")] = None,
@@ -28,64 +29,74 @@ def scan(
     ] = None,
     voxel: Annotated[
         float | None,
-        typer.Option(min=1, max=50, help="Millimetres of a voxel's side; 4 where not given, of a person 8."),
+        typer.Option(min=1, max=50, help="Voxel size in millimetres; by default 4, or 8 for a person."),
     ] = None,
     reach: Annotated[
-        float, typer.Option(min=0.3, max=10, help="Metres up to which surfaces are kept.")
+        float, typer.Option(min=0.3, max=10, help="Maximum distance in metres from camera to surfaces.")
     ] = 2.2,
     within: Annotated[
         float | None,
-        typer.Option(min=0.3, max=10, help="Metres; with what is farther left out, the thing may be turned."),
+        typer.Option(
+            min=0.3,
+            max=10,
+            help="Ignore depth beyond this many metres. Use it if the object is turned, not the camera.",
+        ),
     ] = None,
     moved: Annotated[
         bool,
-        typer.Option(help="The thing is turned and put down meanwhile; all its sides end in one mesh."),
+        typer.Option(help="The object is turned and put down during the scan; one mesh gets all its sides."),
     ] = False,
     turned: Annotated[
         bool,
-        typer.Option(help="The thing turns on a turntable, and is followed while it moves."),
+        typer.Option(help="The object turns on a turntable, and is tracked while it moves."),
     ] = False,
     person: Annotated[
-        bool, typer.Option(help="A person before a camera that stands still: turn once, or hold still.")
+        bool, typer.Option(help="Scan a person in front of a fixed camera: turn once, or hold still.")
     ] = False,
     thing: Annotated[
-        int, typer.Option(min=1, help="Which of several things on the floor; 1 was looked at most.")
+        int,
+        typer.Option(min=1, help="Number of the object if several stand on the floor; 1 was looked at most."),
     ] = 1,
     seconds: Annotated[
-        float | None, typer.Option(min=0.0, help="Stop after so many seconds of the sensor's clock.")
+        float | None, typer.Option(min=0.0, help="Stop after this many seconds of the sensor's clock.")
     ] = None,
-    memory: Annotated[int, typer.Option(min=16, help="Megabytes of voxels; full, the scan ends.")] = 1500,
+    memory: Annotated[
+        int, typer.Option(min=16, help="Maximum megabytes of voxels; the scan ends there.")
+    ] = 1500,
     whole: Annotated[
-        bool, typer.Option(help="Keep all that was scanned, not what stands on the floor.")
+        bool, typer.Option(help="Keep all that was scanned, not only the object on the floor.")
     ] = False,
     box: Annotated[
-        str, typer.Option(help="Keep what is in a box, metres: x0,y0,z0,x1,y1,z1, as --whole shows it.")
+        str, typer.Option(help="Keep only this box, in metres: x0,y0,z0,x1,y1,z1, in the frame of --whole.")
     ] = "",
     before: Annotated[
-        Path | None, typer.Option(help="A recording of the place without the thing; what is new is kept.")
+        Path | None,
+        typer.Option(help="A recording of the place without the object; only new surfaces are kept."),
     ] = None,
     add: Annotated[
-        Path | None, typer.Option(help="An earlier scan's mesh, project or recording, to which this adds.")
+        Path | None, typer.Option(help="An earlier scan to extend: its mesh, project or recording.")
     ] = None,
-    keep: Annotated[bool, typer.Option(help="Keep the images beside it, for --add: NAME.scan.mcap.")] = True,
+    keep: Annotated[bool, typer.Option(help="Keep the images for --add, in NAME.scan.mcap.")] = True,
     triangles: Annotated[
-        int, typer.Option(min=0, help="Triangles of the mesh at most; 0 keeps all.")
+        int, typer.Option(min=0, help="Maximum triangles of the mesh; 0 keeps all.")
     ] = 50_000,
     edge: Annotated[
         str | None, typer.Option(help="Put it on the stage of this running edge: HOST, or HOST:PORT.")
     ] = None,
-    sheet: Annotated[Path | None, typer.Option(help="A PNG of six views to write beside it.")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Also write six views of the mesh to this PNG file.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing mesh.")] = False,
 ) -> None:
-    """Scan a thing: carry a depth camera round it, until the recording ends, the time is up, or Ctrl-C.
+    """Scan an object: carry a depth camera round it until the recording ends, the time is up, or Ctrl-C.
 
-    What stands on the floor where the camera looked is cut out, put upright and written in metres. Where the
-    camera is lost, nothing is added; look again at what was scanned already, and it goes on. With --within,
-    the camera may stand still, and the thing or the person turn: only how they move to one another counts.
-    With --moved, scan the thing as it stands, then lay it on its back or its side, and go on.
-    With --turned, the thing stands for a second, then turns on a turntable; what moves is found out, and
-    followed apart from the room.
-    With --person, stand one to three metres before a camera that stands still, and turn once on the spot.
+    The object on the floor that the camera looked at is cut out, put upright and written in metres. While
+    camera tracking is lost, nothing is added. Look again at a part that was already scanned to go on.
+    With --within, the camera may stand still while the object or person turns.
+    With --moved, scan the object where it stands, then lay it on its back or its side, and go on.
+    With --turned, the object stands for a second, then turns on a turntable. The moving part is detected
+    and tracked separately from the room.
+    With --person, stand one to three metres in front of a fixed camera, and turn once on the spot.
 
     \b
       enliven scan --sensor realsense -o chair.glb --sheet chair.png

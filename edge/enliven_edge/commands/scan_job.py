@@ -69,9 +69,9 @@ def corners_of(box: str) -> tuple[Float, Float] | None:
     try:
         numbers = np.array([float(part) for part in box.split(",")])
     except ValueError:
-        raise InputError(f"{box!r} is no box", where="--box", mend=mend) from None
+        raise InputError(f"{box!r} is not a box", where="--box", mend=mend) from None
     if len(numbers) != 6 or not np.isfinite(numbers).all() or (numbers[:3] >= numbers[3:]).any():
-        raise InputError(f"{box!r} is no box", where="--box", mend=mend)
+        raise InputError(f"{box!r} is not a box", where="--box", mend=mend)
     return numbers[:3], numbers[3:]
 
 
@@ -152,7 +152,7 @@ class ScanJob:
         except InputError as error:
             if self.recording is not None or not self._kept(output, 0):
                 raise
-            again = f"What was seen is kept: --recording {kept_beside(output)} scans it again."
+            again = f"The recorded images were kept: --recording {kept_beside(output)} scans them again."
             raise InputError(error.what, where=error.where, mend=f"{error.mend} {again}") from None
         if self.keeps:
             self._kept(output, before if keep.what == "new" else 0)

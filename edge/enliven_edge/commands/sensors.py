@@ -30,7 +30,7 @@ _PATIENCE = 15.0
 
 def sensors(
     name: Annotated[
-        str | None, typer.Argument(help="The sensor to preview; without it all are listed.")
+        str | None, typer.Argument(help="The sensor to preview; without one, all sensors are listed.")
     ] = None,
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="An option of the sensor, KEY=VALUE; may be repeated.")
@@ -38,7 +38,7 @@ def sensors(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Write a picture of its depth, a .png.")
     ] = None,
-    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="How long to look.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=60.0, help="Seconds to watch the sensor.")] = 2.0,
     picture: Annotated[
         str,
         typer.Option(help="How the terminal draws: auto, none, kitty, iterm, sixel, blocks or blocks256."),
@@ -47,9 +47,9 @@ def sensors(
         bool, typer.Option("--json", help="List the cameras for another program, as JSON.")
     ] = False,
 ) -> None:
-    """List sensors and the cameras that are plugged in, or say and show what one of them sees.
+    """List sensors and connected cameras, or describe and show the images of one of them.
 
-    A terminal is shown a picture of the depth, near is bright, in its own image protocol where it has one.
+    A terminal shows a picture of the depth (near is bright), in its own image protocol if it has one.
 
     \b
       enliven sensors
@@ -130,7 +130,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
             break
         if not isinstance(frame, DepthFrame):
             raise InputError(
-                "it delivers bodies, no depth", where=sensor.name, mend="Look at it with: enliven edge"
+                "it delivers bodies and no depth", where=sensor.name, mend="Look at it with: enliven edge"
             )
         frames.append(frame)
     if not frames:
@@ -183,7 +183,7 @@ def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str
         said = f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
         if down is not None:
             apart = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
-            said += f", {apart:.0f} degrees from what the floor says"
+            said += f", {apart:.0f} degrees from the floor's normal"
         facts.append(("gravity", said))
     return facts
 
@@ -196,7 +196,7 @@ def _way(word: str) -> Way | None:
         return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
     if word not in WAYS:
         known = ", ".join(("auto", "none", *WAYS))
-        raise InputError(f"there is no way {word!r} to draw", where="--picture", mend=f"Give {known}.")
+        raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {known}.")
     return word  # type: ignore[return-value]
 
 

@@ -22,24 +22,24 @@ if TYPE_CHECKING:
 
 def track(
     recording: Annotated[
-        Path, typer.Argument(help="A recording of depth; or a depth image, or a folder of them.")
+        Path, typer.Argument(help="A depth recording, a depth image, or a folder of depth images.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The recording of bodies to make.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output recording of bodies.")],
     settings: Annotated[
-        Path | None, typer.Option(help="A TOML file of settings, as enliven edge takes it.")
+        Path | None, typer.Option(help="A TOML file of settings, as for enliven edge.")
     ] = None,
     lens: LensOption = None,
     units_per_metre: UnitsOption = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     lines: Annotated[
-        bool, typer.Option("--lines", help="Say how far it is line by line, for a program that waits.")
+        bool, typer.Option("--lines", help="Print the progress line by line, for another program.")
     ] = False,
 ) -> None:
-    """Find the people in a recording of depth, and write where their joints were: a take for everything.
+    """Track the people in a depth recording and write their joints as a take.
 
-    Every image is tracked, however long that takes. What comes out is a take for the studio and for the
-    commands that move a model by a motion, and is replayed like any recording. A single 16-bit image is
-    enough; every layout that enliven import knows is read.
+    Every image is tracked, even if that is slower than real time. The studio and the commands that move a
+    model by a motion read the take, and it replays like any recording. A single 16-bit image is enough.
+    Every layout that enliven import knows is read.
 
     \b
       enliven track TAKE.mcap -o bodies.mcap
@@ -62,7 +62,7 @@ def track(
         output,
         task="Tracking",
         facts=("track", {"recording": recording.name}),
-        empty=InputError("no image of it can be read", where=str(recording), mend="Record it again."),
+        empty=InputError("none of its images can be read", where=str(recording), mend="Record it again."),
         console=plain_console(),
         overwrite=overwrite,
     )
@@ -126,8 +126,8 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
 
 
 def _without_depth(path: Path) -> InputError:
-    mend = "Give a recording of a depth camera; one of bodies is a take as it is."
-    return InputError("there are no depth images in it", where=str(path), mend=mend)
+    mend = "Give a recording of a depth camera. A recording of bodies is already a take."
+    return InputError("the recording has no depth images", where=str(path), mend=mend)
 
 
 def _counted(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:

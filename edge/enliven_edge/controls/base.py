@@ -63,11 +63,11 @@ def _checked(key: str, said: str, where: str) -> Command:
                 raise InputError(f"{key!r}: {error.what}", where=where, mend=error.mend) from None
         elif word == _CHOOSES:
             mend = 'Such as "parts legs".'
-            raise InputError(f"{key!r} means parts of the body, and names none", where=where, mend=mend)
+            raise InputError(f"{key!r} selects body parts, and names none", where=where, mend=mend)
         return said
     near = difflib.get_close_matches(said, WORDS, n=1)
     mend = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(WORDS)}."
-    raise InputError(f"{key!r} means {said!r}, which is no command", where=where, mend=mend)
+    raise InputError(f"{key!r} means {said!r}, which is not a command", where=where, mend=mend)
 
 
 def orders(said: Command, stage: Stage) -> list[Order]:

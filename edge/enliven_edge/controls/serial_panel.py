@@ -62,7 +62,7 @@ class SerialPanel(SerialPedal):
         keys = super().read()
         self._judge_silence(began, self._keys.heard > heard)
         if answered and self._keys.cause:
-            why = _CAUSES.get(self._keys.cause, "its boot loader hides why")
+            why = _CAUSES.get(self._keys.cause, "its boot loader hides the reason")
             log.warning("%s was started again: %s", self._where, why)
         if self._keys.heard:
             self._say()

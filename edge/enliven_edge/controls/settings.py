@@ -16,7 +16,7 @@ class ControlSettings:
     kind: Literal["serial", "hid", "voice"] = setting(doc="Kind of control: serial, hid or voice.")
     map: dict[str, str] = field(
         default_factory=dict,
-        metadata={"doc": "From what it sends (a line, a byte, a button, spoken words) to a command."},
+        metadata={"doc": "Maps each input (a line, a byte, a button, spoken words) to a command."},
     )
     debounce: float = setting(
         0.08,

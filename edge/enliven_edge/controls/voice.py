@@ -43,7 +43,7 @@ class SoundRecording:
                 given = (file.getframerate(), file.getnchannels(), file.getsampwidth())
                 self._sound = file.readframes(file.getnframes())
         except (wave.Error, EOFError):
-            raise InputError("it is no WAV file", where=str(self._path)) from None
+            raise InputError("it is not a WAV file", where=str(self._path)) from None
         if given != (RATE, 1, 2):
             what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
             raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")
@@ -109,7 +109,7 @@ class Microphone:
         inputs = [str(one["name"]) for one in self._library.query_devices() if one["max_input_channels"] > 0]
         if not inputs:
             return ResourceError(
-                "no microphone is connected", where="voice", mend="Plug one in; it is found by itself."
+                "no microphone is connected", where="voice", mend="Plug one in; it is detected automatically."
             )
         if self._name and not any(self._name.lower() in one.lower() for one in inputs):
             mend = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]

@@ -72,8 +72,7 @@ class FusionSettings:
     )
     loyalty: float = setting(
         0.15,
-        "Distance by which another person must be nearer before an identity changes. Raise it if "
-        "identities swap.",
+        "An identity changes only if another person is nearer by this distance. Raise it if identities swap.",
         unit="m",
         low=0.0,
         high=2.0,

@@ -172,6 +172,6 @@ def _camera_of(path: Path, width: int, height: int, options: ImportOptions) -> t
             f"the image is {width}x{height}, and no file states its camera",
             where=str(path),
             mend="Give its focal lengths and centre in pixels, --lens FX,FY,CX,CY, or put a camera file "
-            "beside it: NAME_camera.xml for NAME_depth.png.",
+            "next to the image: NAME_camera.xml for NAME_depth.png.",
         )
     return options.device or usual[0], usual[1]

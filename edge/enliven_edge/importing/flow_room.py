@@ -128,7 +128,7 @@ def _distance(bodies: Sequence[Float], path: Path) -> float:
     tall = float(np.percentile(heights, 75)) if heights else 0.0
     if tall < 20.0:
         raise InputError(
-            "nobody stands upright in it, so the distance to the sensor cannot be told", where=str(path)
+            "no person stands upright in it, so the distance to the sensor is unknown", where=str(path)
         )
     middle = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
     return FOCAL * STATURE * _HEAD_TO_ANKLE / tall - middle

@@ -100,6 +100,8 @@ def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
         return devices.most_common(1)[0][0]
     if wanted not in devices:
         raise InputError(
-            f"there is no Kinect {wanted!r}", where=str(path), mend=f"Known: {', '.join(sorted(devices))}."
+            f"the Kinect {wanted!r} does not exist",
+            where=str(path),
+            mend=f"Known: {', '.join(sorted(devices))}.",
         )
     return wanted

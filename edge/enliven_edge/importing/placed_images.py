@@ -91,9 +91,9 @@ def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str
             full = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
             return full if full_width == width else full.scaled(width / full_width)
     raise InputError(
-        f"there is no depth calibration for {width}x{height}",
+        f"the files have no depth calibration for {width}x{height}",
         where=where,
-        mend=f"Stated are {', '.join(stated) or 'none'}.",
+        mend=f"Known sizes: {', '.join(stated) or 'none'}.",
     )
 
 

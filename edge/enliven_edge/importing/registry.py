@@ -62,7 +62,7 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
             return known[name]
         near = difflib.get_close_matches(name, known, n=1)
         mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."
-        raise InputError(f"there is no reader called {name!r}", where="--reader", mend=mend)
+        raise InputError(f"the reader {name!r} does not exist", where="--reader", mend=mend)
     for reader in known.values():
         if reader.can_read(paths):
             return reader

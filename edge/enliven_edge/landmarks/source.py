@@ -101,7 +101,7 @@ class MediaPipeSettings:
         model = self.model_file
         if model is not None and not model.is_file():
             mend = "Give the path of a .task file."
-            raise InputError("there is no such model", where=str(model), mend=mend)
+            raise InputError("the model file does not exist", where=str(model), mend=mend)
         if self.python:
             return
         found = importlib.util.find_spec("mediapipe")
@@ -182,7 +182,7 @@ class MediaPipeSource(LandmarkSource):
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
-        why = lines[-1][:200] if lines else "it ended without a word"
+        why = lines[-1][:200] if lines else "it ended without a message"
         return ResourceError(f"MediaPipe does not run: {why}", where="landmarks", mend=_MEND)
 
 

@@ -143,8 +143,8 @@ class ControlSocket:
         self.refused += 1
         if self.refused == 1:
             log.warning(
-                "the viewer %r at %s asks more than %g times a second; what is more is refused, and only "
-                "counted from now on",
+                "the viewer %r at %s asks more than %g times a second; further requests are refused "
+                "and only counted",
                 peer.state.name,
                 peer.address,
                 self._rate,

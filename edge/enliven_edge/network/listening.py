@@ -88,9 +88,10 @@ def check_open(host: str, open_to_all: bool) -> None:
     if open_to_all or _is_loopback(host):
         return
     raise InputError(
-        "all who reach this address could take hold of characters and see who performs",
+        "everyone that reaches this address could possess characters and watch the performers",
         where=f"host {host or '*'}",
-        mend="Give --open too (open = true under [wire]) on a network that you trust, else --host 127.0.0.1.",
+        mend="On a network that you trust, give --open too (open = true under [wire]). "
+        "Otherwise give --host 127.0.0.1.",
     )
 
 

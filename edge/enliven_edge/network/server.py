@@ -247,7 +247,7 @@ class ZmtpServer:
             except BlockingIOError:
                 return
             except OSError as error:
-                log.debug("a connection could not be taken in (%s)", error)
+                log.debug("a connection could not be accepted (%s)", error)
                 return
             self._take_in(own, str(address[0]))
 
@@ -255,7 +255,9 @@ class ZmtpServer:
         """Keeps an accepted connection if a place is free or can be made."""
         if len(self._open) >= self._most:
             if not self._told_full:
-                log.warning("all %d places of port %d are taken; said once", self._most, self.port)
+                log.warning(
+                    "all %d connections of port %d are in use; this is logged once", self._most, self.port
+                )
                 self._told_full = True
             leaving = self._leaving(address)
             if leaving is None:

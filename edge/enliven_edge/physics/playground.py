@@ -124,7 +124,7 @@ class Playground:
         late = self.world.left_out
         trouble = self.world.advance(seconds)
         if self.world.left_out > late == 0.0:
-            log.warning("the physics take longer than engine.budget, so now and then they lag behind")
+            log.warning("the physics take longer than engine.budget, so they sometimes lag behind")
         if trouble:
             self._reset(trouble, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
@@ -180,7 +180,7 @@ class Playground:
     def _reset(self, trouble: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""
         self.resets += 1
-        log.warning("the physics begin anew: %s", trouble)
+        log.warning("the physics engine failed and starts again: %s", trouble)
         assert self._ground is not None
         self.world.restart()
         self.game.begin(self.world, self._ground, spheres, radii)

@@ -93,7 +93,7 @@ class DodgeballSettings:
     distance: float = setting(
         2.6, "Distance from the throwing position to the target.", unit="m", low=0.5, high=20.0
     )
-    hand: float = setting(1.3, "Height from which balls are thrown.", unit="m", low=0.0, high=10.0)
+    hand: float = setting(1.3, "Release height of the thrown balls.", unit="m", low=0.0, high=10.0)
     flight: float = setting(0.7, "Flight time of a ball to its target.", unit="s", low=0.1, high=5.0)
 
 

@@ -41,7 +41,7 @@ class DiskSync:
         """Raises ResourceError if the disk refused written data."""
         if self._failure is not None:
             raise ResourceError(
-                f"what was written does not reach the disk ({self._failure.strerror})",
+                f"the written data does not reach the disk ({self._failure.strerror})",
                 mend="Check the disk and its space.",
             )
 

@@ -67,18 +67,18 @@ class ScanDiary:
             return
         if not self.counts[ScanState.SCANNING]:
             what = "no frame shows enough depth"
-            raise InputError(what, where=where, mend="Go nearer, or scan something that does not mirror.")
+            raise InputError(what, where=where, mend="Go nearer, or scan something that does not reflect.")
         unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
         if self.way < _STILL and 2 * unsure > self.frames:
             what = "only a blank surface was seen, which does not tell where the camera is"
-            raise InputError(what, where=where, mend="Let corners, edges and things be in view, too.")
+            raise InputError(what, where=where, mend="Keep corners, edges and objects in view, too.")
         if self.way < _STILL and 2 * lost > self.frames:
             what = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
             mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
             raise InputError(what, where=where, mend=mend)
         if self.way < _STILL:
             what = f"the camera moved {100 * self.way:.0f} cm only"
-            raise InputError(what, where=where, mend="Carry it round the thing.")
+            raise InputError(what, where=where, mend="Carry it round the object.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
@@ -89,9 +89,9 @@ class ScanDiary:
             lost = (
                 f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
             )
-            said.append(f"{lost} Carry it more slowly, and look at what was scanned already.")
+            said.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
         if self.counts[ScanState.UNSURE] > _OFTEN * total:
-            said.append("Often only a blank surface was seen, which does not tell where the camera is.")
+            said.append("Often only a blank surface was seen, so the camera could not be located.")
         if self._quick > _OFTEN * total:
             said.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.full):

@@ -45,7 +45,7 @@ _AS_SEEN = "; no floor was found, so the box lay as the first camera did"
 """Note added to a cut by a box if no floor was found that defines the upright direction."""
 
 
-_AS_FIRST = "all as it was before the thing was moved"
+_AS_FIRST = "the whole room, before the object was moved"
 """Note added to a whole-room scan with a moved object: only the room before the move is kept."""
 
 

@@ -59,8 +59,10 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     """
     source = path if path.suffix.lower() == ".mcap" else kept_beside(path)
     if path.exists() and not source.exists():
-        what = f"its scan was not kept: there is no {source.name} beside it"
-        raise InputError(what, where=str(path), mend="Give the recording of which it was made, or scan anew.")
+        what = f"its scan was not kept: {source.name} is missing"
+        raise InputError(
+            what, where=str(path), mend="Give the recording that it was made from, or scan again."
+        )
     placed = _FACT in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
     for frame in recorded_images(source, stop):
@@ -69,11 +71,11 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         else:
             states[scanner.add(frame).state] += 1
     if 2 * states[ScanState.UNSURE] > states.total():
-        what = "it shows hardly more than one blank surface, which does not tell where the camera is"
-        raise InputError(what, where=str(source), mend="Let things that stand about be in view, too.")
+        what = "it shows little more than one blank surface, so the camera cannot be located"
+        raise InputError(what, where=str(source), mend="Keep other objects in view, too.")
     if not scanner.poses:
         what = "no frame of it shows enough depth"
-        raise InputError(what, where=str(source), mend="Give a recording of the same place or thing.")
+        raise InputError(what, where=str(source), mend="Give a recording of the same place or object.")
     scanner.look_again()
     return len(scanner.poses)
 
@@ -88,6 +90,8 @@ def refuse_unseen(found: int, path: Path) -> None:
         InputError: if the number is 0.
     """
     if not found:
-        what = "nothing of it was seen again, so there is nothing to lay the new images onto"
-        mend = "Begin with what both show, from where it was looked at before, and hold still for a moment."
+        what = "no part of the earlier scan was seen again, so the new images cannot be aligned"
+        mend = (
+            "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."
+        )
         raise InputError(what, where=str(path), mend=mend)

@@ -127,9 +127,9 @@ class LiveScan(threading.Thread):
             InputError: if it cannot be done now.
         """
         if self.phase == "finishing":
-            raise InputError("the mesh is being made", where="scan", mend="Wait until it stands there.")
+            raise InputError("the mesh is being made", where="scan", mend="Wait until it is on the stage.")
         if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
-            raise InputError("there is nothing to take back", where="scan", mend="Cancel it, or scan on.")
+            raise InputError("nothing can be undone", where="scan", mend="Cancel it, or scan on.")
         after = _PHASE_AFTER.get(order.do)
         if after is not None and (order.do != "pause" or self.phase == "scanning"):
             # Immediately, since the thread may be busy with a large surface for seconds.

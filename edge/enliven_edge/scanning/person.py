@@ -173,7 +173,7 @@ class PersonScanner(Scanner):
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:
-            mend = "Stand whole in view, and nearer."
+            mend = "Stand fully in view, and nearer."
             raise InputError("too little of the person was scanned", where="scan", mend=mend)
         if self.on_floor:
             mesh = cut_out(surface, floor, focus, cut)
@@ -190,7 +190,7 @@ class PersonScanner(Scanner):
             InputError: if no person was seen, or not enough of the person.
         """
         if self._person is None:
-            mend = "Stand one to three metres before the camera, which stands still, with nothing before you."
+            mend = "Stand one to three metres in front of the fixed camera, with nothing in between."
             raise InputError("no person was seen", where=where, mend=mend)
         if not self.poses:
             mend = "Stand nearer, and scan for longer."
@@ -202,10 +202,8 @@ class PersonScanner(Scanner):
         if self.absent:
             said.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
         if self.lost > _OFTEN * frames:
-            what = (
-                f"{self.lost} of {frames} images are not in the mesh: it was not clear how they were turned."
-            )
-            said.append(f"{what} Turn in five seconds or more, as one piece.")
+            what = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
+            said.append(f"{what} Turn in five seconds or more, and keep your pose.")
         moved = self.limbs_moved()
         if moved:
             limbs = " and the ".join(f"{limb} (by {100 * way:.0f} cm)" for limb, way in moved.items())

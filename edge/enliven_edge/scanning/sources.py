@@ -28,7 +28,7 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
         mend = "Give a recording of a depth camera."
-        raise InputError("there are no depth images in it", where=str(path), mend=mend)
+        raise InputError("the recording has no depth images", where=str(path), mend=mend)
     for frame in source.frames():
         if stop.is_set():
             return

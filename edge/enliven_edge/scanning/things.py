@@ -27,7 +27,7 @@ def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
         turned = scanner.settings.moved.followed
-        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved that is quicker."
+        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved this scan is quicker."
     return said
 
 
@@ -38,14 +38,16 @@ def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
     said: list[str] = []
     if scanner.unplaced:
         lost = sum(rest.count for rest in scanner.unplaced)
-        where = f"{lost} images show where it may lie, but it was not found there; they are not in the mesh."
-        said.append(f"{where} Show more of the sides that were seen before, and hold still once it stands.")
+        where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
+        said.append(
+            f"{where} Show more of the sides that were seen before, and hold still once the object stands."
+        )
     if scanner.followed:
-        said.append(f"What moved was followed in {scanner.followed} images, apart from the room.")
+        said.append(f"The moving object was tracked separately from the room in {scanner.followed} images.")
     if len(scanner.rests) == 1 and scanner.followed:
         return said
     if len(scanner.rests) == 1:
-        said.append("It did not move: the mesh shows it as it stood.")
+        said.append("The object did not move: the mesh shows it where it stood.")
     else:
         said.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
     return said
@@ -63,7 +65,7 @@ def _of_several(scanner: Scanner) -> list[str]:
         return []
     sizes = [_size(levelled(part, ground)) for part in parts]
     listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
-    return [f"{len(parts)} things stand there ({listed} cm); number {cut.number} was taken, see --thing."]
+    return [f"{len(parts)} objects stand there ({listed} cm); number {cut.number} was taken, see --thing."]
 
 
 def _size(mesh: Mesh) -> str:

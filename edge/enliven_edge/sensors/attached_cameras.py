@@ -54,7 +54,7 @@ class CameraKind:
 
 
 _OAK_BAD = (
-    (r"[0-2]\.", "its interface is another one; the driver needs depthai 3"),
+    (r"[0-2]\.", "its interface is different; the driver needs depthai 3"),
     (r"3\.(7\.[1-9]|[89]\.|10\.)", "an OAK-D Lite delivers no depth with it (luxonis/depthai#1252)"),
 )
 _REALSENSE_BAD = ((r"[01]\.|2\.([0-9]|[1-4][0-9]|5[0-5])\.", "it is too old; the driver needs 2.56"),)

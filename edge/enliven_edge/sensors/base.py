@@ -13,7 +13,7 @@ from enliven.frames import Frame
 from enliven.health import HealthState
 from enliven_edge.closing import Closing
 
-CHECK_IT = "Check its cable and power; it is opened again and again by itself."
+CHECK_IT = "Check its cable and power. The edge keeps trying to open it."
 """The advice for a sensor without a more specific one."""
 
 

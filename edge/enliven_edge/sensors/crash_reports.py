@@ -56,7 +56,7 @@ class CrashReport:
 
     def __str__(self) -> str:
         day = time.strftime("%Y-%m-%d %H:%M", time.localtime(self.when))
-        return f"{self.path.name}, {day}: {self.what} crashed; send it, with what you did, to {self.whereto}"
+        return f"{self.path.name}, {day}: {self.what} crashed; send it to {self.whereto} and say what you did"
 
 
 def folder() -> Path:
@@ -114,11 +114,11 @@ def _keep(path: Path, write: Callable[[Path], None]) -> None:
         write(passing)
         passing.replace(path)
     except Exception as error:
-        log.warning("a report of a crash cannot be kept: %s", error)
+        log.warning("a crash report cannot be saved: %s", error)
         with contextlib.suppress(OSError):
             passing.unlink()
     else:
-        log.warning("a report of the crash is kept: %s", path)
+        log.warning("the crash report was saved: %s", path)
     tidy()
 
 

@@ -163,7 +163,7 @@ def _understood(kind: type[T], data: bytes) -> T | None:
     try:
         return msgspec.json.decode(data, type=kind)
     except (msgspec.MsgspecError, RecursionError) as error:
-        log.warning("what a recording says of its sensor cannot be read: %s", error)
+        log.warning("the sensor information in a recording cannot be read: %s", error)
         return None
 
 

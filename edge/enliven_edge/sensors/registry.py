@@ -122,7 +122,7 @@ def _kind(name: str) -> Any:
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
             return entry.load()
-    raise InputError(f"there is no sensor called {name!r}", where="sensor", mend=sensor_advice(name))
+    raise InputError(f"the sensor {name!r} does not exist", where="sensor", mend=sensor_advice(name))
 
 
 def sensor_advice(name: str) -> str:

@@ -121,7 +121,7 @@ class ReopeningSensor(Sensor):
             self._closed = True
             getattr(self._open, "close", lambda: None)()
             if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
-                log.warning("%s does not let its device go", self.name)
+                log.warning("%s does not release its device", self.name)
 
     def _begin(self, timeout: float | None) -> None:
         """Asks the thread for a frame, or to open the device if the next attempt is due.
@@ -136,7 +136,7 @@ class ReopeningSensor(Sensor):
         wait = self._due - time.monotonic()
         if timeout is not None and wait > timeout:
             time.sleep(timeout)
-            raise TimeoutError(f"{self.name} is opened anew in {wait - timeout:.1f} s")
+            raise TimeoutError(f"{self.name} is opened again in {wait - timeout:.1f} s")
         time.sleep(max(0.0, wait))
         self._ask("open", self._open)
 

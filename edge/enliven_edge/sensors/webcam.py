@@ -124,7 +124,7 @@ def _refuse_absent(device: str) -> None:
         return
     others = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*")))
     mend = f"There are {others}: set device to one of them." if others else "Plug one in, or play a film."
-    raise ResourceError("there is no such camera", where=device, mend=mend)
+    raise ResourceError("the camera was not found", where=device, mend=mend)
 
 
 def _opened(device: str, live: bool) -> Any:
@@ -137,7 +137,7 @@ def _opened(device: str, live: bool) -> Any:
         if live:
             mend = _MENDS.get(error.errno or 0, "Check that it is a camera that no other program uses.")
             raise ResourceError(f"it cannot be opened ({error.strerror})", where=device, mend=mend) from None
-        raise InputError("it is no film that can be read", where=device) from None
+        raise InputError("it is not a film that can be read", where=device) from None
     if not container.streams.video:
         container.close()
         raise InputError("it has no video", where=device)

@@ -184,8 +184,8 @@ class Stage:
             except InputError as error:
                 refused.append(error)
         if len(refused) == len(meant):
-            mend = "Step in front of the sensor, or let go of a character first."
-            what = "no performer in view is free to take hold of a character"
+            mend = "Step in front of the sensor, or release a character first."
+            what = "no performer in view is free to possess a character"
             raise refused[0] if refused else InputError(what, where="stage", mend=mend)
 
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
@@ -286,7 +286,7 @@ class Stage:
         if not rigs:
             where = f"character {meant[0].character.id!r}"
             mend = "Give the edge a rigged model and --drive skeleton."
-            raise InputError("nothing is chosen from it", where=where, mend=mend)
+            raise InputError("its parts cannot be chosen", where=where, mend=mend)
         for actor in rigs:
             actor.browse(step)
 

@@ -140,7 +140,7 @@ class FitSettings:
     )
     affinity: float = setting(
         0.1,
-        "Distance by which points count as nearer to the limb that the network assigns to them. 0 uses "
+        "Points count as nearer by this distance to the limb that the network assigns to them. 0 uses "
         "distance alone.",
         unit="m",
         low=0.0,

@@ -23,7 +23,7 @@ def doctor(
     as_json: bool = typer.Option(False, "--json", help="Print the checks as JSON, for scripts."),
     remote: str = typer.Option("", "--remote", metavar="HOST[:PORT]", help="Check the edge that runs there."),
 ) -> None:
-    """Say what this machine has and lacks: OpenGL, ports, sensors, permissions, and how to mend it.
+    """Report what this machine has and lacks (OpenGL, ports, sensors, permissions), and how to fix it.
 
     With --remote it checks a running edge instead, here or on another machine, by its heartbeat: its
     sensor, rate and delay, and everything that it reports as wrong.

@@ -20,7 +20,7 @@ examples = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
 @examples.callback()
 def _examples() -> None:
-    """Move a mesh by a few example poses: a session says what poses of a performer mean on it.
+    """Move a mesh by a few example poses: a session maps a performer's poses to poses of the mesh.
 
     \b
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
@@ -33,30 +33,31 @@ def _examples() -> None:
 def new(
     mesh: Annotated[Path, typer.Argument(help="The mesh: .obj, .off, .ply, .stl, .glb, ...")],
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The session to make (.toml).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output session (.toml).")],
     points: Annotated[
-        int, typer.Option(min=1, max=100, help="Control points at the extremities, at most.")
+        int, typer.Option(min=1, max=100, help="Maximum number of control points at the extremities.")
     ] = 6,
     poses: Annotated[
-        int | None, typer.Option(min=2, max=100, help="Key poses; as many as are enough if not given.")
+        int | None,
+        typer.Option(min=2, max=100, help="Number of key poses; by default as many as are needed."),
     ] = None,
     height: Annotated[
-        float | None, typer.Option(help="Metres to make the mesh tall; its own if not given.")
+        float | None, typer.Option(help="Height of the mesh in metres; unchanged by default.")
     ] = None,
     up: Annotated[str, typer.Option(help="The mesh's axis that points up: x, y or z.")] = "y",
     turned: Annotated[
-        float, typer.Option(help="Degrees to turn it about the upright then, to look to +Z.")
+        float, typer.Option(help="Degrees to turn the upright mesh about the vertical, so that it faces +Z.")
     ] = 0.0,
     animation: Annotated[
-        str | None, typer.Option(help="Which animation of a .glb or person of an .mcap; else the first.")
+        str | None, typer.Option(help="Animation of a .glb or person of an .mcap; by default the first.")
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds into the take to begin at.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds into the take to stop at.")] = None,
+    start: Annotated[float, typer.Option(min=0, help="Start time in the take, in seconds.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="End time in the take, in seconds.")] = None,
 ) -> None:
-    """Begin a session: control points, joints, symmetry and key poses as a first guess.
+    """Start a session with guessed control points, joints, symmetry and key poses.
 
-    All key poses are the mesh at rest. Say for each where the control points are to be when the performer
-    is as at its time: by hand in the file, or in the studio.
+    At first, all key poses show the mesh at rest. For each, set the places of the control points that fit
+    the performer's pose at its time: by hand in the file, or in the studio.
 
     \b
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
@@ -80,18 +81,18 @@ def new(
     puppet = made.puppets[mesh.stem]
     say(
         f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
-        "Pose them: say in each where the control points are to be."
+        "Pose them: set the places of the control points in each."
     )
 
 
 @examples.command()
 def check(
     session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
-    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
 ) -> None:
-    """Say what a session lacks, and how well its examples cover what it plays.
+    """Report what a session lacks, and how well its examples cover the motion that it plays.
 
-    The exit code is 3 where something is missing.
+    The exit code is 3 if something is missing.
 
     \b
       enliven examples check CACTUS.toml
@@ -107,7 +108,7 @@ def check(
     say(f"enliven: {len(made.poses)} key poses: {shown or 'none'}")
     lacking = [*missing(project, made), *unposed(made)]
     if not made.layers:
-        lacking.append("Say what it plays: [[layer]].")
+        lacking.append("Add the motion to play: [[layer]].")
     for sentence in lacking:
         say(f"enliven: {sentence}")
     if missing(project, made):
@@ -123,22 +124,22 @@ def check(
 def fit(
     session: Annotated[Path, typer.Argument(help="A session (.toml) or a project (.enliven).")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="What to make: .glb, .mcap (a take), or .enliven.")
+        Path, typer.Option("--output", "-o", help="Output file: .glb, .mcap (a take), or .enliven.")
     ],
-    puppet: Annotated[str | None, typer.Option(help="Which puppet of a project; else the first.")] = None,
+    puppet: Annotated[str | None, typer.Option(help="A puppet of the project; the first by default.")] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Draw six moments of take and puppet (needs the viewer's package).")
     ] = None,
-    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames a second of what is made.")] = 30.0,
-    start: Annotated[float, typer.Option(help="Seconds to begin at.")] = 0.0,
+    rate: Annotated[float, typer.Option(min=1, max=240, help="Frames per second of the output.")] = 30.0,
+    start: Annotated[float, typer.Option(help="Start time in seconds.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option(help="Seconds to stop at; until all was played once if not given.")
+        float | None, typer.Option(help="End time in seconds; by default after everything was played once.")
     ] = None,
     morphs: Annotated[
-        bool, typer.Option("--morphs", help="Of a .glb: morph targets instead of transforms.")
+        bool, typer.Option("--morphs", help="Write morph targets instead of transforms to a .glb.")
     ] = False,
 ) -> None:
-    """Move the mesh as its examples say: the file that the studio's panel makes.
+    """Move the mesh by its examples and write the same file as the studio's panel.
 
     \b
       enliven examples fit CACTUS.toml -o cactus.glb
@@ -160,7 +161,7 @@ def fit(
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in made.layers):
-        raise InputError("it plays nothing", where=str(session), mend="Say what it plays: [[layer]].")
+        raise InputError("it plays nothing", where=str(session), mend="Add the motion to play: [[layer]].")
     _say(*found.notes)
     for number, layer in enumerate(made.layers):
         if not layer.muted:
@@ -181,7 +182,7 @@ def _from(session: Path, file: Path) -> str:
 def _axis(name: str) -> Axis:
     known: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in known:
-        raise InputError(f"{name!r} is no axis", where="--up", mend="Say x, y or z.")
+        raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")
     return known[name]
 
 

@@ -19,29 +19,31 @@ def export(
     source: Annotated[
         Path, typer.Argument(help="A recording (.mcap), a project (.enliven), or a .bvh, .txt or .glb.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
     character: Annotated[
         list[str] | None,
         typer.Option("--character", "-c", help="Only this character, person or animation; may be repeated."),
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds to begin at.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds to stop at; else where it ends.")] = None,
-    rate: Annotated[
-        float | None, typer.Option(min=1, max=240, help="Frames a second; else as recorded, or 30.")
+    start: Annotated[float, typer.Option(min=0, help="Start time in seconds.")] = 0.0,
+    end: Annotated[
+        float | None, typer.Option(min=0, help="End time in seconds; by default the end of the motion.")
     ] = None,
-    unit: Annotated[str | None, typer.Option(help="Of a .bvh: m or cm; else m.")] = None,
-    size: Annotated[str | None, typer.Option(help="Of an .mp4, such as 1920x1080.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(min=1, max=240, help="Frames per second; by default as recorded, or 30.")
+    ] = None,
+    unit: Annotated[str | None, typer.Option(help="Unit of a .bvh: m (default) or cm.")] = None,
+    size: Annotated[str | None, typer.Option(help="Pixels of an .mp4, such as 1920x1080.")] = None,
     morphs: Annotated[
-        bool, typer.Option("--morphs", help="Of a .glb: puppets as morph targets instead of transforms.")
+        bool, typer.Option("--morphs", help="Write puppets as morph targets instead of transforms to a .glb.")
     ] = False,
 ) -> None:
-    """Write what moves in a recording or a project for other programs: .glb, .bvh, or as a film.
+    """Write the motion of a recording or a project for other programs: as .glb, .bvh or film.
 
-    Characters come with their surface and transforms. Where a recording has none, its people do, drawn as
-    sticks. A .bvh holds one skeleton: that of a person, of a rigged model, or of a motion file.
+    Characters are written with their surface and transforms. If a recording has none, its people are
+    written, drawn as sticks. A .bvh holds one skeleton: of a person, a rigged model, or a motion file.
 
     \b
-      enliven export TAKE.mcap -o take.glb                 what was performed, to open anywhere
+      enliven export TAKE.mcap -o take.glb                 the performance, for any program
       enliven export TAKE.mcap -o body.bvh --start 2 --end 8
       enliven export SHOW.enliven -o horse.bvh --character horse --unit cm
       enliven export SHOW.enliven -o show.mp4 --size 1920x1080
@@ -91,5 +93,5 @@ def _chosen(found: list[Exportable], exporter: Exporter, wanted: list[str], sour
     chosen = [known[name] for name in wanted] or [one for one in fitting if one.rank == best]
     if exporter.single and len(chosen) > 1:
         mend = f"Choose one with --character: {', '.join(one.name for one in chosen)}."
-        raise InputError("the file to be made holds one character", where=str(source), mend=mend)
+        raise InputError("the output file can hold one character only", where=str(source), mend=mend)
     return chosen

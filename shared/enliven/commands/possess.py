@@ -16,27 +16,32 @@ if TYPE_CHECKING:
 
 def possess(
     take: Annotated[Path, typer.Argument(help="A recording (.mcap) of an edge, or of tracked people.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .enliven, .glb or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .enliven, .glb or .mp4.")],
     mesh: Annotated[
-        str, typer.Option(help="A mesh file, or chair or lamp; else the mesh that was possessed.")
+        str, typer.Option(help="A mesh file, chair or lamp; by default the mesh that was possessed.")
     ] = "",
     character: Annotated[
-        str, typer.Option("--character", "-c", help="Of the recording; else the first that was possessed.")
+        str,
+        typer.Option(
+            "--character", "-c", help="Character of the recording; by default the first that was possessed."
+        ),
     ] = "",
     parts: Annotated[
-        str, typer.Option(help="Parts of the body that take hold, in place of what was recorded.")
+        str, typer.Option(help="Body parts that possess the mesh, instead of the recorded ones.")
     ] = "",
-    at: Annotated[float, typer.Option(min=0, help="Seconds at which they do, with --parts.")] = 0.0,
-    nodes: Annotated[int, typer.Option(min=1, max=4096, help="Nodes of the other mesh's graph.")] = 128,
+    at: Annotated[float, typer.Option(min=0, help="Time in seconds at which they do, with --parts.")] = 0.0,
+    nodes: Annotated[
+        int, typer.Option(min=1, max=4096, help="Number of nodes of the mesh's deformation graph.")
+    ] = 128,
     up: Annotated[
         Literal["x", "y", "z"] | None,
-        typer.Option(help="The mesh file's own axis that points up; else guessed."),
+        typer.Option(help="The mesh's axis that points up; guessed by default."),
     ] = None,
 ) -> None:
     """Move a mesh by the performers of a recording, as if they had stepped into it.
 
-    Who took hold, with what and how, is read from the recording of an edge. Where it does not say, the first
-    performer takes hold with all of the body.
+    The recording of an edge says which performer possessed the mesh, with which body parts, and how. If it
+    does not, the first performer possesses the mesh with the whole body.
 
     \b
       enliven possess TAKE.mcap --mesh HORSE.obj -o horse.glb

@@ -13,9 +13,9 @@ from enliven.commands.terminal import say
 
 def recover(
     recording: Annotated[Path, typer.Argument(help="The recording that was cut off or is damaged.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make; must not exist.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output recording; it must not exist yet.")],
 ) -> None:
-    """Copy every whole message of a cut or damaged recording, and say what was lost.
+    """Copy every whole message of a cut or damaged recording, and report the losses.
 
     \b
       enliven recover BROKEN.mcap -o whole.mcap

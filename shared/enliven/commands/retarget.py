@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 def retarget(
     take: Annotated[Path, typer.Argument(help="The motion: .bvh, .mcap, .glb, or CMU's tables (.txt).")],
     model: Annotated[Path, typer.Argument(help="The model: .glb, .gltf or .vrm, rigged or not.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="What to make: .glb, .bvh or .mp4.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
     mapping: Annotated[
-        Path | None, typer.Option("--map", help="A mapping file; without one, the mapping is found.")
+        Path | None, typer.Option("--map", help="A mapping file; without one, a mapping is computed.")
     ] = None,
     write_map: Annotated[
-        Path | None, typer.Option(help="Write the mapping that was used, to be changed by hand.")
+        Path | None, typer.Option(help="Write the mapping that was used, to edit it by hand.")
     ] = None,
     sheet: Annotated[
         Path | None, typer.Option(help="Draw six moments of take and model (needs the viewer's package).")
     ] = None,
-    start: Annotated[float, typer.Option(min=0, help="Seconds into the take to begin at.")] = 0.0,
-    end: Annotated[float | None, typer.Option(min=0, help="Seconds into the take to stop at.")] = None,
+    start: Annotated[float, typer.Option(min=0, help="Start time in the take, in seconds.")] = 0.0,
+    end: Annotated[float | None, typer.Option(min=0, help="End time in the take, in seconds.")] = None,
     rest: Annotated[
         str | None,
-        typer.Option(help='Pose of the take that movement counts from: "mean", "first", "zero", or seconds.'),
+        typer.Option(help='Reference pose of the take: "mean", "first", "zero", or seconds.'),
     ] = None,
     mode: Annotated[
         Literal["auto", "pose", "move"],
@@ -48,19 +48,19 @@ def retarget(
     ] = False,
     floor: Annotated[
         bool,
-        typer.Option(help="Keep what stands on the floor, by its lowest point."),
+        typer.Option(help="Keep a standing model on the floor, by its lowest point."),
     ] = True,
     steps: Annotated[
         bool,
-        typer.Option(help="Let legs of another build than the performer's step where their feet do."),
+        typer.Option(help="Let differently built legs step where the performer's feet step."),
     ] = True,
     stretch: Annotated[
         bool,
-        typer.Option("--stretch", help="Stretch the model's bones as the take does its own."),
+        typer.Option("--stretch", help="Stretch the model's bones as the take stretches its bones."),
     ] = False,
     limits: Annotated[
         bool,
-        typer.Option(help="Keep the joints of animals within what their own clips show, and a margin."),
+        typer.Option(help="Limit an animal's joints to the range of its own clips, plus a margin."),
     ] = True,
     soften: Annotated[
         bool,
@@ -69,17 +69,19 @@ def retarget(
     turn: Annotated[bool, typer.Option(help="Let the model turn as the performer turns.")] = True,
     rate: Annotated[
         float | None,
-        typer.Option(min=1, max=240, help="Frames a second of what is made; the take's own, at most 60."),
+        typer.Option(
+            min=1, max=240, help="Frames per second of the output; by default the take's, at most 60."
+        ),
     ] = None,
     height: Annotated[
-        float | None, typer.Option(help="Metres to scale the model to; as modelled if not given.")
+        float | None, typer.Option(help="Height of the model in metres; unchanged by default.")
     ] = None,
     animation: Annotated[
         str | None,
-        typer.Option(help="Which animation of a .glb or person of an .mcap; else the first."),
+        typer.Option(help="Animation of a .glb or person of an .mcap; by default the first."),
     ] = None,
 ) -> None:
-    """Move a model by a motion: whole body at once, or as a mapping file says.
+    """Move a model by a motion: the whole body automatically, or by a mapping file.
 
     \b
       enliven retarget WALK.bvh HORSE.glb -o out.glb

@@ -29,31 +29,36 @@ def run(
     sensor: str | None = typer.Option(None, help="Use this sensor instead of a recording."),
     option: list[str] | None = typer.Option(None, "--set", help="An option of the sensor, KEY=VALUE."),
     mesh: list[str] | None = typer.Option(
-        None, help="A mesh, 'chair', 'lamp', or a puppet: its session, project, or 'cactus'; several: again."
+        None,
+        help="A mesh, 'chair', 'lamp', or a puppet (session, project, or 'cactus'). Repeat it for several.",
     ),
-    possess_at: float = typer.Option(1.5, help="Seconds after the first frame at which the body takes hold."),
+    possess_at: float = typer.Option(1.5, help="Possess the mesh this many seconds after the first frame."),
     parts: list[str] | None = typer.Option(
-        None, help="What takes hold: 'legs', 'upper body', ...; else all.", callback=known_parts
+        None,
+        help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
+        callback=known_parts,
     ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
-        None, "--film/--window", help="A film or a window; by the display where not said."
+        None,
+        "--film/--window",
+        help="Make a film or open a window; by default a window if there is a display.",
     ),
     seconds: float | None = typer.Option(None, help="Stop after this many seconds of the recording."),
-    size: str | None = typer.Option(None, help="Of window or film, such as 640x360: quicker to draw."),
+    size: str | None = typer.Option(None, help="Size of window or film, such as 640x360 to draw faster."),
     up: Literal["x", "y", "z"] | None = typer.Option(
-        None, help="The meshes' own axis that points up; else guessed."
+        None, help="The meshes' axis that points up; guessed by default."
     ),
-    physics: str | None = typer.Option(None, help="Loose things to knock about: boxes or dodgeball."),
+    physics: str | None = typer.Option(None, help="Loose objects to knock about: boxes or dodgeball."),
     drive: list[str] | None = typer.Option(
-        None, help="What moves it: graph, or skeleton (of a rigged glTF)."
+        None, help="Rig that moves the mesh: graph, or skeleton (of a rigged glTF)."
     ),
     settings: Path | None = typer.Option(None, help="A TOML file of settings for the edge."),
     record: Path | None = typer.Option(
         None, help="Keep the take (character, bodies, poses) in this file; {time} or {number} is filled in."
     ),
 ) -> None:
-    """Start the edge and the viewer together: the whole road from a depth recording to a moving mesh.
+    """Start the edge and the viewer together: from a depth recording to a moving mesh.
 
     With a display the viewer opens a window. Without one it renders off-screen and writes
     out/enliven.mp4 and out/enliven.png. If the edge fails while a window is open, the window
@@ -73,17 +78,17 @@ def run(
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
-    for what, path in (("recording", recording), ("file of settings", settings)):
+    for what, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
-            raise InputError(f"there is no such {what}", where=str(path), mend="Check the path.")
+            raise InputError(f"this {what} does not exist", where=str(path), mend="Check the path.")
     need_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
-        say("enliven: there is no display here, so this makes a film; with one, a window opens")
+        say("enliven: no display was found, so this makes a film; with a display, a window opens")
     endless = sensor is not None and not any(each.startswith("rehearse=") for each in option or [])
     if as_film and endless and seconds is None:
         seconds = _FILM_SECONDS
-        say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds says otherwise")
+        say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
     if as_film:
         out.mkdir(exist_ok=True)
     ports = free_ports()

@@ -107,7 +107,7 @@ def pack_spheres(
     faces = np.ascontiguousarray(character.faces, np.int32)
     if not np.isfinite(vertices).all():
         raise InputError(
-            "a vertex is not finite", where=f"spheres of {character.id!r}", mend="Export it anew."
+            "a vertex is not finite", where=f"spheres of {character.id!r}", mend="Export it again."
         )
     radius = _radius(vertices, faces, settings)
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)

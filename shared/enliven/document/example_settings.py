@@ -39,7 +39,7 @@ class ExampleSettings:
         0.1, "Penalty on the weights of examples that are far from the current pose.", low=0.01, high=10.0
     )
     pose: float = setting(
-        1.0, "Influence of the other joints on which examples count as near.", low=1e-3, high=100.0
+        1.0, "Influence of the other joints on the choice of near examples.", low=1e-3, high=100.0
     )
     slack: float = setting(
         1.0,

@@ -89,7 +89,7 @@ class History:
         """
         if not 0 <= step < len(self._steps):
             raise InputError(
-                f"there is no step {step}", where="history", mend=f"The last is {len(self._steps) - 1}."
+                f"step {step} does not exist", where="history", mend=f"The last is {len(self._steps) - 1}."
             )
         self.end_drag()
         self._at = step
@@ -145,7 +145,7 @@ class History:
             InputError: if nothing was undone.
         """
         if self._at + 1 == len(self._steps):
-            raise InputError("there is nothing to do again", where="history")
+            raise InputError("there is nothing to redo", where="history")
         self._at += 1
         return self.project
 

@@ -45,7 +45,7 @@ class MotionKey:
         if not 0.0 <= self.second <= _LATEST or not all(map(math.isfinite, (*self.degrees, *self.metres))):
             problem = f"{self.degrees} degrees, {self.metres} m at {self.second} s cannot be played"
         elif self.ease not in EASES or len(self.degrees) != 3 or len(self.metres) != 3:
-            problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are no key"
+            problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are not a key"
         if problem:
             mend = f"Give seconds from 0 on, three angles, three metres, and one of {', '.join(EASES)}."
             raise InputError(problem, where="key", mend=mend)
@@ -59,7 +59,7 @@ def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
     """
     placed = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
     if not placed or len({frame for frame, _ in placed}) < len(placed):
-        what = "two keys are on one frame" if placed else "there is no key"
+        what = "two keys are on one frame" if placed else "no key was given"
         raise InputError(what, where=where, mend="Give each key a frame of its own.")
     return tuple(replace(key, second=frame * KEY_STEP) for frame, key in placed)
 
@@ -126,7 +126,7 @@ class CurveKey:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.second) and math.isfinite(self.value) and self.ease in EASES):
-            what = f"{self.value} at {self.second} s, {self.ease!r}, is no key"
+            what = f"{self.value} at {self.second} s, {self.ease!r}, is not a key"
             raise InputError(what, where="key", mend=f"Give two numbers, and one of {', '.join(EASES)}.")
 
 

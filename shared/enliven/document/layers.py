@@ -68,13 +68,13 @@ class Layer(Playing):
         object.__setattr__(self, "chain", tuple(int(joint) for joint in self.chain))
         problem = ""
         if basis.shape != (4,) or not np.isclose(np.linalg.norm(basis), 1.0, atol=1e-6):
-            problem = f"the basis {self.basis} is no unit quaternion"
+            problem = f"the basis {self.basis} is not a unit quaternion"
         elif not self.chain:
             problem = "its chain has no joint"
         elif not 0.0 <= self.weight <= 1.0:
             problem = f"the weight is {self.weight}"
         elif self.mode not in MODES:
-            problem = f"there is no mode {self.mode!r} (known: {', '.join(MODES)})"
+            problem = f"the mode {self.mode!r} does not exist (known: {', '.join(MODES)})"
         elif self.feet not in FEET:
             problem = f"feet cannot stand {self.feet!r} (known: {', '.join(FEET)})"
         if problem:

@@ -63,7 +63,7 @@ class CameraMark:
     def __post_init__(self) -> None:
         numbers = (*self.target, self.azimuth, self.elevation, self.distance)
         if not (all(abs(one) < float("inf") for one in numbers) and self.distance > 0.0):
-            raise InputError("it is no view", where=f"view {self.id!r}", mend="Store it again.")
+            raise InputError("the view is not valid", where=f"view {self.id!r}", mend="Store it again.")
 
 
 @dataclass(frozen=True)

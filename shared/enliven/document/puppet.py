@@ -186,7 +186,7 @@ class Puppet(RigBase):
             if point.name == name:
                 return number
         known = ", ".join(point.name for point in self.points) or "none"
-        what = f"there is no control point {name!r}"
+        what = f"the control point {name!r} does not exist"
         raise InputError(what, where=f"puppet {self.id!r}", mend=f"Known: {known}.")
 
 
@@ -231,7 +231,7 @@ def _problem_of(puppet: Puppet) -> str:
     if puppet.place.shape != (3,) or puppet.turn.shape != (4,):
         return f"place {puppet.place.shape}, turn {puppet.turn.shape}"
     if not np.isclose(np.linalg.norm(puppet.turn), 1.0, atol=1e-6):
-        return f"the turn {puppet.turn} is no unit quaternion"
+        return f"the turn {puppet.turn} is not a unit quaternion"
     for point in puppet.points:
         if not point.name or not 0 <= point.vertex < len(puppet.mesh.vertices):
             return f"control point {point.name!r} is vertex {point.vertex} of {len(puppet.mesh.vertices)}"

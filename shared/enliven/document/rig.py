@@ -135,5 +135,8 @@ class RigBase:
         for kind, names in self.needed().items():
             missing = names - set(held[kind])
             if missing:
-                what = f"there are no {kind}" if kind == "bodies" else f"there is no {kind[:-1]}"
-                raise InputError(f"{what} {min(missing)!r}", where=self.where)
+                first = min(missing)
+                one = f"the {kind[:-1]} {first!r} does not exist"
+                raise InputError(
+                    f"the bodies {first!r} do not exist" if kind == "bodies" else one, where=self.where
+                )

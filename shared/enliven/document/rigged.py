@@ -67,7 +67,7 @@ class Shape(RigBase):
         problem = _problem_of(self)
         missing = [] if problem else [name for name in named if name not in layers]
         if missing:
-            problem = f"there is no layer {missing[0]!r}"
+            problem = f"the layer {missing[0]!r} does not exist"
         if problem:
             raise InputError(problem, where=f"shape {self.id!r}", mend="Build the shape again.")
 
@@ -117,7 +117,7 @@ class Shape(RigBase):
                 return layer
         known = ", ".join(layer.id for layer in self.layers)
         mend = f"Known: {known}." if known else "Bind a chain first."
-        raise InputError(f"there is no layer {layer_id!r}", where=self.where, mend=mend)
+        raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, mend=mend)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises an error if a take does not exist or does not fit."""
@@ -182,7 +182,7 @@ def _problem_of(shape: Shape) -> str:
     if shape.modeling.shape != (count, 4) or len(shape.spans) != count or shape.place.shape != (3,):
         return f"{count} joints, modeling {shape.modeling.shape}, {len(shape.spans)} spans"
     if not np.allclose(np.linalg.norm(shape.modeling, axis=1), 1.0, atol=1e-6):
-        return "a modeling rotation is no unit quaternion"
+        return "a modeling rotation is not a unit quaternion"
     if shape.travel_scale is not None and not 0.0 <= shape.travel_scale < 1e6:
         return f"the scale of its travel is {shape.travel_scale}"
     for name, spans in zip(shape.skeleton.names, shape.spans, strict=True):

@@ -44,7 +44,7 @@ class Skeleton:
         object.__setattr__(self, "positions", frozen(self.positions))
         problem = _problem_of(self)
         if problem:
-            raise InputError(problem, where="skeleton", mend="Build it with skeleton_of, or mend the file.")
+            raise InputError(problem, where="skeleton", mend="Build it with skeleton_of, or repair the file.")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -77,7 +77,7 @@ class Skeleton:
         """
         if name not in self.names:
             known = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
-            raise InputError(f"there is no joint {name!r}", where="skeleton", mend=f"Known: {known}.")
+            raise InputError(f"the joint {name!r} does not exist", where="skeleton", mend=f"Known: {known}.")
         return self.names.index(name)
 
     def below(self, joint: int) -> tuple[int, ...]:
@@ -135,7 +135,9 @@ def skeleton_of(
     apart = [name for i, name in enumerate(names) if i not in parents]
     if apart:
         mend = "Link them, or load them as a shape of their own."
-        raise InputError(f"these joints hang on nothing: {', '.join(apart)}", where=where, mend=mend)
+        raise InputError(
+            f"these joints are not linked to the root: {', '.join(apart)}", where=where, mend=mend
+        )
     number = {old: new for new, old in enumerate(order)}
     above = [-1 if parents[old] < 0 else number[parents[old]] for old in order]
     at = np.array(positions, np.float64)[order]
@@ -183,7 +185,7 @@ def _problem_of(skeleton: Skeleton) -> str:
         return f"{count} names, parents {skeleton.parents.shape}, positions {skeleton.positions.shape}"
     if len(set(skeleton.names)) != count:
         twice = sorted({name for name in skeleton.names if skeleton.names.count(name) > 1})
-        return f"these names are there more than once: {', '.join(twice[:5])}"
+        return f"these names occur more than once: {', '.join(twice[:5])}"
     if skeleton.parents[0] != -1 or (skeleton.parents[1:] < 0).any():
         return "entry 0 must be the one root (parent -1)"
     late = np.flatnonzero(skeleton.parents >= np.arange(count))

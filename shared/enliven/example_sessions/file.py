@@ -35,7 +35,7 @@ class SessionFile:
                 mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(_TABLES)}."
                 raise InputError(f"unknown table {name}", where=str(path), mend=mend)
         if "mesh" not in self._found:
-            raise InputError("it has no [mesh]", where=str(path), mend='Say [mesh] file = "...".')
+            raise InputError("it has no [mesh]", where=str(path), mend='Add [mesh] file = "...".')
 
     def has(self, name: str) -> bool:
         """Returns whether the file has a table of that name."""

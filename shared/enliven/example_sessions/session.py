@@ -149,7 +149,7 @@ class _Reader:
     def _read_point(self, table: PointTable) -> None:
         vertex = table.vertex
         if (vertex is None) == (table.at is None):
-            raise InputError("it needs a vertex or a place", mend="Say vertex = 4711 or at = [x, y, z].")
+            raise InputError("it needs a vertex or a place", mend="Give vertex = 4711 or at = [x, y, z].")
         if vertex is None:
             vertex = nearest_vertex(self._puppet.mesh, np.array(table.at))
         self._project = add_point(self._project, self._name, vertex, table.name, table.joint, table.foot)
@@ -159,7 +159,7 @@ class _Reader:
     def _read_pose(self, table: PoseTable) -> None:
         take = self._take(table.take)
         if (table.time is None) == (table.frame is None):
-            raise InputError("it needs a time or a frame", mend="Say time = 3.2 or frame = 96.")
+            raise InputError("it needs a time or a frame", mend="Give time = 3.2 or frame = 96.")
         if table.places is not None and table.moves is not None:
             raise InputError("it has places and moves", mend="Give one of them.")
         step = self._project.takes[take].step
@@ -220,9 +220,9 @@ class _Reader:
     def _take(self, name: str) -> str:
         """Returns the ID of the take with that name; the first take if the name is empty."""
         if not self._takes:
-            raise InputError("there is no take", mend='Say [[take]] file = "..." first.')
+            raise InputError("the session has no take", mend='Add [[take]] file = "..." first.')
         if name and name not in self._takes:
-            raise InputError(f"there is no take {name!r}", mend=f"Known: {', '.join(self._takes)}.")
+            raise InputError(f"the take {name!r} does not exist", mend=f"Known: {', '.join(self._takes)}.")
         return name or next(iter(self._takes))
 
     @property

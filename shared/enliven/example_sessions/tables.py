@@ -123,7 +123,7 @@ class LayerTable:
     mirrored: bool = setting(
         False, "Reverses the puppet's rotations as in a mirror. A mirrored puppet needs this."
     )
-    recorded: str = setting("", "Name of the recording from which the layer came.")
+    recorded: str = setting("", "Name of the recording that the layer came from.")
     alternatives: str = setting(
         "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
     )
@@ -171,7 +171,7 @@ class RootTable:
     weight: float = setting(1.0, "Strength of the layer, from 0 to 1.", low=0.0, high=1.0)
     muted: bool = setting(False, "Mutes the layer.")
     mirrored: bool = setting(False, "States that the puppet was mirrored after its keys were made.")
-    recorded: str = setting("", "Name of the recording from which the layer came.")
+    recorded: str = setting("", "Name of the recording that the layer came from.")
     alternatives: str = setting(
         "", "Name of the group of alternative takes that the layer belongs to. Only one of them plays."
     )

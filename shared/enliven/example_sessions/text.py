@@ -58,8 +58,8 @@ def write_session(
     """
     path, takes = Path(path), dict(takes or {})
     if path.suffix.lower() == ".enliven":
-        mend = "Call it .toml; a project file has the same name beside it."
-        raise InputError("a session is no project", where=str(path), mend=mend)
+        mend = "Give it a name that ends in .toml; its project file gets the same name."
+        raise InputError("a session is not a project", where=str(path), mend=mend)
     refuse_later_toml(path)
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}

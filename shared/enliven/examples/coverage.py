@@ -62,4 +62,4 @@ def unposed(puppet: Puppet) -> tuple[str, ...]:
         return ()
     near = _SAME * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     same = all(np.abs(pose.places - puppet.poses[0].places).max() <= near for pose in puppet.poses)
-    return ("All key poses are alike: say where the control points are to be.",) if same else ()
+    return ("All key poses are alike: set the places of the control points.",) if same else ()

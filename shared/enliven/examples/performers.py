@@ -118,7 +118,9 @@ def _known(skeleton: Skeleton, name: str, who: str) -> None:
     """Raises an error if a skeleton lacks a joint."""
     if name not in skeleton.names:
         mend = f"Known: {', '.join(skeleton.names)}."
-        raise InputError(f"there is no joint {name!r}, nor one like it", where=f"take {who!r}", mend=mend)
+        raise InputError(
+            f"neither the joint {name!r} nor a similar one exists", where=f"take {who!r}", mend=mend
+        )
 
 
 def _reach(skeleton: Skeleton, name: str) -> float:

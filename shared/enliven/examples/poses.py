@@ -70,7 +70,7 @@ class Examples:
         """
         if name not in self.points:
             mend = f"Known: {', '.join(self.points)}."
-            raise InputError(f"there is no control point {name!r}", where=_WHERE, mend=mend)
+            raise InputError(f"the control point {name!r} does not exist", where=_WHERE, mend=mend)
         return self.points.index(name)
 
     def _check_shapes(self) -> None:
@@ -81,7 +81,7 @@ class Examples:
             raise InputError(what, where=_WHERE, mend="Pair each control point with one joint.")
         if len(set(self.points)) != pairs:
             twice = sorted({name for name in self.points if self.points.count(name) > 1})
-            raise InputError(f"control points are there twice: {', '.join(twice)}", where=_WHERE)
+            raise InputError(f"control points occur twice: {', '.join(twice)}", where=_WHERE)
         if self.sources.shape != shape or self.targets.shape != shape:
             what = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
             raise InputError(what, where=_WHERE, mend="Give (n, P, 3) of both.")

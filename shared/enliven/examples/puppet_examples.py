@@ -181,7 +181,7 @@ def lacks(
     if skeletons:
         known = reference_among(skeletons, [point.joint for point in points]).names
         sentences += [
-            f"Pair {point.name!r} with another joint: who shows the key poses has no {point.joint!r}"
+            f"Pair {point.name!r} with another joint: the performer of the key poses has no {point.joint!r}"
             f"{_nearest(point.joint, known)}."
             for point in points
             if point.joint and point.joint not in known

@@ -59,7 +59,10 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
     settings = settings or SuggestSettings()
     poses = np.array(poses, np.float64)
     if len(poses) < 2 or not np.isfinite(poses).all():
-        raise InputError(f"{len(poses)} poses, all of which must be finite", where="key poses")
+        raise InputError(
+            f"{len(poses)} poses were given; at least two are needed, and all must be finite",
+            where="key poses",
+        )
     frames = [int(_distance(poses, np.median(poses, axis=0)).argmin())]
     away, gaps = _distance(poses, poses[frames[0]]), list[float]()
     away[_slips(poses, settings.slip * float(np.median(away)))] = 0.0

@@ -99,6 +99,6 @@ def _left_right(examples: Examples, order: Int) -> Float:
     left = np.arange(len(order)) < order
     apart = between[:, left].reshape(-1, 3) * [1.0, 0.0, 1.0]
     if len(apart) == 0 or not apart.any():
-        mend = "Say which axis goes across."
+        mend = "Give the axis that goes from side to side."
         raise InputError("no joint has a partner at the other side", where="symmetry", mend=mend)
     return np.asarray(np.linalg.eigh(apart.T @ apart)[1][:, -1])

@@ -89,7 +89,9 @@ def units_in_metre(unit: str = "m") -> float:
         InputError: for an unknown unit.
     """
     if unit not in _UNITS:
-        raise InputError(f"there is no unit {unit!r}", where="--unit", mend=f"Known: {', '.join(_UNITS)}.")
+        raise InputError(
+            f"the unit {unit!r} does not exist", where="--unit", mend=f"Known: {', '.join(_UNITS)}."
+        )
     return _UNITS[unit]
 
 

@@ -97,7 +97,7 @@ class FilmWriter:
         chosen = choose_encoder(self._av, (self.width, self.height), self._encoder)
         self.codec, self._options = chosen.name, dict(chosen.options)
         if self._encoder == AUTO and chosen.format != "H.264":
-            log.warning("there is no H.264 encoder here, so %s is %s", self.path, chosen.format)
+            log.warning("no H.264 encoder was found, so %s is %s", self.path, chosen.format)
 
     def _begin(self) -> None:
         """Adds the video stream to the file."""
@@ -114,7 +114,7 @@ class FilmWriter:
         try:
             stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
         except (ValueError, self._av.FFmpegError):  # PyAV may be built without it
-            log.warning("there is no encoder for sound here, so %s is silent", self.path)
+            log.warning("no encoder for sound was found, so %s is silent", self.path)
             return
         stream.layout, stream.bit_rate = "mono", _SOUND_BITS
         self._sound_stream = stream

@@ -56,7 +56,9 @@ def abstract(
     pairs = [(int(a), int(b)) for a, b in links]
     if root is not None and not 0 <= root < len(at):
         raise InputError(
-            f"there is no joint {root} of {len(at)}", where="skeleton", mend="Give another root."
+            f"joint {root} does not exist; the skeleton has {len(at)}",
+            where="skeleton",
+            mend="Give another root.",
         )
     skeleton_of(names or [f"joint {j}" for j in range(len(at))], pairs, at, root)
     return _reduced(at, _neighbours(len(at), pairs), root)

@@ -22,8 +22,8 @@ class PickingSettings:
 
     margin: float = setting(
         0.03,
-        "Score per branch by which another match must be better to replace the shown one. Raise it if "
-        "matches flicker.",
+        "Another match replaces the shown one only if its score per branch is better by this amount. "
+        "Raise it if matches flicker.",
         low=0.0,
         high=2.0,
     )

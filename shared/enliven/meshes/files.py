@@ -46,7 +46,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     known = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and path.is_file():
         raise InputError(
-            f"{suffix or 'a file without an ending'} is no known mesh", where=str(path), mend=known
+            f"{suffix or 'a file without an ending'} is not a known mesh format", where=str(path), mend=known
         )
     mesh, read_notes = _unrepaired(path, suffix, known)
     try:
@@ -99,7 +99,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
         what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
-            what, where=str(path), mend="Is it whole, and of the kind it says? " + known
+            what, where=str(path), mend="Check that it is complete and that its ending is right. " + known
         ) from None
 
 

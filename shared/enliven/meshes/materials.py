@@ -183,7 +183,7 @@ def _walk(value: Any, number: Callable[[int], int]) -> None:
 
 def _refused(constant: str) -> None:
     """Refuses NaN and infinities, which JSON does not have."""
-    raise ValueError(f"{constant} is no number")
+    raise ValueError(f"{constant} is not a number")
 
 
 def _object(material: str) -> dict[str, Any]:
@@ -193,7 +193,7 @@ def _object(material: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise InputError("a material is no JSON object", where="materials", mend=_AGAIN)
+        raise InputError("a material is not a JSON object", where="materials", mend=_AGAIN)
     return value
 
 

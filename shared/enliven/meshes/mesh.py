@@ -209,7 +209,7 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
     size = high - low
     stands = (np.abs(low) <= _STANDS_WITHIN * size) & (size > 0)
     if stands[2] and not stands[1]:
-        return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it as it is"
+        return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it unchanged"
     if max(size[0], size[2]) > _LONG * size[1]:
         times = max(size[0], size[2]) / max(size[1], 1e-9)
         return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, say --up z"

@@ -76,7 +76,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     """
     head = re.search(rb"^DATA[ \t]+(\w+)[ \t]*\r?\n", data[:4096], re.MULTILINE)
     if head is None:
-        raise InputError("it has no DATA line, so it is no PCD file", where=where)
+        raise InputError("it has no DATA line, so it is not a PCD file", where=where)
     lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
     said = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
     kind, body = head[1].decode(), data[head.end() :]
@@ -98,12 +98,14 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
-        raise InputError("its head and its points do not agree", where=where, mend="Copy it again.") from None
+        raise InputError(
+            "its header and its points do not agree", where=where, mend="Copy it again."
+        ) from None
     return np.stack([table[f"{a}"] for a in at], -1).astype(np.float64), viewpoint
 
 
 def _too_few(count: int, name: str) -> InputError:
-    return InputError(f"{count} points make no surface", where=name, mend="Give a denser scan.")
+    return InputError(f"{count} points are too few for a surface", where=name, mend="Give a denser scan.")
 
 
 def _in_front(seen: Float, spacing: float) -> Float:
@@ -115,7 +117,7 @@ def _in_front(seen: Float, spacing: float) -> Float:
     at -= at.min(0) - 1
     if np.prod(at.max(0) + 2.0) > _MOST_PIXELS:
         what = f"its points are spread over {at.max(0)[0]} x {at.max(0)[1]} spacings of {spacing:g} m"
-        raise InputError(what, where="scan", mend="Cut away what is far from the thing that was scanned.")
+        raise InputError(what, where="scan", mend="Remove the points that are far from the scanned object.")
     nearest = np.full(at.max(0) + 2, np.inf)
     np.minimum.at(nearest, (at[:, 0], at[:, 1]), seen[:, 2])
     nearest = scipy.ndimage.minimum_filter(nearest, 3)

@@ -56,7 +56,7 @@ def _ascii(text: bytes) -> Float:
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
         raise Damaged("it ends early: the last line is not endsolid")
     if len(corners) % 3:
-        raise Damaged(f"it has {len(corners)} corners, which are no whole triangles")
+        raise Damaged(f"it has {len(corners)} corners, which is not a multiple of three")
     return corners
 
 

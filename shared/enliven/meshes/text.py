@@ -43,7 +43,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     if head is None or not (kind or head["vertices"]):
         raise Damaged("the first word is not OFF")
     if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
-        problem = "it is binary" if head["binary"] else "its vertices have not three coordinates"
+        problem = "it is binary" if head["binary"] else "its vertices do not have three coordinates"
         raise Damaged(f"{problem}: write it as text, with three coordinates for each vertex")
     if head["vertices"] is None:
         raise Damaged("the counts of vertices and faces are missing")

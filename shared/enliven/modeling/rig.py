@@ -108,7 +108,7 @@ class RigEdits(ABC):
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float, /) -> Project:
         """Poses the character by hand: moves a handle to ``place`` (3,), metres in the world, at a time."""
         mend = "Move or turn the whole, or perform it again."
-        raise InputError("what was recorded is not posed by hand", where=character.where, mend=mend)
+        raise InputError("a recorded motion cannot be posed by hand", where=character.where, mend=mend)
 
     def key_layer(self, project: Project, character: Any, handle: int, /) -> int | None:
         """Returns the index of the layer that plays the keys of a handle or node, or None if there is no such
@@ -118,7 +118,7 @@ class RigEdits(ABC):
     def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey, /) -> Project:
         """Adds the first key of a handle or node: a new take, and a layer that plays it on top of all
         others."""
-        mend = "Choose the whole: keys turn and move it. A puppet is posed by its key poses."
+        mend = "Choose the whole character: keys turn and move it. A puppet is posed by its key poses."
         raise InputError("its handles take no keys", where=character.where, mend=mend)
 
     @abstractmethod

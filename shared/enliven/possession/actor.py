@@ -101,7 +101,9 @@ class Actor:
             InputError: if the size of this character cannot change.
         """
         mend = "Scale it in the project."
-        raise InputError("it is as large as it was made", where=f"sizing {self.character.id!r}", mend=mend)
+        raise InputError(
+            "its size cannot change on the stage", where=f"sizing {self.character.id!r}", mend=mend
+        )
 
     def exaggerate(self, exaggeration: float | None) -> None:
         """Sets how far soft parts swing past the motion. None uses the value in the settings.

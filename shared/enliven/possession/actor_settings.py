@@ -40,12 +40,12 @@ class ActorSettings:
     )
     scaled: Literal["mesh", "performer", "nobody"] = setting(
         "mesh",
-        "What is scaled to match heights: 'mesh', or 'performer' for the performer's motion. 'nobody' "
-        "transfers motion metre for metre.",
+        "Scales the 'mesh', or the motion of the 'performer', to match heights. 'nobody' transfers motion "
+        "metre for metre.",
     )
     follow: Literal["skeleton", "surface", "both"] = setting(
         "skeleton",
-        "What drives the mesh: the tracked skeleton, the surface seen by the depth sensor, or both.",
+        "Source of the mesh's motion: the tracked skeleton, the surface seen by the depth sensor, or both.",
     )
     meets: bool = setting(
         True,

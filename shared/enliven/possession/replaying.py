@@ -29,7 +29,7 @@ def settings_of(possession: Possession) -> ActorSettings:
     try:
         told = json.loads(possession.settings)
     except ValueError:
-        what = "the settings are no JSON"
+        what = "the settings are not JSON"
         where = f"take {possession.take!r}"
         raise InputError(what, where=where, mend="Record it again.") from None
     return load_settings(ActorSettings, told, where=f"the settings of take {possession.take!r}")
@@ -98,7 +98,7 @@ def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> Non
     body = next((one for one in bodies if change.performer in (None, one.id)), None)
     if body is None:
         who = "a performer" if change.performer is None else f"performer {change.performer}"
-        mend = "Give the take with those who took hold."
+        mend = "Give the take of the performers that possessed it."
         raise InputError(f"{who} is not in view", where=f"possessing {actor.character.id!r}", mend=mend)
     if change.mode == "take over":
         actor.hand_over(-1 if change.former is None else change.former, body)

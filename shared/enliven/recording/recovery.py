@@ -99,7 +99,9 @@ def recover(path: Path, output: Path) -> Recovery:
             with recorder:
                 _copy(container, file, refs, recorder, found)
             if not found.kept:
-                raise InputError("nothing in it is whole", where=str(path), mend="It cannot be recovered.")
+                raise InputError(
+                    "it contains no whole message", where=str(path), mend="It cannot be recovered."
+                )
         except BaseException:
             output.unlink(missing_ok=True)
             raise

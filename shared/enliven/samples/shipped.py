@@ -39,7 +39,9 @@ def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     if name == "cactus":
         return cactus_project().puppet(name).mesh
     if not (HERE / f"{name}.npz").is_file():
-        raise InputError(f"there is no sample {name!r}", where="samples", mend="Known: chair, lamp, cactus.")
+        raise InputError(
+            f"the sample {name!r} does not exist", where="samples", mend="Known: chair, lamp, cactus."
+        )
     with np.load(HERE / f"{name}.npz") as stored:
         steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))
         return Mesh(steps * STEP, faces, name, stored["colours"])

@@ -71,7 +71,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     count = len(level)
     if not count:
         what = "no floor and no table top was scanned"
-        raise InputError(what, where="scan", mend="Scan a part of the floor round the thing, too.")
+        raise InputError(what, where="scan", mend="Scan a part of the floor around the object, too.")
     level = np.random.default_rng(0).permutation(level)[:_LOOKED_AT]
     normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
     planes = [
@@ -136,10 +136,10 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     if not parts:
         what = "nothing that stands on the floor was scanned"
         raise InputError(
-            what, where="scan", mend="Carry the camera round the thing, and look at it all the time."
+            what, where="scan", mend="Carry the camera round the object, and look at it all the time."
         )
     if s.number > len(parts):
-        what = f"there is no thing number {s.number} where the camera looked; {len(parts)} stand there"
+        what = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
         raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices

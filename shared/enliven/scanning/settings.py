@@ -306,7 +306,7 @@ class RegistrationSettings:
     )
     clearance: float = setting(
         0.04,
-        "Distance in front of observed depth from which space counts as free.",
+        "Space at least this far in front of observed depth counts as free.",
         unit="m",
         low=5e-3,
         high=0.5,

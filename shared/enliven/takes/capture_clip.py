@@ -58,8 +58,8 @@ def clip_of_capture(
     else:
         frame = 0 if rest == "first" else rest
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
-            mend = f'Say "auto", "zero", "first" or 0..{len(positions) - 1}.'
-            raise InputError(f"there is no rest pose {rest!r}", where=f"clip {id!r}", mend=mend)
+            mend = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
+            raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", mend=mend)
         at_rest = stiff_pose(parents, offsets, positions[frame], rotations[frame])
         before = turns[frame]
     if unit is None:

@@ -95,8 +95,10 @@ def metres(unit: str | float | None, at_rest: Float, where: str) -> float:
         return UNITS[guess_unit(float(legs) * _HIP_TO_ANKLE)]
     if isinstance(unit, str):
         if unit not in UNITS:
-            raise InputError(f"there is no unit {unit!r}", where=where, mend=f"Known: {', '.join(UNITS)}.")
+            raise InputError(
+                f"the unit {unit!r} does not exist", where=where, mend=f"Known: {', '.join(UNITS)}."
+            )
         return UNITS[unit]
     if not 0.0 < unit < 1e6:
-        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give metres a unit.")
+        raise InputError(f"a unit of {unit} m cannot be", where=where, mend="Give the metres of one unit.")
     return float(unit)

@@ -185,7 +185,7 @@ def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, 
     """Samples frames of a clip; raises an error with the clip's name if the range contains no frames."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:
-        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        what = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(what, where=f"clip {clip.id!r}", mend="Choose another start and end.")
     cut = between_times(clip, start, stop)
     return performance_of_clip(cut if rate is None else resampled(cut, 1 / rate))

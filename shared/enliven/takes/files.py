@@ -42,7 +42,7 @@ def read_take(
         return clip, notes
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
-        what = f"it lasts {clip.duration:.2f} s: from {start:g} s to {stop:g} s is nothing"
+        what = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(what, where=str(path), mend="Choose another start and end.")
     return between_times(clip, start, stop), notes
 
@@ -59,7 +59,9 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     if kind == ".enliven":
         return _named(list(read_project(path).takes.values()), path, animation), ()
     if kind not in (".bvh", ".txt"):
-        raise InputError(f"{kind or 'a file without an ending'} is no motion", where=str(path), mend=_KNOWN)
+        raise InputError(
+            f"{kind or 'a file without an ending'} is not a motion file", where=str(path), mend=_KNOWN
+        )
     capture = read_capture(path)
     clip = clip_of_capture(capture, path.stem)
     return _without_added(clip, joint_places(clip), tuple(capture.notes))
@@ -84,4 +86,4 @@ def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
         if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
             return clip
     known = ", ".join(clip.id for clip in clips)
-    raise InputError(f"there is no animation {wanted!r}", where=str(path), mend=f"Known: {known}.")
+    raise InputError(f"the animation {wanted!r} does not exist", where=str(path), mend=f"Known: {known}.")

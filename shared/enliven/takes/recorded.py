@@ -35,7 +35,7 @@ class TakeSettings:
 
     gap: float = setting(
         0.5,
-        "A person who is away for longer than this starts a new take.",
+        "A person that is away for longer than this starts a new take.",
         unit="s",
         low=0.0,
         high=60.0,
@@ -71,7 +71,7 @@ def clips_of_recording(
         raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)
     if not made:
         mend = "Record a performance that lasts longer."
-        raise InputError("nobody is in it for long enough to be a take", where=str(path), mend=mend)
+        raise InputError("no performer is in it for long enough to make a take", where=str(path), mend=mend)
     return made
 
 

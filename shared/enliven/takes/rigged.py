@@ -54,7 +54,7 @@ def skeleton_of_bones(character: Character) -> Skeleton:
         if parents[bone] < 0:
             begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
             if not len(begins):
-                what = f"its bone {bone} hangs on nothing"
+                what = f"its bone {bone} has no parent"
                 raise InputError(what, where=f"character {character.id!r}", mend="Record it again.")
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):

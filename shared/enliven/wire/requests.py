@@ -210,7 +210,7 @@ class Scan(Order, frozen=True):
         if self.person and (self.moved or self.turned or self.within is not None):
             raise ValueError("a person is scanned alone: leave out moved, turned and within")
         if (self.moved or self.turned) and self.within is not None:
-            raise ValueError("a thing that is moved needs the floor about it: leave out within, or moved")
+            raise ValueError("an object that is moved needs the floor around it: leave out within, or moved")
         if (len(self.box), len(self.stage_from_scan)) not in ((0, 0), (6, 12)):
             raise ValueError("a box has 6 numbers, and 12 of where the scan stood; or none of both")
         if any(low > high for low, high in zip(self.box[:3], self.box[3:], strict=True)):

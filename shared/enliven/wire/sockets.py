@@ -66,7 +66,7 @@ def parse_endpoint(text: str) -> Endpoint:
     valid = written and 0 < pose < 65536 and 0 < control < 65536
     if not host or not valid or any(c.isspace() or c in "/;" for c in host):
         raise InputError(
-            f"{text!r} is no address of an edge", mend="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
+            f"{text!r} is not an address of an edge", mend="Give HOST, HOST:PORT or HOST:PORT:CONTROL_PORT."
         )
     return Endpoint(host, pose, control)
 

@@ -204,7 +204,7 @@ def test_another_kind_of_wav_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"44100 Hz, 2 channels.*must have 16000 Hz"):
         SoundRecording(path).open(960)
     path.write_bytes(b"no sound")
-    with pytest.raises(InputError, match="no WAV file"):
+    with pytest.raises(InputError, match="not a WAV file"):
         SoundRecording(path).open(960)
 
 

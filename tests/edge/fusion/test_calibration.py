@@ -206,7 +206,7 @@ def test_nobody_in_view_says_so():
     a, _ = seen_by_both()
     made = calibrate([a, stream_of("b", [])])
     assert made.pairs[0].fit is None and not made.good
-    assert "b saw nobody" in made.advice[0]
+    assert "b never saw a performer" in made.advice[0]
     assert "b" not in made.world_from_sensor
 
 

@@ -107,7 +107,7 @@ def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
     frames, sensor = watched({"a": Reel("a", streams["a"], breaks=30), "b": Reel("b", streams["b"])})
     assert sensor.states == {"a": SensorState.LOST, "b": SensorState.ENDED}
     lost = next(w for w in sensor.warnings if w.state is SensorState.LOST)
-    assert lost.sensor == "a" and "the others go on" in lost.what
+    assert lost.sensor == "a" and "the others continue" in lost.what
     assert frames[-1].time_ns > 2.8e9
     assert all(len(frame.bodies) == 1 for frame in frames[6:])
     assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.health_states)

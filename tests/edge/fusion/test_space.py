@@ -60,8 +60,8 @@ def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path, monkeypatch):
         ("sensors = 3", "names no sensors"),
         ('[sensors."a"]\nworld_from_sensr = 1', "Did you mean world_from_sensor"),
         ('[sensors."a"]\nworld_from_sensor = [[1,0,0,0],[0,1,0,0],[0,0,1,0]]', "world_from_sensor"),
-        ('[sensors."a"]\nworld_from_sensor = [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "no rigid"),
-        ('[sensors."a"]\nworld_from_sensor = [[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "no rigid"),
+        ('[sensors."a"]\nworld_from_sensor = [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
+        ('[sensors."a"]\nworld_from_sensor = [[-1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', "not a rigid"),
         ("[sensors", "not readable TOML"),
     ],
 )

@@ -167,7 +167,7 @@ def test_joints_that_a_person_has_nothing_like_are_named() -> None:
         np.array([*OTHER.parents, 0, len(OTHER)], np.int32),
         np.vstack([OTHER.positions, [(-0.5, 0.9, 0.0), (-1.1, 0.8, 0.0)]]),
     )
-    with pytest.raises(InputError, match="nothing like joint 'Tail2'"):
+    with pytest.raises(InputError, match="no joint similar to 'Tail2'"):
         Retargeting(tail, ("LeftHand", "Tail2"))
 
 

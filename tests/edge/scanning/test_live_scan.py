@@ -68,7 +68,7 @@ def test_of_several_orders_the_last_one_holds(busy):
     free.set()
     threading.Event().wait(0.3)
     assert scan.phase == "scanning"
-    with pytest.raises(InputError, match="nothing to take back"):
+    with pytest.raises(InputError, match="nothing can be undone"):
         scan.ask(Scan("undo"))
 
 

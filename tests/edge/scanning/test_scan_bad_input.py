@@ -60,7 +60,7 @@ def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
     wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
     way = HandheldPath(target=(0.0, 0.5, 0.0), radius=distance, height=(0.5, 0.8), turns=0.03, seconds=2.0)
     blank = recorded(tmp_path / "wall.mcap", NOTHING, way=way, room=wall)
-    with pytest.raises(InputError, match=r"only a blank surface was seen.* Let corners"):
+    with pytest.raises(InputError, match=r"only a blank surface was seen.* Keep corners"):
         run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)
 
 
@@ -78,7 +78,7 @@ def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
     nothing = recorded(
         tmp_path / "dark.mcap", last=12, change=lambda frame: with_depth(frame, lambda d: d.fill(0))
     )
-    with pytest.raises(InputError, match=r"no frame shows enough depth.* does not mirror"):
+    with pytest.raises(InputError, match=r"no frame shows enough depth.* does not reflect"):
         run("--recording", nothing, "-o", tmp_path / "no.glb")
 
 
@@ -101,7 +101,7 @@ def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
         "--reach",
         1.6,
     ]
-    with pytest.raises(InputError, match=r"What was seen is kept: --recording .*no\.scan\.mcap"):
+    with pytest.raises(InputError, match=r"The recorded images were kept: --recording .*no\.scan\.mcap"):
         run(*sensor, "-o", made)
     assert not made.exists()
     run("--recording", tmp_path / "no.scan.mcap", "-o", made, "--voxel", 16, "--whole")
@@ -113,11 +113,13 @@ def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_c
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
     words = ["--recording", both, "--voxel", 8, "--no-keep"]
     said = run(*words, "-o", tmp_path / "first.glb")
-    assert re.search(r"2 things stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", said)
+    assert re.search(r"2 objects stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", said)
     run(*words, "-o", tmp_path / "second.glb", "--thing", 2)
     tall, short = (load_mesh(tmp_path / f"{name}.glb").mesh.bounds[1, 1] for name in ("first", "second"))
     assert tall == pytest.approx(0.5, abs=0.04) and short == pytest.approx(0.3, abs=0.04)
-    with pytest.raises(InputError, match=r"no thing number 3 where the camera looked; 2 stand there"):
+    with pytest.raises(
+        InputError, match=r"object number 3 does not exist where the camera looked; 2 stand there"
+    ):
         run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
 
 

@@ -31,7 +31,7 @@ def test_it_is_followed_where_it_is_while_the_room_stands():
     room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
     # What may begin to move is left out where the camera is sought, so the camera does not go with it.
     assert max(room) < 0.015, "the room does not turn with it"
-    assert not any("things stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
+    assert not any("objects stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
 
 
 def test_what_two_hands_take_up_is_followed():

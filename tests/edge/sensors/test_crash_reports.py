@@ -90,4 +90,4 @@ def test_a_disk_that_refuses_stops_nothing(state, caplog):
     state.parent.mkdir(parents=True)
     state.write_text("a file in its place")
     crash_reports.keep_text("oak", "Fatal Python error: Aborted", 6)
-    assert "cannot be kept" in caplog.text and crash_reports.reports() == []
+    assert "cannot be saved" in caplog.text and crash_reports.reports() == []

@@ -97,7 +97,7 @@ def test_an_accelerometer_is_shown_beside_the_floor():
 
     tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
     facts = dict(_condition_facts(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
-    assert facts["gravity"] == "0 degrees down by the accelerometer, 17 degrees from what the floor says"
+    assert facts["gravity"] == "0 degrees down by the accelerometer, 17 degrees from the floor's normal"
     assert "slow" in facts["link"] and facts["temperature"] == "61 degrees"
 
 

@@ -114,7 +114,7 @@ def test_what_is_no_film_or_no_camera_is_said(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"no film" * 100)
     with pytest.raises(InputError, match=r"a\.mp4"):
         open_sensor("webcam", device=str(tmp_path / "a.mp4"))
-    with pytest.raises(ResourceError, match=r"video99: there is no such camera\. (There are|Plug one)"):
+    with pytest.raises(ResourceError, match=r"video99: the camera was not found\. (There are|Plug one)"):
         open_sensor("webcam", device="/dev/video99")
     with pytest.raises(ResourceError, match=r"null: it cannot be opened .* Check that it is a camera"):
         WebcamSensor("/dev/null", source=Truth())

@@ -293,7 +293,7 @@ def add(solver, handle):
         (lambda s: s.solve({"a": np.zeros((2, 3))}), "1 vertices"),
         (lambda s: s.solve({"z": np.zeros(3)}), "Known: a, b"),
         (lambda s: add(s, Handle("c", (62,))), "loose"),
-        (lambda s: add(s, Handle("c", (99,))), "no vertex 99"),
+        (lambda s: add(s, Handle("c", (99,))), "vertex 99 does not exist"),
         (lambda s: add(s, Handle("c", ())), "no vertex"),
         (lambda s: add(s, Handle("a", (5,))), "one name"),
         (lambda s: add(s, Handle("c", (5,), -1.0)), "weight"),

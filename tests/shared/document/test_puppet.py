@@ -79,7 +79,7 @@ def test_the_wire_keeps_its_character():
         ({"poses": (KeyPose("wave", 0.0, np.zeros((3, 3))),)}, "3 places for 2"),
         ({"poses": (KeyPose("wave", 0.0, np.full((2, 3), np.nan)),)}, "pose 0 is not finite"),
         ({"layers": (PuppetLayer("wave", ("nose",)),)}, "'nose', which is not there"),
-        ({"turn": np.ones(4)}, "no unit quaternion"),
+        ({"turn": np.ones(4)}, "not a unit quaternion"),
     ],
 )
 def test_inconsistent_puppet_is_refused(changes, said):
@@ -88,12 +88,12 @@ def test_inconsistent_puppet_is_refused(changes, said):
 
 
 def test_takes_that_are_not_there_are_named():
-    with pytest.raises(InputError, match="there is no take 'wave'"):
+    with pytest.raises(InputError, match="the take 'wave' does not exist"):
         Project().with_characters(puppet())
 
 
 def test_a_puppet_and_a_point_that_are_not_there():
     with pytest.raises(InputError, match="no puppet 'horse'"):
         project().puppet("horse")
-    with pytest.raises(InputError, match="no control point 'tail'"):
+    with pytest.raises(InputError, match="control point 'tail' does not exist"):
         puppet().index("tail")

@@ -56,7 +56,7 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
         np.testing.assert_array_equal(pose.places, puppet.rest)
     # Nothing is posed yet, and that is said.
     assert examples(folder, "check", "s/made.toml") == 3
-    assert "All key poses are alike: say where the control points are to be." in capsys.readouterr().out
+    assert "All key poses are alike: set the places of the control points." in capsys.readouterr().out
     # Nor is a film of it made, of a statue that slides; the studio can pose the project.
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1) == 3
     assert "All key poses are alike" in capsys.readouterr().err and not (folder / "out.glb").exists()
@@ -144,18 +144,24 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     [
         (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
         (("fit", "full.toml", "-o", "out.abc"), ".abc cannot be written. Known: .bvh, .enliven, .glb, .mcap"),
-        (("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2), "from 5 s to 2 s is nothing"),
+        (
+            ("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2),
+            "there is no motion from 5 s to 2 s",
+        ),
         (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
         (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),
         (("fit", "bare.toml", "-o", "out.glb"), "Put control points on the mesh."),
-        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Say what it plays: [[layer]]."),
+        (("fit", "still.toml", "-o", "out.glb"), "it plays nothing. Add the motion to play: [[layer]]."),
         (
             ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--up", "w"),
-            "'w' is no axis. Say x, y or z.",
+            "'w' is not an axis. Give x, y or z.",
         ),
-        (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is no motion"),
-        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is no project"),
-        (("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9), "from 9 s to 3 s is nothing"),
+        (("new", "stool.ply", "stool.ply", "-o", "new.toml"), "ply is not a motion file"),
+        (("new", "stool.ply", "walk.enliven", "-o", "new.enliven"), "a session is not a project"),
+        (
+            ("new", "stool.ply", "walk.enliven", "-o", "new.toml", "--start", 9),
+            "there is no motion from 9 s to 3 s",
+        ),
     ],
 )
 def test_impossible_request_is_reported(folder, capsys, words, said):
@@ -173,7 +179,11 @@ def test_missing_input_is_reported_before_solving(folder, capsys):
     (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n[[point]]\nvertex = 3\n')
     assert examples(folder, "check", "bare.toml") == 3
     said = capsys.readouterr().out
-    for sentence in ("Pair 'point 1' with a joint.", "Pose two examples.", "Say what it plays: [[layer]]."):
+    for sentence in (
+        "Pair 'point 1' with a joint.",
+        "Pose two examples.",
+        "Add the motion to play: [[layer]].",
+    ):
         assert sentence in said
 
 

@@ -188,7 +188,7 @@ def test_content_unsupported_by_bvh_is_reported():
     with pytest.raises(InputError, match="holds one character, not 2"):
         exporter_of("a.bvh").write("a.bvh", [made, made], "two")
     skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
-    with pytest.raises(InputError, match="no unit 'inch'"):
+    with pytest.raises(InputError, match="the unit 'inch' does not exist"):
         bvh_text(
             performance_of_clip(Clip("a", skeleton, np.array([[[1, 0, 0, 0]]]), np.zeros((1, 3)), 0.1)),
             "inch",

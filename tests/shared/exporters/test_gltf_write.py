@@ -174,7 +174,7 @@ def test_unwritable_content_is_reported(tmp_path):
         glb_of([performance_of(project, "bare")])
     with pytest.raises(InputError, match="nothing to write"):
         glb_of([])
-    with pytest.raises(InputError, match="is no time"):
+    with pytest.raises(InputError, match="is not a valid time range"):
         performance_of(project, "squid", 2.0, 1.0)
     (tmp_path / "file").write_text("x")
     with pytest.raises(ResourceError, match="cannot be written"):

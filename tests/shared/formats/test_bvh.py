@@ -152,8 +152,8 @@ def test_a_row_too_many_is_read_and_noted() -> None:
     [
         ("HIERARCHY", "solid cube", 1, "not HIERARCHY"),
         ("OFFSET 0 90 0", "OFFSET 0 90", 4, "2 numbers, expected 3"),
-        ("OFFSET 0 90 0", "OFFSET 0 tall 0", 4, "no number"),
-        ("Zrotation", "Wrotation", 5, "no channel Wrotation"),
+        ("OFFSET 0 90 0", "OFFSET 0 tall 0", 4, "not a number"),
+        ("Zrotation", "Wrotation", 5, "channel Wrotation does not exist"),
         ("CHANNELS 6", "CHANNELS 5", 5, "says 5 and names 6"),
         ("}\nMOTION", "MOTION", 10, "before the hierarchy is complete"),
         ("Frames: 2", "Frames: two", 12, "expected 'Frames:'"),

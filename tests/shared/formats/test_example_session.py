@@ -252,17 +252,17 @@ WRONG = [
     ("height = 0.5", 'height = "tall"', "[mesh]: height is 'tall'"),
     ("height = 0.5", "height = 0.0", "[mesh]: height is 0.0, outside"),
     ('file = "moves.enliven"', 'file = "moves.xyz"', "[[take]] 1: "),
-    ('file = "moves.enliven"', 'file = "moves.enliven"\nanimation = "run"', "no animation 'run'"),
+    ('file = "moves.enliven"', 'file = "moves.enliven"\nanimation = "run"', "animation 'run' does not exist"),
     ("vertex = 300", "vertex = 30000", "[[point]] 3: puppet 'stool': the mesh has no vertex 30000"),
-    ("vertex = 300", "", "[[point]] 3: it needs a vertex or a place. Say vertex = 4711 or at = [x, y, z]."),
+    ("vertex = 300", "", "[[point]] 3: it needs a vertex or a place. Give vertex = 4711 or at = [x, y, z]."),
     ("vertex = 300", "at = [0, 1]", "[[point]] 3: at is [0, 1]"),
     ("time = 0.2", "", "[[pose]] 1: it needs a time or a frame"),
     ("time = 0.2", "time = 99.0", "[[pose]] 1: take 'walk': 99 s is outside of the take. It has 0..3 s."),
     ("time = 0.2", "time = 1e308", "is outside of the take. It has 0..3 s."),
     ("time = 0.2", "tiem = 0.2", "[[pose]] 1: unknown key tiem. Did you mean time?"),
     ("frame = 30", "frame = 6", "[[pose]] 2: puppet 'stool': key pose 0 is of frame 6 of 'walk' already"),
-    ('take = "walk"', 'take = "run"', "[[pose]] 2: there is no take 'run'. Known: walk."),
-    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "no control point 'wrong foot'"),
+    ('take = "walk"', 'take = "run"', "[[pose]] 2: the take 'run' does not exist. Known: walk."),
+    ('"right foot" = [-0.2', '"wrong foot" = [-0.2', "control point 'wrong foot' does not exist"),
     ("moves = {", 'places = {"left foot" = [0, 0, 0]}\nmoves = {', "[[pose]] 1: it has places and moves"),
     ("normal = [1, 0, 0]", "normal = [0, 0, 0]", "[symmetry]: "),
     ("acceleration = 0.1", "accelleration = 0.1", "[settings]: unknown key examples.accelleration. Did"),
@@ -270,7 +270,7 @@ WRONG = [
     ("speed = 2", "speed = 0", "[[layer]] 1: layer of 'walk': offset 0.0, speed 0.0"),
     ("speed = 2", "sped = 2", "[[layer]] 1: unknown key sped. Did you mean speed?"),
     ("frame = 3\n", "frame = 3000\n", "[[layer]] 1: constraints: the position of 'point 3' at frame 3000"),
-    ('point = "point 3"', 'point = "nose"', "there is no control point 'nose'. Known: left foot, right"),
+    ('point = "point 3"', 'point = "nose"', "control point 'nose' does not exist. Known: left foot, right"),
     ('axes = "y"', 'axes = "up"', "the position of 'point 3' at frame 3 (up) has axes 'up'"),
     ('kind = "contact"', 'kind = "hop"', "[[layer]] 1, switch 1: kind is 'hop', expected 'contact' or"),
     ("[[layer.switch]]\nframe = 0", "[[layer.switch]]\nframe = 4", "[[layer]] 1: locomotion: switches at"),
@@ -301,9 +301,9 @@ def test_files_that_are_no_session(folder):
     with pytest.raises(InputError, match=r"it has no \[mesh\]"):
         read_session(folder / "empty.toml")
     (folder / "lonely.toml").write_text('[mesh]\nfile = "stool.ply"\n[[pose]]\ntime = 0\n')
-    with pytest.raises(InputError, match=r"\[\[pose\]\] 1: there is no take"):
+    with pytest.raises(InputError, match=r"\[\[pose\]\] 1: the session has no take"):
         read_session(folder / "lonely.toml")
-    with pytest.raises(InputError, match="a session is no project"):
+    with pytest.raises(InputError, match="a session is not a project"):
         write_session(folder / "made.enliven", full_project(), "stool")
 
 

@@ -64,7 +64,7 @@ def test_the_rest_pose_is_a_person(tmp_path) -> None:
     [
         ("", "no frames"),
         ("1,2,3\n", "3 numbers, expected 117"),
-        (",".join(["0"] * 117) + "\n" + ",".join(["0"] * 116 + ["x"]), "line 2.*no number"),
+        (",".join(["0"] * 117) + "\n" + ",".join(["0"] * 116 + ["x"]), "line 2.*not a number"),
         (",".join(["nan"] * 117), "line 1.*finite"),
     ],
 )

@@ -215,7 +215,7 @@ def spoiled(change):
 @pytest.mark.parametrize(
     ("change", "words", "where"),
     [
-        (lambda h, a: h.update(format="zip"), "no enliven project", ""),
+        (lambda h, a: h.update(format="zip"), "not an enliven project", ""),
         (lambda h, a: h.update(version=VERSION + 1, made_by="9.9"), "made by enliven 9.9", ""),
         (lambda h, a: h.update(version="new"), "does not say what it is", ""),
         (lambda h, a: a.popitem(), "an array is missing", "project."),
@@ -227,7 +227,7 @@ def spoiled(change):
         (lambda h, a: first_layer(h).update(loop=1), "where a bool", "loop"),
         (lambda h, a: first_shape(h).update(kind="lattice"), "kind 'lattice' is not known", "shape 0"),
         (lambda h, a: first_shape(h).pop("kind"), "kind None is not known", "shape 0"),
-        (lambda h, a: h["project"]["takes"].pop("walk"), "there is no take 'walk'", "shape"),
+        (lambda h, a: h["project"]["takes"].pop("walk"), "the take 'walk' does not exist", "shape"),
     ],
 )
 def test_damaged_file_is_reported(change, words, where):
@@ -240,7 +240,7 @@ def test_damaged_file_is_reported(change, words, where):
 @given(st.integers(0, 3), st.floats(0, 1, exclude_max=True))
 def test_a_file_that_is_cut_short_anywhere_is_refused(seed, share):
     data = project_bytes(random_project(seed)[0])
-    with pytest.raises(InputError, match=r"cut short|no enliven project"):
+    with pytest.raises(InputError, match=r"cut short|not an enliven project"):
         project_of(data[: int(share * len(data))])
 
 
@@ -262,11 +262,11 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_project(tmp_path / "none.enliven")
     (tmp_path / "text.enliven").write_text("hello")
-    with pytest.raises(InputError, match="no enliven project"):
+    with pytest.raises(InputError, match="not an enliven project"):
         read_project(tmp_path / "text.enliven")
     with zipfile.ZipFile(tmp_path / "other.enliven", "w") as archive:
         archive.writestr("readme.txt", "x")
-    with pytest.raises(InputError, match="no enliven project"):
+    with pytest.raises(InputError, match="not an enliven project"):
         read_project(tmp_path / "other.enliven")
 
 

@@ -181,7 +181,7 @@ def test_files_of_the_wrong_kind(files, capsys):
     assert retarget(files, "-o", files / "a.glb", take="horse.png") == 3
     assert "Known: .bvh" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
-    assert "it is no glTF file" in capsys.readouterr().err
+    assert "it is not a glTF file" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.fbx") == 3
     assert ".fbx cannot be written. Known: .bvh, .glb" in capsys.readouterr().err
 

@@ -197,5 +197,5 @@ def test_non_tree_error_names_joints(links, told):
 
 
 def test_a_root_that_is_not_there_is_refused():
-    with pytest.raises(InputError, match="no joint 7"):
+    with pytest.raises(InputError, match="joint 7 does not exist"):
         abstract(np.eye(3), [(0, 1), (1, 2)], 7)

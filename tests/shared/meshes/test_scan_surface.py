@@ -58,7 +58,7 @@ def test_unmeasured_areas_and_specks_are_left_out() -> None:
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_too_few_points_are_reported(count: int) -> None:
-    with pytest.raises(InputError, match="no surface"):
+    with pytest.raises(InputError, match="too few for a surface"):
         surface_through(np.ones((count, 3)), np.zeros(3))
 
 
@@ -91,7 +91,7 @@ def test_pcd_files_are_read_and_become_meshes(tmp_path, kind) -> None:
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (lambda data: b"solid\n" + data[200:], "no PCD file"),
+        (lambda data: b"solid\n" + data[200:], "not a PCD file"),
         (lambda data: data[:-500], "do not agree"),
         (lambda data: data.replace(b"DATA binary", b"DATA binary_compressed"), "binary_compressed"),
         (lambda data: data.replace(b"rgb x y z", b"rgb u v w"), "do not agree"),

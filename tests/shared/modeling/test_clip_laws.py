@@ -232,7 +232,7 @@ def test_a_mirrored_layer_twice_is_nothing_and_a_recorded_mesh_refuses(rig):
     once = mirror_layers(project, name, numbers)
     assert not same(once, project) and same(mirror_layers(once, name, numbers), project)
     graph, other, parts = world("graph")
-    with pytest.raises(InputError, match="fits that mesh alone"):
+    with pytest.raises(InputError, match="fits only its own mesh"):
         mirror_layers(graph, other, parts)
 
 
@@ -244,8 +244,8 @@ def test_clips_that_cannot_be_played_are_refused_and_change_nothing(rig):
     short = trim_clip(cut, name, numbers, 1, end=inside(clip, 0.6))
     for wrong, words in (
         (lambda: remove_clip(project, name, numbers, 0), "nothing is left"),
-        (lambda: slip_clip(project, name, numbers, 3, 0.1), "there is no clip 3"),
-        (lambda: clips_of(project, name, 9), "there is no layer 9"),
+        (lambda: slip_clip(project, name, numbers, 3, 0.1), "clip 3 does not exist"),
+        (lambda: clips_of(project, name, 9), "layer 9 does not exist"),
         (lambda: blend_clips(project, name, numbers, 0, 0.1), "no clip follows"),
         (lambda: move_clip(short, name, numbers, 1, 0.3 * (clip.begin - clip.end)), "within another"),
     ):
@@ -273,7 +273,7 @@ def test_markers_are_added_moved_named_and_removed():
     for wrong, words in (
         (lambda: rename_marker(project, "jump", "marker 2"), "there already"),
         (lambda: rename_marker(project, "jump", ""), "a marker ''"),
-        (lambda: remove_marker(project, "hop"), "there is no marker 'hop'"),
+        (lambda: remove_marker(project, "hop"), "the marker 'hop' does not exist"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

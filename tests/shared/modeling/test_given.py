@@ -123,7 +123,7 @@ def test_impossible_transfer_is_reported():
     project = with_stool()
     with pytest.raises(InputError, match="performers moved no part"):
         give_performance(project, "stool", SOURCE)
-    with pytest.raises(InputError, match="performed so already"):
+    with pytest.raises(InputError, match="already performed this way"):
         give_performance(project, SOURCE, SOURCE)
     bare = project.graph("stool")
     flat = bare.with_changes(mesh=Mesh(bare.mesh.vertices, bare.mesh.faces[:0], "stool"))

@@ -168,14 +168,14 @@ def test_invalid_key_is_refused():
     project = set_key(PROJECT, ARM, BONE, 0.5, (0, 40, 0))
     late = change_layers(project, ARM, [key_layer(project, ARM, BONE)], offset=1.0)
     for wrong, words in (
-        (lambda: set_key(PROJECT, ARM, "nose", 0.5), "there is no joint 'nose'"),
+        (lambda: set_key(PROJECT, ARM, "nose", 0.5), "joint 'nose' does not exist"),
         (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, np.nan, 0)), "cannot be played"),
-        (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"), "are no key"),
-        (lambda: ease_key(project, ARM, BONE, 4, "step"), "there is no key 4"),
-        (lambda: remove_key(PROJECT, ARM, BONE, 0), "there is no key 0"),
+        (lambda: set_key(PROJECT, ARM, BONE, 0.5, (0, 0, 0), "bounce"), "are not a key"),
+        (lambda: ease_key(project, ARM, BONE, 4, "step"), "key 4 does not exist"),
+        (lambda: remove_key(PROJECT, ARM, BONE, 0), "key 0 does not exist"),
         (lambda: key_handle(PROJECT, ARM, 0, (0, 0, 0), 0.0), "moved, not turned"),
         (lambda: set_key(late, ARM, BONE, 0.2, (0, 0, 0)), "begins at 1.00 s"),
-        (lambda: keyed_clip("keys", "arm", []), "there is no key"),
+        (lambda: keyed_clip("keys", "arm", []), "no key was given"),
     ):
         with pytest.raises(InputError, match=words):
             wrong()

@@ -194,7 +194,7 @@ def test_key_can_be_set_within_layers_and_next_to_another(rig):
     made = key_characters(project, [name], 0.5, (0, 0, 1.0))
     near(vertices_of(made, name, 0.5), vertices_of(project, name, 0.5) + np.array([0, 0, 1.0]))
     muted = change_layers(project, name, [first], muted=True)
-    with pytest.raises(InputError, match="not heard"):
+    with pytest.raises(InputError, match="have no effect"):
         key_characters(muted, [name], 0.5, (0, 0, 1.0))
 
 
@@ -247,10 +247,10 @@ def test_a_merge_goes_on_with_the_keys_of_its_host(rig):
 
 def test_character_without_keys_is_refused():
     for rig, handle, words in (
-        ("points", 1, "no node 1"),
-        ("cage", "front", "no node 'front'"),
-        ("graph", 99, "no node 99"),
-        ("graph", "head", "no node 'head'"),
+        ("points", 1, "node 1 does not exist"),
+        ("cage", "front", "node 'front' does not exist"),
+        ("graph", 99, "node 99 does not exist"),
+        ("graph", "head", "node 'head' does not exist"),
     ):
         with pytest.raises(InputError, match=words):
             set_key(*WORLDS[rig], handle, 0.5)

@@ -131,7 +131,7 @@ def test_a_plane_puts_the_part_where_it_was_drawn():
     axes = np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])
     np.testing.assert_allclose(there.mesh.vertices, plane.origin + here.mesh.vertices @ axes, atol=1e-12)
     np.testing.assert_allclose(there.skeleton.positions, plane.origin + here.skeleton.positions @ axes)
-    with pytest.raises(InputError, match="two directions"):
+    with pytest.raises(InputError, match="two different directions"):
         shape_from_stroke(ALL["star"], SketchPlane(np.zeros(3), np.ones(3), np.ones(3)))
 
 

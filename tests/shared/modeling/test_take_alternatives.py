@@ -79,9 +79,9 @@ def test_they_are_kept_in_files_and_go_along_with_copies() -> None:
     both, name = paste_character(read, project, "arm")
     chosen = choose_take(both, "take 1", "take 1")
     np.testing.assert_allclose(pose_of(chosen, name, 0.2).turns, pose_of(chosen, "arm", 0.2).turns, atol=1e-9)
-    with pytest.raises(InputError, match="no take there"):
+    with pytest.raises(InputError, match="not one of these takes"):
         choose_take(project, "take 1", "take 9")
-    with pytest.raises(InputError, match="no take there"):
+    with pytest.raises(InputError, match="not one of these takes"):
         drop_take(project, "take 1", "take 9")
 
 

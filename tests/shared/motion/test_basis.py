@@ -98,7 +98,7 @@ def test_a_bend_upward_of_a_right_arm_is_one_of_a_left_arm():
 
 def test_zero_direction_is_refused():
     for bad in ([0.0, 0.0, 0.0], [np.nan, 0, 0], [1.0, 0.0]):
-        with pytest.raises(InputError, match="no direction"):
+        with pytest.raises(InputError, match="not a direction"):
             basis_between(bad, [0.0, 0.0, 1.0])
-        with pytest.raises(InputError, match="no direction"):
+        with pytest.raises(InputError, match="not a direction"):
             basis_between([1.0, 0, 0], [1.0, 0, 0], up=bad)

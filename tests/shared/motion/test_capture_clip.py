@@ -105,9 +105,9 @@ def test_standing_zero_pose_is_the_rest_pose():
 
 def test_invalid_file_options_are_refused():
     capture = a_capture(np.random.default_rng(0))
-    with pytest.raises(InputError, match="no rest pose 12"):
+    with pytest.raises(InputError, match="rest pose 12 does not exist"):
         clip_of_capture(capture, "take", rest=12)
-    with pytest.raises(InputError, match="no unit"):
+    with pytest.raises(InputError, match="unit 'elbow' does not exist"):
         clip_of_capture(capture, "take", unit="elbow")
     with pytest.raises(InputError, match="cannot be"):
         clip_of_capture(capture, "take", unit=0.0)

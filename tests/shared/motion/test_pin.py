@@ -242,8 +242,8 @@ def test_pins_come_and_go():
         (["hip L"], None, "no limb of two bones"),
         (["ankle L"], "knee L", "no limb of two bones"),
         (["ankle L"], "hip R", "no limb of two bones"),
-        (["tail"], None, "no joint 'tail'"),
-        ([99], None, "no joint 99"),
+        (["tail"], None, "joint 'tail' does not exist"),
+        ([99], None, "joint 99 does not exist"),
     ],
 )
 def test_unpinnable_joint_is_refused(joints, start, said):

@@ -136,7 +136,7 @@ def test_one_frame_is_played_for_ever():
 
 @pytest.mark.parametrize(
     ("chain", "said"),
-    [((), "no joint"), ((0, 9), "no joint 9"), ((0, 2), "no neighbours"), ((0, 1, 0), "twice")],
+    [((), "no joint"), ((0, 9), "joint 9 does not exist"), ((0, 2), "not neighbours"), ((0, 1, 0), "twice")],
 )
 def test_invalid_chain_is_refused(chain, said):
     skeleton = Skeleton(("a", "b", "c"), np.array([-1, 0, 1], np.int32), np.eye(3))

@@ -176,9 +176,9 @@ def test_moved_object_is_kept_at_its_new_position():
 
 
 def test_missing_new_object_is_reported():
-    with pytest.raises(InputError, match="nothing stands where there was nothing before"):
+    with pytest.raises(InputError, match="no new object stands there"):
         cut_what_is_new(Mesh(*ROOM), BEFORE, FLOOR)
-    with pytest.raises(InputError, match="nothing stands where there was nothing before"):
+    with pytest.raises(InputError, match="no new object stands there"):
         cut_what_is_new(Mesh(*joined(ROOM, standing((0.0, 0.0)))), [], FLOOR)
 
 

@@ -158,7 +158,7 @@ def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatc
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.full((32, 64, 3), 200, np.uint8))
-    assert f"no H.264 encoder here, so {tmp_path / 'old.mp4'} is {only[0].format}" in caplog.text
+    assert f"no H.264 encoder was found, so {tmp_path / 'old.mp4'} is {only[0].format}" in caplog.text
     assert abs(decoded(tmp_path / "old.mp4")[0].mean() - 200) < 8
 
 

@@ -13,7 +13,7 @@ from enliven_viewer.studio.workspace.files import add_sample
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--sensor", "webcam", "--set", "device=/dev/video99"), "/dev/video99: there is no such camera"),
+        (("--sensor", "webcam", "--set", "device=/dev/video99"), "/dev/video99: the camera was not found"),
         (("--sensor", "kinekt"), "kinekt"),
     ],
 )

@@ -163,5 +163,5 @@ def test_samples_of_another_kind_are_refused() -> None:
         (np.zeros((2, 2), np.int16), 0.0),
         (np.zeros(4, np.int16), -1.0),
     ):
-        with pytest.raises(InputError, match="it is no sound"):
+        with pytest.raises(InputError, match="it is not a valid sound"):
             Sound("x", samples, begin)

@@ -81,7 +81,8 @@ def judged(
     if fit.rms > settings.worst_residual:
         verdict = Verdict.NO_MATCH
         advice = (
-            f"what {name} sees does not fit ({100 * fit.rms:.0f} cm apart): let one person alone walk about"
+            f"the joints that {name} sees do not fit ({100 * fit.rms:.0f} cm apart): "
+            "let only one person walk about"
         )
     elif seconds < settings.overlap:
         verdict = Verdict.WALK_ON
@@ -114,9 +115,9 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
         blind: the sensor that saw no person at all, if there is one.
     """
     nan = float("nan")
-    advice = f"{a} and {b} saw nobody at one time: walk where both see you, for longer"
+    advice = f"{a} and {b} never saw a performer at the same time: walk where both see you, for longer"
     if blind is not None:
-        advice = f"{blind} saw nobody: walk where it sees you from head to foot"
+        advice = f"{blind} never saw a performer: walk where it sees you from head to foot"
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 

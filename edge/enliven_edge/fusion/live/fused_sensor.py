@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 _SEVERITY = {
     SensorState.MOVED: (HealthKind.MOVED, Severity.WARNING, "Calibrate again: enliven calibrate."),
     SensorState.LOST: (HealthKind.NO_FRAMES, Severity.WARNING, "Start the edge again."),
-    SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Look after its cable."),
+    SensorState.SILENT: (HealthKind.NO_FRAMES, Severity.WARNING, "Check its cable."),
 }
 """Kind, severity and remedy of the health message of each sensor state. None is worse than a warning, because
 the other sensors continue."""
@@ -149,9 +149,7 @@ class FusedSensors(Sensor):
                 self.fuser.end(watcher.name, state, self._now_ns)
                 self._tell(watcher.failure)
                 if self._once and watcher.failure:
-                    raise ResourceError(
-                        watcher.failure, where=self.name, mend="Mend it, or leave --once out."
-                    )
+                    raise ResourceError(watcher.failure, where=self.name, mend="Fix it, or leave out --once.")
 
     def _fused(self, seen: SensorBodies) -> BodyFrame | None:
         """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""

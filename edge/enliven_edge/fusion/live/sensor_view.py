@@ -49,10 +49,10 @@ class SensorWarning:
 SENTENCE = {
     SensorState.WAITING: "has not sent anything yet",
     SensorState.LIVE: "is back",
-    SensorState.SILENT: "sends nothing any more; the others go on",
-    SensorState.FROZEN: "sends the same picture again and again; the others go on",
-    SensorState.MOVED: "sees people elsewhere than the others do: it was moved, calibrate again",
-    SensorState.LOST: "was lost; the others go on",
+    SensorState.SILENT: "no longer sends frames; the others continue",
+    SensorState.FROZEN: "sends the same image again and again; the others continue",
+    SensorState.MOVED: "sees people at other places than the other sensors do: it was moved, calibrate again",
+    SensorState.LOST: "was lost; the others continue",
     SensorState.ENDED: "has ended",
 }
 """The sentence about each state."""

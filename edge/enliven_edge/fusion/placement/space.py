@@ -132,4 +132,6 @@ def _checked(transform: Float, where: str) -> None:
     rotation = transform[:3, :3]
     crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
     if crooked or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):
-        raise InputError("a matrix is no rigid transform", where=where, mend="Run enliven calibrate again.")
+        raise InputError(
+            "a matrix is not a rigid transform", where=where, mend="Run enliven calibrate again."
+        )

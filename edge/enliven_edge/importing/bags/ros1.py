@@ -118,7 +118,9 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
     """
     with open_file(path) as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise InputError("it is no ROS bag of version 2.0", where=str(path), mend="Choose another file.")
+            raise InputError(
+                "it is not a ROS bag of version 2.0", where=str(path), mend="Choose another file."
+            )
         size = os.fstat(file.fileno()).st_size
         topics: dict[bytes, str] = {}
         while (at := file.tell()) < size:
@@ -235,8 +237,10 @@ def _sized(file: BinaryIO, most: int, path: Path) -> bytes:
 
 
 def _cut(at: int, path: Path) -> InputError:
-    return InputError(f"it ends in the middle of what begins at byte {at}", where=str(path), mend=_COPY)
+    return InputError(f"it ends in the middle of the record at byte {at}", where=str(path), mend=_COPY)
 
 
 def _too_large(size: int, path: Path) -> InputError:
-    return InputError(f"a part has {size} bytes, no depth camera writes such", where=str(path), mend=_COPY)
+    return InputError(
+        f"a record has {size} bytes; no depth camera writes records of this size", where=str(path), mend=_COPY
+    )

@@ -119,7 +119,9 @@ class LibcameraImages:
             fitting = fitting or [c for c in there if not word.isdigit() and word in c.id]
             if not fitting:
                 raise ResourceError(
-                    f"there is no camera {word!r}", where="sensor libcamera", mend=f"Connected: {listed}."
+                    f"the camera {word!r} was not found",
+                    where="sensor libcamera",
+                    mend=f"Connected: {listed}.",
                 )
             found.append(fitting[0])
         if len({camera.id for camera in found}) < len(found):
@@ -147,7 +149,9 @@ class _Eye:
             camera.acquire()
         except (RuntimeError, OSError) as error:
             raise ResourceError(
-                f"it cannot be opened ({error})", where=camera.id, mend="Close what else uses the camera."
+                f"it cannot be opened ({error})",
+                where=camera.id,
+                mend="Close other programs that use the camera.",
             ) from None
         try:
             self._configure(size, formats)

@@ -62,7 +62,9 @@ def listed_cameras() -> list[ListedCamera]:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING, check=False)
     except subprocess.TimeoutExpired:
         what = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
-        raise ResourceError(what, where="sensor libcamera", mend="Close what else uses a camera.") from None
+        raise ResourceError(
+            what, where="sensor libcamera", mend="Close other programs that use a camera."
+        ) from None
     if done.returncode:
         said = (done.stderr.strip().splitlines() or [""])[-1]
         what = f"libcamera cannot list its cameras (exit code {done.returncode}: {said})"
@@ -82,8 +84,8 @@ def libcamera_library(tuning: str) -> Any:
     """
     if tuning:
         if not Path(tuning).is_file():
-            mend = "Those that ship are in firmware_configs/libcamera."
-            raise InputError("there is no such tuning file", where=tuning, mend=mend)
+            mend = "The shipped tuning files are in firmware_configs/libcamera."
+            raise InputError("the tuning file does not exist", where=tuning, mend=mend)
         os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
     os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
     known = list(sys.path)

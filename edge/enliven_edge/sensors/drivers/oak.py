@@ -145,7 +145,9 @@ class OakSensor(Sensor):
         presets = {name.lower(): mode for name, mode in dai.node.StereoDepth.PresetMode.__members__.items()}
         if preset not in presets:
             raise InputError(
-                f"there is no preset {preset!r}", where="sensor oak", mend=f"Give {', '.join(presets)}."
+                f"the preset {preset!r} does not exist",
+                where="sensor oak",
+                mend=f"Give {', '.join(presets)}.",
             )
         self._device = self._found(device)
         keep_dump_of(self._device)
@@ -203,7 +205,7 @@ class OakSensor(Sensor):
             depth, number = image.getFrame(), image.getSequenceNum()
             transformation = image.getTransformation()
         except (RuntimeError, AttributeError, ValueError) as error:
-            raise InputError(f"an image of it is none ({error})", where=self.name) from None
+            raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
         if self._rehearsal is not None:
             time_ns = self._rehearsal.taken(time_ns)

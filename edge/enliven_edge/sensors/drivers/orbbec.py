@@ -64,7 +64,9 @@ class OrbbecSensor(Sensor):
     ) -> None:
         if sync and sync not in _SYNC:
             raise InputError(
-                f"there is no sync {sync!r}", where="sensor orbbec", mend=f"Give {', '.join(_SYNC)}."
+                f"the sync mode {sync!r} does not exist",
+                where="sensor orbbec",
+                mend=f"Give {', '.join(_SYNC)}.",
             )
         self._ob = orbbec_library()
         self._pipeline: Any = None
@@ -174,7 +176,7 @@ class OrbbecSensor(Sensor):
             known = [listed.get_name_by_index(i) for i in range(len(listed))]
             if preset not in known:
                 mend = f"It has: {', '.join(known)}."
-                raise InputError(f"there is no preset {preset!r}", where=self.name, mend=mend)
+                raise InputError(f"the preset {preset!r} does not exist", where=self.name, mend=mend)
             self._device.load_preset(preset)
         if sync and not self._rehearsed:
             config = self._device.get_multi_device_sync_config()

@@ -152,7 +152,7 @@ class RealSenseSensor(Sensor):
     def _set(self, option: str, word: Any, value: float | None) -> None:
         if value is None:
             raise InputError(
-                f"there is no preset {word!r}",
+                f"the preset {word!r} does not exist",
                 where="sensor realsense",
                 mend="Give default, high_accuracy, high_density, medium_density or hand.",
             )

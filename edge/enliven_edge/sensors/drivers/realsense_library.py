@@ -153,7 +153,7 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
                     found.append((apart, sensor, video))
     if not found:
         raise InputError(
-            f"it has no colour at {fps:g} images a second beside its depth",
+            f"it cannot send colour at {fps:g} images a second together with its depth",
             where=name,
             mend="Leave out colour=true, or give fps=30.",
         )

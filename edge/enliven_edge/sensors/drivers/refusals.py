@@ -99,11 +99,13 @@ def _absent(sensor: str, which: str) -> ResourceError:
             if FORBIDDEN in troubles:
                 return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, mend=ALLOW)
             what = f"{camera.title} is plugged in, but its library does not find it"
-            mend = f"Close what else uses it; else unplug it once and plug it in again, {_CHECK}"
+            mend = (
+                f"Close other programs that use it. Otherwise unplug it once and plug it in again, {_CHECK}"
+            )
             return ResourceError(what, where=where, mend=mend)
     return ResourceError(
         f"{which} is not connected",
         where=where,
-        mend=f"Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
+        mend=f"Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
         f"enliven run --sensor {sensor}",
     )

@@ -33,8 +33,14 @@ _REASONS = {
         "your user may not open it",
         "Type: sudo usermod -aG video $USER, and log in again.",
     ),
-    "ArducamUnkownDevice": ("the camera at this port is no Arducam ToF camera", "Check --set device=NUMBER."),
-    "ArducamNoCache": ("it is in use, or its library has no memory left", "Close what else uses it."),
+    "ArducamUnkownDevice": (
+        "the camera at this port is not an Arducam ToF camera",
+        "Check --set device=NUMBER.",
+    ),
+    "ArducamNoCache": (
+        "it is in use, or its library has no memory left",
+        "Close other programs that use it.",
+    ),
 }
 """Meaning and remedy of the library's error codes. All other codes mean that no camera was found."""
 _NONE_FOUND = (
@@ -78,7 +84,7 @@ class TofSensor(Sensor):
         rehearse: str = "",
     ) -> None:
         if range not in _MODES:
-            raise InputError(f"there is no range of {range} m", where="sensor tof", mend="Give 2 or 4.")
+            raise InputError(f"the range cannot be {range} m", where="sensor tof", mend="Give 2 or 4.")
         self.name, self.fps = f"tof {device}", 30.0
         self._confidence = float(confidence)
         self._limits = limits((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
@@ -139,7 +145,9 @@ class TofSensor(Sensor):
         if code != ac.TofErrorCode.ArducamSuccess:
             camera.close()
             what = f"it does not start ({code.name.removeprefix('Arducam')})"
-            raise ResourceError(what, where=self.name, mend="Close what else uses it, or restart the Pi.")
+            raise ResourceError(
+                what, where=self.name, mend="Close other programs that use it, or restart the Pi."
+            )
         self._camera = camera
         try:
             camera.setControl(ac.Control.RANGE, _MODES[metres])

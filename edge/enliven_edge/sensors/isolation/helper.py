@@ -125,7 +125,7 @@ class _Helper:
             device.close()
         else:
             self._pipe.send(
-                ("bad", "", "its driver gives something else than images and bodies", device.name, "")
+                ("bad", "", "its driver returns something other than images and bodies", device.name, "")
             )
         if self._device is not None and time.monotonic() - self._told > _CONDITION_EVERY:
             self._told = time.monotonic()

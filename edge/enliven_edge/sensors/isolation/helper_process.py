@@ -202,7 +202,7 @@ class HelperProcess:
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
         if code and code < 0 and (said := self._words.read()):
             keep_text(self._name, said, -code)
-        return SensorFault(why, where=self._name, mend="It is started again by itself; see the log.")
+        return SensorFault(why, where=self._name, mend="It is restarted automatically; see the log.")
 
 
 def told_error(

@@ -79,7 +79,9 @@ def load_calibration(path: Path) -> StereoCalibration:
     """
     if not path.exists():
         raise InputError(
-            "there is no such file", where=str(path), mend="Make it: enliven calibrate-stereo; docs/stereo.md"
+            "there is no such file",
+            where=str(path),
+            mend="Make it with enliven calibrate-stereo; see docs/stereo.md.",
         )
     calibration = load_settings(StereoCalibration, path)
     wrong = _wrong(calibration)
@@ -103,7 +105,7 @@ def _wrong(c: StereoCalibration) -> str:
     """Returns a contradiction in a calibration. Empty if there is none."""
     turn, shift = np.array(c.right_from_left), np.array(c.translation)
     if np.abs(turn @ turn.T - np.eye(3)).max() > _CROOKED or np.linalg.det(turn) < 0:
-        return "right_from_left is no rotation"
+        return "right_from_left is not a rotation"
     if abs(float(np.linalg.norm(shift)) - c.baseline) > _LENGTH:
         return f"the baseline is {c.baseline} m, the translation {np.linalg.norm(shift):.4f} m long"
     across = -float((turn.T @ shift)[0])

@@ -30,7 +30,7 @@ def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
     """
     where = str(folder)
     if not folder.is_dir():
-        raise InputError("there is no such folder", where=where, mend="Give a folder of image pairs.")
+        raise InputError("the folder does not exist", where=where, mend="Give a folder of image pairs.")
     files = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in _SUFFIXES]
     sides: dict[str, dict[str, Path]] = {"left": {}, "right": {}}
     for file in files[: 2 * _MOST_PAIRS + 1]:

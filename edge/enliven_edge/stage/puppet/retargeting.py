@@ -86,7 +86,7 @@ class Retargeting:
             if joint not in bones:
                 name = next(n for n, path in zip(joints, self._paths, strict=True) if joint in path)
                 raise InputError(
-                    f"a tracked person has nothing like joint {name!r} of the examples",
+                    f"a tracked person has no joint similar to {name!r} of the examples",
                     where="puppet",
                     mend="Pair its control points with joints of head, trunk, arms or legs.",
                 )

@@ -153,7 +153,9 @@ class RigActor(ChosenActor):
         body = next((body for body in bodies if body.id == self.chooser.body), None)
         if not pairs or body is None:
             where = f"possessing {self.character.id!r}"
-            raise InputError("nothing of it is like the pose", where=where, mend="It needs a bone at least.")
+            raise InputError(
+                "no part of it is similar to the pose", where=where, mend="It needs at least one bone."
+            )
         if mode == "extend":
             pairs += self._kept(body.id, pairs)
         self.live_shape.bind(body, pairs, self.view, mirrored=self.settings.mirror, alone=mode == "alone")

@@ -162,7 +162,7 @@ def _depth_flaw(frame: DepthFrame) -> str:
     if colour is not None and (colour.dtype != np.uint8 or colour.ndim != 3 or colour.shape[2] != 3):
         return f"its colour image is {colour.dtype} {colour.shape}"
     if stand is not None and (np.shape(stand) != (4, 4) or not np.isfinite(stand).all()):
-        return "where it says to stand is no transform"
+        return "its camera's pose is not a finite 4x4 transform"
     return ""
 
 

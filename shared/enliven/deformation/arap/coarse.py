@@ -181,7 +181,7 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
     count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
         if not 0 <= vertex < count:
-            raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=_WHERE)
+            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=_WHERE)
         own = base.welded[vertex]
         if offsets[own] == offsets[own + 1]:
             raise InputError(

@@ -182,7 +182,7 @@ class PuppetSurface:
             raise InputError(
                 f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
                 where=_WHERE,
-                mend="Give one row a control point.",
+                mend="Give one row for each control point.",
             )
         return wanted
 

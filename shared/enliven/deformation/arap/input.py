@@ -40,7 +40,7 @@ def check_handle(handle: Handle, surface: PreparedSurface) -> None:
         raise InputError(f"its weight is {handle.weight}", where=who, mend="Give a number above 0.")
     for vertex in handle.vertices:
         if not 0 <= vertex < count:
-            raise InputError(f"there is no vertex {vertex}; the mesh has {count}", where=who)
+            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=who)
         if surface.loose[vertex]:
             raise InputError(
                 f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
@@ -53,7 +53,7 @@ def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surfa
     """Returns (K, 3) the checked target of a handle."""
     if name not in handles:
         known = ", ".join(handles) or "none"
-        raise InputError(f"there is no handle {name!r}", where=WHERE, mend=f"Known: {known}.")
+        raise InputError(f"the handle {name!r} does not exist", where=WHERE, mend=f"Known: {known}.")
     handle = handles[name]
     target = np.array(value, np.float64)
     if target.shape == (3,) and len(handle.vertices) == 1:
@@ -62,7 +62,7 @@ def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surfa
     if target.shape != (len(handle.vertices), 3):
         raise InputError(f"targets {target.shape} for {len(handle.vertices)} vertices", where=who)
     if not np.isfinite(target).all():
-        raise InputError("its target is not finite", where=who, mend="The last good pose stays.")
+        raise InputError("its target is not finite", where=who, mend="The last valid pose is kept.")
     farthest = float(np.abs(target - surface.centre).max())
     if farthest > _FAR * surface.extent:
         raise InputError(

@@ -106,7 +106,7 @@ class ArapSolver:
             raise InputError(
                 f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
                 where=WHERE,
-                mend="Give fewer vertices a handle; a few dozen hold as well.",
+                mend="Give fewer vertices per handle; a few dozen are enough.",
             )
         held = None
         if len(self._columns) > _MOST_KEPT:
@@ -259,7 +259,11 @@ class ArapSolver:
             InputError: without any handle, or if hard handles contradict each other.
         """
         if self._held is None:
-            raise InputError("there is no handle", where=WHERE, mend="Add one, or the mesh stays at rest.")
+            raise InputError(
+                "the mesh has no handle",
+                where=WHERE,
+                mend="Add a handle; without one the mesh stays at rest.",
+            )
         everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
         if len(self._chosen) < len(everything):
             self._check_agreement(everything)

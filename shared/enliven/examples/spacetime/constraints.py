@@ -100,9 +100,9 @@ def _check(one: Constraint, frames: int) -> None:
     first = 1 if isinstance(one, Velocity) else 0
     if not first <= one.frame < frames:
         mend = f"Frames are {first}..{frames - 1}."
-        raise InputError(f"{one} is at no frame of the motion", where=_WHERE, mend=mend)
+        raise InputError(f"{one} is outside of the motion's frames", where=_WHERE, mend=mend)
     if not one.axes or set(one.axes) - set("xyz"):
-        raise InputError(f"{one} has axes {one.axes!r}", where=_WHERE, mend='Say "x", "y", "z" or several.')
+        raise InputError(f"{one} has axes {one.axes!r}", where=_WHERE, mend='Give "x", "y", "z" or several.')
     numbers = (
         one.place if isinstance(one, Position) else one.velocity if isinstance(one, Velocity) else one.apart
     )

@@ -125,7 +125,9 @@ def locate(
     turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
     touches = _touches(switches, len(turned))
     if len(feet) == 0:
-        raise InputError("it has no feet", where="locomotion", mend="Name control points it stands on.")
+        raise InputError(
+            "it has no feet", where="locomotion", mend="Name the control points that it stands on."
+        )
     way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in runs_of(touches) if touches.any() else []:
         way.fly(first)

@@ -119,7 +119,7 @@ class _Words:
         try:
             values = [float(word) for word in words]
         except ValueError:
-            what = f"{of} has something that is no number: {' '.join(words)[:60]}"
+            what = f"{of} has a word that is not a number: {' '.join(words)[:60]}"
             raise self.wrong(what, line=line) from None
         if len(values) != count:
             raise self.wrong(f"{of} has {len(values)} numbers, expected {count}", line=line)
@@ -235,7 +235,7 @@ def _channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int
     count, kinds = (given[0], given[1:]) if given else ("nothing", [])
     unknown = [kind for kind in kinds if kind.lower() not in known]
     if unknown:
-        raise words.wrong(f"there is no channel {unknown[0]}", "Known: Xposition ... Zrotation.", line)
+        raise words.wrong(f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line)
     if not _is_count(count) or int(count) != len(kinds):
         raise words.wrong(f"CHANNELS says {count[:20]} and names {len(kinds)}", line=line)
     return [known[kind.lower()] for kind in kinds]
@@ -288,7 +288,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
             numbers = numbers_in(block)
         except WrongWord as error:
             frame = total // max(width, 1) + 1
-            what = f"near frame {frame} there is something that is no number: {error.what}"
+            what = f"near frame {frame}, a word is not a number: {error.what}"
             raise words.wrong(what, line=before + error.line) from None
         at = lines_of(block, word_starts(block))
         if not np.isfinite(numbers).all():
@@ -303,7 +303,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
             what = f"more than {most} frames of {joints} joints are too many"
             raise words.wrong(what, "Take it in parts.", line=before)
     if total == 0 or width == 0:
-        raise words.wrong("there are no frames" if width else "no joint has a channel")
+        raise words.wrong("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
     frames = total // width
     notes = () if frames == promised else (f"{promised} frames are promised, {frames} are there",)

@@ -79,7 +79,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     lines = decode_text(read_file(path)).split("\n")
     rows = np.array([_row(line, number, path) for number, line in enumerate(lines, 1) if line.strip()])
     if len(rows) == 0:
-        raise InputError("there are no frames", where=str(path))
+        raise InputError("the file has no frames", where=str(path))
     maps = rows[:, 3:].reshape(len(rows), len(_JOINTS), 3)
     rotations = to_matrix(from_rotation_vector(-maps))
     if mend_root:
@@ -96,7 +96,7 @@ def _row(line: str, number: int, path: Path) -> list[float]:
     try:
         values = [float(word) for word in line.split(",")]
     except ValueError:
-        raise InputError("something here is no number", where=where) from None
+        raise InputError("a value is not a number", where=where) from None
     if len(values) != COLUMNS or not np.isfinite(values).all():
         raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=where)
     return values

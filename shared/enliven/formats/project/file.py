@@ -180,7 +180,7 @@ def _foreign(data: bytes, where: str) -> InputError:
     mend = "Choose a project that was saved by enliven."
     if ending:
         mend = f"Give it a name ending in {ending} to open it."
-    return InputError(f"it is no enliven project but {kind}", where=where, mend=mend)
+    return InputError(f"it is not an enliven project but {kind}", where=where, mend=mend)
 
 
 def _header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]:

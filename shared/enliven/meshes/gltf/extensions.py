@@ -65,7 +65,7 @@ def extension_notes(document: Entry) -> list[str]:
     needed = [name for name in required if name not in _READ and not _harmless(name)]
     if needed:
         mend = "Export it without this extension."
-        raise InputError(f"it needs {', '.join(needed)}, which is not known here", mend=mend)
+        raise InputError(f"it needs {', '.join(needed)}, which is not supported", mend=mend)
     notes = list[str]()
     for name in required:
         if _harmless(name):
@@ -73,7 +73,7 @@ def extension_notes(document: Entry) -> list[str]:
             notes.append(f"it requires {name}, which is left out: it holds {told}")
     for name in used:
         if name not in required and name not in _READ and not _harmless(name):
-            notes.append(f"it uses {name}, which is not known here: what that adds is left out")
+            notes.append(f"it uses {name}, which is not supported: its content is left out")
     return notes
 
 

@@ -209,7 +209,7 @@ class GltfFile:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MOST_UNPACKED:
-                    raise InputError(f"all together it is more than {MOST_UNPACKED} bytes")
+                    raise InputError(f"in total it has more than {MOST_UNPACKED} bytes")
                 self._unpacked[view] = meshopt_bytes(self._slice(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
@@ -249,7 +249,7 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     """Parses the document, the parents of its nodes and the bytes of a GLB. Raises one clear message."""
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
-        raise InputError("it is no glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
+        raise InputError("it is not a glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     if not data:
         raise InputError("the file is empty", where=str(path), mend=_AGAIN)
@@ -261,7 +261,9 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
         what = f"it cannot be read as glTF 2: {plain_reason(error)}"
-        raise InputError(what, where=str(path), mend="Is it whole, and of the kind it says?") from None
+        raise InputError(
+            what, where=str(path), mend="Check that it is complete and that its ending is right."
+        ) from None
     return found
 
 
@@ -276,11 +278,11 @@ def _check_references(document: Entry) -> None:
     for number, node in enumerate(nodes):
         for kind, named, entries in (("mesh", node.mesh, document.meshes), ("skin", node.skin, skins)):
             if named is not None and not _is_number(named, len(entries)):
-                raise InputError(f"node {number} has a {kind} {named!s:.20} that is not there")
+                raise InputError(f"node {number} has a {kind} {named!s:.20} that does not exist")
     for number, skin in enumerate(skins):
         away = [joint for joint in skin.joints or [] if not _is_number(joint, len(nodes))]
         if away:
-            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is no node")
+            raise InputError(f"skin {number} has a joint {away[0]!s:.20}, which is not a node")
         if number in used and not skin.joints:
             raise InputError(f"skin {number} has no joints")
     for number, animation in enumerate(document.animations):
@@ -289,7 +291,7 @@ def _check_references(document: Entry) -> None:
             if target is None or not _is_number(channel.sampler, len(animation.samplers or [])):
                 raise InputError(f"a channel of animation {number} has no target or no keys")
             if target.node is not None and not _is_number(target.node, len(nodes)):
-                raise InputError(f"animation {number} moves node {target.node!s:.20}, which is not there")
+                raise InputError(f"animation {number} moves node {target.node!s:.20}, which does not exist")
 
 
 def _is_number(value: Any, count: int) -> bool:

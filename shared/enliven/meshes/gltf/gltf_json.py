@@ -67,7 +67,7 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InputError(f"its JSON is damaged{_place(error)}") from None
     if not isinstance(tree, dict):
-        raise InputError("its JSON is no object")
+        raise InputError("its JSON is not an object")
     try:
         _check_amounts(tree)
     except (AttributeError, KeyError, TypeError, IndexError, OverflowError) as error:
@@ -100,7 +100,9 @@ def parents_of(children: list[list[int]]) -> list[int]:
     for number, own in enumerate(children):
         for child in own:
             if not 0 <= child < len(children) or parents[child] >= 0 or child == number:
-                raise InputError(f"node {number} has a child {child} that is no child or another's too")
+                raise InputError(
+                    f"node {number} has the child {child}, which does not exist or has another parent"
+                )
             parents[child] = number
     level = [node for node, parent in enumerate(parents) if parent < 0]
     reached, depth = len(level), 1

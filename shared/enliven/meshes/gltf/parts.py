@@ -124,7 +124,7 @@ def _part(
     file.decompress(primitive)
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
-        raise file.wrong(f"a vertex of {file.name(carrier)!r} is no finite point")
+        raise file.wrong(f"a vertex of {file.name(carrier)!r} is not a finite point")
     vertices = _morphed(file, vertices, primitive, node)
     if primitive.indices is None:
         order = np.arange(len(vertices))

@@ -58,7 +58,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
         parts, materials = parts_of(file, notes)
         if not parts:
             left = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
-            raise file.wrong(f"there is no triangle in its scene{left[:400]}")
+            raise file.wrong(f"its scene has no triangle{left[:400]}")
         bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
         mesh = _mesh(name or file.path.stem, parts, rest, bind, materials)

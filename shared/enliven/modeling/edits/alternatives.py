@@ -45,7 +45,9 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     known = takes_beside(project, alternatives)
     if recorded and recorded not in known:
         mend = f"Known: {', '.join(known) or 'none'}."
-        raise InputError(f"{recorded!r} is no take there", where=f"takes {alternatives!r}", mend=mend)
+        raise InputError(
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+        )
 
     def heard(layer: Playing) -> Playing:
         if layer.alternatives != alternatives:
@@ -93,7 +95,9 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     known = takes_beside(project, alternatives)
     if recorded not in known:
         mend = f"Known: {', '.join(known) or 'none'}."
-        raise InputError(f"{recorded!r} is no take there", where=f"takes {alternatives!r}", mend=mend)
+        raise InputError(
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+        )
     before = project
     for one in list(project.characters.values()):
         if any(_is(layer, alternatives, recorded) for layer in one.playing):

@@ -216,7 +216,9 @@ def drag_handle(
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
     if wanted.shape != (3,) or not np.isfinite(wanted).all():
-        raise InputError(f"{place} is no place", where=character.where, mend="Give three metres.")
+        raise InputError(
+            f"{place} is not a point", where=character.where, mend="Give three numbers in metres."
+        )
     return rig_of(character).dragged(project, character, handle_number(character, handle), wanted, time)
 
 
@@ -264,7 +266,7 @@ def _layers(character: RigBase, numbers: set[int]) -> None:
     count = len(character.playing)
     missing = numbers - set(range(count))
     if missing:
-        what = f"there is no layer {min(missing)}"
+        what = f"layer {min(missing)} does not exist"
         raise InputError(what, where=character.where, mend=f"It has {count}.")
 
 

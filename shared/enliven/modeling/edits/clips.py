@@ -61,7 +61,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
             raise InputError(
                 "two clips are blended there",
                 where=f"character {character_id!r}",
-                mend="Split beside the blend.",
+                mend="Split outside of the blend.",
             )
         parts = (replace(one, end=time), replace(one, begin=time, first=one.second(time)))
         return (*clips[:number], *parts, *clips[number + 1 :])
@@ -211,7 +211,7 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer(character, numbers[0])
     if layer.source != "takes":
-        what = "what was recorded of a mesh fits that mesh alone"
+        what = "a recorded deformation fits only its own mesh"
         raise InputError(what, where=character.where, mend="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 
@@ -246,12 +246,12 @@ def _layer(character: RigBase, number: int) -> Playing:
     playing = character.playing
     if not 0 <= number < len(playing):
         mend = f"It has {len(playing)}."
-        raise InputError(f"there is no layer {number}", where=character.where, mend=mend)
+        raise InputError(f"layer {number} does not exist", where=character.where, mend=mend)
     return playing[number]
 
 
 def _number(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
-        what, mend = f"there is no clip {clip}", f"That lane has {len(clips)}."
+        what, mend = f"clip {clip} does not exist", f"That lane has {len(clips)}."
         raise InputError(what, where=f"character {character_id!r}", mend=mend)

@@ -52,5 +52,5 @@ def _pinned(project: Project, shape_id: str, numbers: Iterable[int], feet: str) 
     project = with_feet_pinned(project, shape)
     if not project.shape(shape_id).pins:
         mend = "Choose the node of an ankle and pin it first (P)."
-        raise InputError("no leg is found that could stand", where=shape.where, mend=mend)
+        raise InputError("no leg that could stand was found", where=shape.where, mend=mend)
     return project

@@ -58,7 +58,7 @@ def give_performance(
         raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
     if target is shape:
         mend = "Choose another character, or possess it again."
-        raise InputError("it is performed so already", where=shape.where, mend=mend)
+        raise InputError("it is already performed this way", where=shape.where, mend=mend)
     if target.mesh is None or not len(target.mesh.faces):
         raise InputError("it has no surface", where=target.where, mend="Choose one with a mesh.")
     seen = vertices_of(project, target_id, time)

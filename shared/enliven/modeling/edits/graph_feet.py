@@ -94,7 +94,7 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     found = feet_of(bare, nodes)
     if not found:
         mend = "Choose the lane of a part that stands on the floor, or name its ends (E)."
-        raise InputError("no foot is found there", where=shape.where, mend=mend)
+        raise InputError("no foot was found there", where=shape.where, mend=mend)
     project = project.with_characters(bare)
     name = (
         old[0].take

@@ -75,7 +75,7 @@ def rename_take(project: Project, name: str, wanted: str) -> Project:
     """
     take = project.takes.get(name)
     if take is None or not wanted or (wanted != name and wanted in project.takes):
-        what = f"there is no take {name!r}" if take is None else "it needs a name of its own"
+        what = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
         raise InputError(what, where=f"take {name!r}", mend="Choose another name.")
     takes = {
         (wanted if k == name else k): (replace(take, id=wanted) if k == name else t)

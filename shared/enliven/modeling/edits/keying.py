@@ -47,7 +47,9 @@ def key_handle(
     """
     character, wanted = project.character(character_id), np.asarray(place, np.float64)
     if wanted.shape != (3,) or not np.isfinite(wanted).all():
-        raise InputError(f"{place} is no place", where=character.where, mend="Give three metres.")
+        raise InputError(
+            f"{place} is not a point", where=character.where, mend="Give three numbers in metres."
+        )
     wanted = root_motion(project, character, time).inverse(wanted[None])[0]
     if isinstance(character, Shape):
         return _key_joint(project, character, bone_number(character, handle), wanted, time)
@@ -130,7 +132,7 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     linear, seen, weight = within_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
-        raise InputError("its keys are not heard here", where=f"layer {layer.id!r}", mend=mend)
+        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
     more = np.linalg.solve(linear, place - seen) / (weight * layer.size)
     back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
     known = np.array(key_at(project, shape.id, node, time).metres)

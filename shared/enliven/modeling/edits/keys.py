@@ -191,8 +191,10 @@ def _number(character: RigBase, handle: int | str) -> int:
         return bone_number(character, handle)
     if isinstance(handle, str) or not 0 <= handle < character.keyable:
         count = character.keyable
-        mend = f"It has {count}." if count else "Choose the whole: keys turn and move it."
-        raise InputError(f"there is no node {handle!r} for keys", where=character.where, mend=mend)
+        mend = f"It has {count}." if count else "Choose the whole character: keys turn and move it."
+        raise InputError(
+            f"node {handle!r} does not exist, or cannot have keys", where=character.where, mend=mend
+        )
     return handle
 
 
@@ -214,7 +216,7 @@ def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple
     if number is None or not 0 <= key < len(keys):
         mend = f"It has {len(keys)}."
         thing = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
-        raise InputError(f"there is no key {key}", where=thing, mend=mend)
+        raise InputError(f"key {key} does not exist", where=thing, mend=mend)
     return number, keys[key]
 
 

@@ -32,7 +32,7 @@ def layer_keys(project: Project, character_id: str, layer: int, number: Number) 
     character = project.character(character_id)
     if not 0 <= layer < len(character.playing):
         mend = f"It has {len(character.playing)}."
-        raise InputError(f"there is no layer {layer}", where=character.where, mend=mend)
+        raise InputError(f"layer {layer} does not exist", where=character.where, mend=mend)
     keys: tuple[CurveKey, ...] = getattr(character.playing[layer], number)
     return keys
 
@@ -109,7 +109,7 @@ def _key(
     if not 0 <= key < len(keys):
         mend = f"It has {len(keys)}."
         raise InputError(
-            f"there is no key {key} of its {number}", where=f"character {character_id!r}", mend=mend
+            f"key {key} of its {number} does not exist", where=f"character {character_id!r}", mend=mend
         )
     return keys[key], keys
 

@@ -48,5 +48,5 @@ def _marker(project: Project, name: str) -> Marker:
     if name not in project.markers:
         known = ", ".join(project.markers)
         mend = f"Known: {known}." if known else "Add one first."
-        raise InputError(f"there is no marker {name!r}", where="project", mend=mend)
+        raise InputError(f"the marker {name!r} does not exist", where="project", mend=mend)
     return project.markers[name]

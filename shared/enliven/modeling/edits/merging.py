@@ -59,7 +59,7 @@ def merge_characters(
     for one in (host, graft):
         project = set_down(RIGS[one.kind], project, one.id, time)
     if graft.root_layers:
-        told.append(f"What moved {graft.where} as a whole is gone: it rides on {host.where}.")
+        told.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:

@@ -43,7 +43,9 @@ def handle_number(character: RigBase, handle: int | str) -> int:
     number = names.index(handle) if handle in names else handle
     if isinstance(number, str) or not 0 <= number < len(names):
         known = ", ".join(names) or "none"
-        raise InputError(f"there is no handle {handle!r}", where=character.where, mend=f"Known: {known}.")
+        raise InputError(
+            f"the handle {handle!r} does not exist", where=character.where, mend=f"Known: {known}."
+        )
     return number
 
 

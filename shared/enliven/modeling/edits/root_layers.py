@@ -105,7 +105,7 @@ def root_values(
     weight = _of_layer(project, layer, time)[1]
     if weight < _HEARD:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
-        raise InputError("its keys are not heard here", where=f"layer {layer.id!r}", mend=mend)
+        raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
     own = outer.inverse.after(motion).after(inner.inverse)
     moved = own.move - layer.about + rotate(own.turn, layer.about)
     back, flip = Axes(conjugate(layer.basis), False), Axes(IDENTITY, layer.mirrored)

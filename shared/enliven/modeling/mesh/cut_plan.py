@@ -159,7 +159,7 @@ class CutPlan:
         around = [i for i, polygon in enumerate(polygons) if abs(winding(polygon, point)) > 0.5]
         if not around:
             around = self._beside(point, own, polygons)
-            note = "the bone runs outside of the mesh there: what follows it was cut"
+            note = "the bone runs outside of the mesh there: the part that follows it was cut"
             self.notes += [note] if around else []
         if not around:
             self._without_a_cut(where)
@@ -193,7 +193,7 @@ class CutPlan:
         if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
             mend = "Cut it where its bone is inside of it, or with a stroke."
             raise InputError("no part of the mesh surrounds the bone there", where=where, mend=mend)
-        self.notes.append("the bone passes through nothing there: the parts were taken asunder as they are")
+        self.notes.append("the bone passes through no part there: the parts were separated without a cut")
 
     def choose_covered(self) -> None:
         """Chooses the loops that the drawn stroke covers by at least half."""
@@ -203,7 +203,7 @@ class CutPlan:
         self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
         if len(self.chosen) == 0:
             what = "it passes through no part of the mesh"
-            raise InputError(what, where="cut", mend="Draw it right across what is to be cut.")
+            raise InputError(what, where="cut", mend="Draw it right across the part to cut.")
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
@@ -246,7 +246,7 @@ class CutPlan:
         if not np.isfinite(far).any():
             raise InputError("its two sides cannot be told apart", where="cut", mend="Repair the mesh first.")
         self.chosen = np.append(self.chosen, self.found.loops[int(np.argmin(far))])
-        note = "the parts hung together elsewhere too: that was cut as well"
+        note = "the parts were also connected elsewhere: that connection was cut, too"
         if note not in self.notes:
             self.notes.append(note)
 

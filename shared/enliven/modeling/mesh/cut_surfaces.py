@@ -88,7 +88,7 @@ class StrokeCut(CutSurface):
         extent = float(np.ptp(stroke, axis=0).max()) if len(stroke) else 0.0
         stroke = stroke[np.concatenate([[True], step > 1e-3 * extent])] if len(stroke) else stroke
         if len(stroke) < 2:
-            raise InputError("the stroke is a dot", where="cut", mend="Draw it across what is to be cut.")
+            raise InputError("the stroke is a dot", where="cut", mend="Draw it across the part to cut.")
         object.__setattr__(self, "stroke", stroke)
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 

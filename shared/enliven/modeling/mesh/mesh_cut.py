@@ -147,7 +147,7 @@ def _parted(work: CutPlan) -> Cut:
     """Builds both pieces after the loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():
-        raise InputError("it parts nothing off", where="cut", mend="Cut elsewhere.")
+        raise InputError("it separates nothing", where="cut", mend="Cut elsewhere.")
     caps = work.caps()
     near, far = (
         rounded(piece_of(work, side == half, caps, half), work.settings.rounding) for half in (False, True)

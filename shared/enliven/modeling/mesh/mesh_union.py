@@ -48,7 +48,9 @@ def united(
     solids = [solid_of(mesh) for mesh in pair.meshes]
     for solid, mesh in zip(solids, pair.meshes, strict=True):
         if isinstance(solid, str):
-            return pair.side_by_side(f"{mesh.name!r} is no solid ({solid}): joined as separate shells", True)
+            return pair.side_by_side(
+                f"{mesh.name!r} is not a solid ({solid}): joined as separate shells", True
+            )
     one, other = (solid for solid in solids if isinstance(solid, Solid))
     both = one.manifold + other.manifold
     if both.status() != manifold3d.Error.NoError:

@@ -42,7 +42,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     welded, of = weld(mesh)
     use = _usable(welded)
     if not use.all():
-        notes.append(f"left out {int((~use).sum())} faces without area or there twice")
+        notes.append(f"left out {int((~use).sum())} faces that have no area or occur twice")
     used = mesh.with_faces(use)
     closed = closed_surface(used, of)
     if not len(closed.faces):
@@ -50,7 +50,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if closed.caps:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
-        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing: they stay as they are")
+        notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
     whole = _whole(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),

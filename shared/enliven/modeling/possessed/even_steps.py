@@ -40,7 +40,7 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     _, first = np.unique(seconds, return_index=True)
     seconds = seconds[first]
     if len(first) < 2:
-        raise InputError("all its poses are of one moment", where=where, mend="Record it again.")
+        raise InputError("all its poses have the same time", where=where, mend="Record it again.")
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
     if lasts / step * len(character.pivots) > _MOST_PLACES:
         what = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"

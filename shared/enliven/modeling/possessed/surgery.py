@@ -148,8 +148,8 @@ def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | Non
     if node is None:
         node = int(apart.min(1).argmin())
     if isinstance(node, str) or not 0 <= node < len(ours):
-        mend = "Nodes have numbers: choose another."
-        raise InputError(f"there is no node {node} of {len(ours)}", where=host.where, mend=mend)
+        mend = "Give the number of a node."
+        raise InputError(f"node {node} does not exist; there are {len(ours)}", where=host.where, mend=mend)
     return node, int(apart[node].argmin())
 
 

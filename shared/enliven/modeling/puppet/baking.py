@@ -112,6 +112,6 @@ def frame_times(start: float, end: float, rate: float, name: str) -> Float:
         InputError: if the times are invalid.
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
-        what = f"from {start} s to {end} s at {rate} frames a second is no time"
+        what = f"from {start} s to {end} s at {rate} frames a second is not a valid time range"
         raise InputError(what, where=f"shape {name!r}", mend="Give an end after the start.")
     return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

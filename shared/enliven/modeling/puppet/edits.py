@@ -64,7 +64,7 @@ def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> Puppe
     where = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"there is no take {layer.take!r}", where=where, mend=mend)
+        raise InputError(f"the take {layer.take!r} does not exist", where=where, mend=mend)
     for name in layer.points:
         puppet.index(name)
     if not missing(project, puppet):

@@ -185,8 +185,8 @@ class _Merge:
             names[name] = more[name] = ControlPoint(name, vertex, leader.joint if leader else "")
             side[name] = names[name]
         notes.append(
-            f"It got {len(added)} control points more; away from the seam it is in its key poses within "
-            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size) of what both were."
+            f"It got {len(added)} more control points. Away from the seam, its key poses deviate from the "
+            f"originals by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size)."
         )
         if not self.rides:
             what = f"{graft.id!r} plays another take than {host.id!r}"

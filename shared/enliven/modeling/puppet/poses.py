@@ -92,7 +92,7 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     if plane is not None:
         length = float(np.linalg.norm(plane.normal))
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
-            what = f"a plane at {plane.point} across {plane.normal} is none"
+            what = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
             raise InputError(what, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
@@ -109,7 +109,7 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
 def _pose(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
         mend = f"It has {len(puppet.poses)}."
-        raise InputError(f"there is no key pose {number}", where=f"puppet {puppet.id!r}", mend=mend)
+        raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", mend=mend)
     return puppet.poses[number]
 
 
@@ -123,13 +123,11 @@ def _checked(project: Project, puppet: Puppet, pose: KeyPose, number: int | None
     where = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"there is no take {pose.take!r}", where=where, mend=mend)
+        raise InputError(f"the take {pose.take!r} does not exist", where=where, mend=mend)
     frame = frame_at(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
-        what = (
-            f"places {pose.places.shape} of {len(puppet.points)} control points, all of which must be finite"
-        )
-        raise InputError(what, where=where, mend="Give one place a control point.")
+        what = f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
+        raise InputError(what, where=where, mend="Give one place for each control point.")
     for other, known in enumerate(puppet.poses):
         same = known.take == pose.take and frame_at(project.takes[known.take], known.time) == frame
         if other != number and same:

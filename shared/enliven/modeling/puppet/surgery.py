@@ -154,7 +154,9 @@ class _Half:
         self._tell(name, len(added), worst, size, notes)
         made, gone = without_ambiguous_poses(self._project, self._with(half, name, points))
         if gone:
-            notes.append(f"{name!r} has {gone} key poses less, which its own joints do not tell apart.")
+            notes.append(
+                f"{name!r} has {gone} fewer key poses, since its own joints cannot distinguish them."
+            )
         return made.with_changes(layers=self._layers(follow, {point.name for point in points}))
 
     def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
@@ -172,8 +174,8 @@ class _Half:
 
     def _tell(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
-            f"{name!r} got {added} control points; in its key poses it is within {1000 * worst:.1f} mm "
-            f"({100 * worst / size:.2f} % of the whole's size) of what it was."
+            f"{name!r} got {added} control points. Its key poses deviate from the original by at most "
+            f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
         )
 
     def _border(self) -> Int32:

@@ -45,7 +45,7 @@ class Axes:
         """
         length = float(np.linalg.norm(normal))
         if np.shape(normal) != (3,) or not np.isfinite(length) or length == 0.0:
-            raise InputError(f"{normal} is no direction", where="mirror", mend="Give the plane's normal.")
+            raise InputError(f"{normal} is not a direction", where="mirror", mend="Give the plane's normal.")
         half = np.concatenate([[0.0], np.asarray(normal, np.float64) / length])
         return Axes(multiply(half, np.array([0.0, 1.0, 0.0, 0.0])), True)
 

@@ -77,7 +77,11 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
     count = len(shape.skeleton)
     j = shape.skeleton.index(bone) if isinstance(bone, str) else int(bone)
     if not 0 <= j < count:
-        raise InputError(f"there is no bone {j} of {count}", where=where, mend="Name a joint of the shape.")
+        raise InputError(
+            f"bone {j} does not exist; there are {count} joints",
+            where=where,
+            mend="Name a joint of the shape.",
+        )
     if j == 0 and not root:
         mend = "Choose the bone that ends at another joint."
         raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=where, mend=mend)
@@ -88,6 +92,8 @@ def inside(value: float, where: str) -> float:
     """Returns a position along a bone after checking that it lies in [0, 1]."""
     if not 0.0 <= float(value) <= 1.0:
         raise InputError(
-            f"{value} is no place on a bone", where=where, mend="Give a number from 0 (its begin) to 1."
+            f"{value} is not a place on a bone",
+            where=where,
+            mend="Give a number from 0 (the start of the bone) to 1.",
         )
     return float(value)

@@ -91,12 +91,14 @@ def _posed(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
 def _rotation(turn: AnyArray, shape_id: str) -> Float:
     turn = np.asarray(turn, np.float64)
     if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
-        raise InputError(f"{turn} is no rotation", where=f"shape {shape_id!r}", mend="Give (w, x, y, z).")
+        raise InputError(f"{turn} is not a rotation", where=f"shape {shape_id!r}", mend="Give (w, x, y, z).")
     return turn
 
 
 def _point(point: AnyArray, shape_id: str) -> Float:
     point = np.asarray(point, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise InputError(f"{point} is no place", where=f"shape {shape_id!r}", mend="Give three metres.")
+        raise InputError(
+            f"{point} is not a point", where=f"shape {shape_id!r}", mend="Give three numbers in metres."
+        )
     return point

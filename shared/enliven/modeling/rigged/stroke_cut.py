@@ -108,7 +108,7 @@ def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
     """Raises an error if the stroke does not determine which parts are cut off."""
     where, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
-        mend = "Draw it right across what is to be cut, over a bone."
+        mend = "Draw it right across the part to cut, over a bone."
         raise InputError("the stroke crosses no bone", where=where, mend=mend)
     for one in crossings:
         for other in crossings:

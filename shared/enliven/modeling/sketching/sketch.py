@@ -61,7 +61,7 @@ class SketchPlane:
         right = right / max(float(np.linalg.norm(right)), 1e-300)
         up = up - (up @ right) * right
         if not (np.isfinite(right).all() and np.linalg.norm(up) > 1e-9 and np.linalg.norm(right) > 0.5):
-            raise InputError("the plane's right and up are no two directions", where="stroke")
+            raise InputError("the plane's right and up must be two different directions", where="stroke")
         up = up / np.linalg.norm(up)
         return np.stack([right, up, np.cross(right, up)])
 

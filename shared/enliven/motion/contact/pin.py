@@ -153,7 +153,7 @@ def _number(skeleton: Skeleton, joint: int | str) -> int:
     if isinstance(joint, str):
         return skeleton.index(joint)
     if not 0 <= joint < len(skeleton):
-        raise InputError(f"there is no joint {joint} among {len(skeleton)}", where="skeleton")
+        raise InputError(f"joint {joint} does not exist; the skeleton has {len(skeleton)}", where="skeleton")
     return int(joint)
 
 

@@ -114,5 +114,5 @@ def _unit(vector: AnyArray, name: str) -> Float:
     vector = np.asarray(vector, np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
     if not (math.isfinite(length) and length > 0.0):
-        raise InputError(f"{vector} is no direction", where=name, mend="Give three numbers, not all zero.")
+        raise InputError(f"{vector} is not a direction", where=name, mend="Give three numbers, not all zero.")
     return np.asarray(vector / length)

@@ -73,9 +73,9 @@ def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
         raise InputError("the chain has no joint", where=where, mend="Name one at least.")
     for joint in chain:
         if not 0 <= joint < len(skeleton):
-            raise InputError(f"there is no joint {joint} among {len(skeleton)}", where=where)
+            raise InputError(f"joint {joint} does not exist; the skeleton has {len(skeleton)}", where=where)
     if len(set(chain)) != len(chain):
-        raise InputError("the chain comes to a joint twice", where=where, mend="Go along it once.")
+        raise InputError("the chain contains a joint twice", where=where, mend="List each joint once.")
     bones = []
     for a, b in itertools.pairwise(chain):
         if skeleton.parents[b] == a:
@@ -83,7 +83,7 @@ def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
         elif skeleton.parents[a] == b:
             bones.append(a)
         else:
-            what = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are no neighbours"
+            what = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are not neighbours"
             raise InputError(what, where=where, mend="Skeleton.path gives the joints between two ends.")
     return bones
 

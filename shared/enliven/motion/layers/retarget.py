@@ -67,7 +67,7 @@ def bind_chain(
     shape = project.shape(shape_id)
     if take_id not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Record or import one first."
-        raise InputError(f"there is no take {take_id!r}", where="project", mend=mend)
+        raise InputError(f"the take {take_id!r} does not exist", where="project", mend=mend)
     take = project.takes[take_id].skeleton
     source = tuple(int(joint) for joint in source)
     bones_of(take, source, where=f"take {take_id!r}")

@@ -89,7 +89,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
         there = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
         what = "no surface that was scanned lies in the box"
         reach = " to ".join(",".join(f"{x:.2f}" for x in corner) for corner in (there.min(0), there.max(0)))
-        raise InputError(what, where="box", mend=f"What was scanned reaches from {reach}.")
+        raise InputError(what, where="box", mend=f"The scanned surface reaches from {reach}.")
     return set_down(inside, box.upright_from_world, float(low[1]), s)
 
 

@@ -125,8 +125,10 @@ def cut_what_is_new(
     new = np.asarray(fresh[mesh.faces].all(1))
     found = submesh(mesh, new)
     if not new.any() or found.area < s.least_area:
-        what = "nothing stands where there was nothing before"
-        mend = "Show the same place both times, then with the thing, and look at it from all sides."
+        what = "no new object stands there"
+        mend = (
+            "Show the same place both times, the second time with the object, and look at it from all sides."
+        )
         raise InputError(what, where="scan", mend=mend)
     thing = _large(found, s)
     support = _support(mesh, new, thing, ground)

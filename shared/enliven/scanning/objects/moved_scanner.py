@@ -201,7 +201,9 @@ class MovedScanner:
         mesh = self.joined()
         if not len(mesh.faces):
             mend = "Let it stand for a second before it is turned, and turn it more slowly."
-            raise InputError("the thing moved all the time, and was not followed", where="scan", mend=mend)
+            raise InputError(
+                "the object moved all the time and could not be tracked", where="scan", mend=mend
+            )
         return whole_part(mesh, ground, self.settings.cut_out)
 
     def joined(self) -> Mesh:

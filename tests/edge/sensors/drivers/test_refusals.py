@@ -40,22 +40,26 @@ MESSAGES = [
         "your user may not open it. Type: sudo cp firmware_configs/udev",
     ),
     ("oak", "Failed to find device after booting, error message: X_LINK_DEVICE_NOT_FOUND", "come back after"),
-    ("oak", "Couldn't read data from stream: '__x_0' (X_LINK_ERROR)", "its link broke. Use another USB 3"),
+    (
+        "oak",
+        "Couldn't read data from stream: '__x_0' (X_LINK_ERROR)",
+        "its connection broke. Use another USB 3",
+    ),
     ("oak", "Device 1844301041 (OAK-1) does not have stereo pair available", "no pair of cameras"),
     ("realsense", "failed to open usb interface: 0, error: RS2_USB_STATUS_ACCESS", "your user may not open"),
     ("realsense", "Unable to claim interface 0, error: RS2_USB_STATUS_BUSY", "another program uses it"),
     ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "another"),
-    ("realsense", "Couldn't resolve requests", "no such images on this port. Use a USB 3 port"),
-    ("realsense", "Device disconnected. Failed to reconnect: ", "not there any more. Plug it in again"),
+    ("realsense", "Couldn't resolve requests", "cannot send such images on this port. Use a USB 3 port"),
+    ("realsense", "Device disconnected. Failed to reconnect: ", "no longer connected. Plug it in again"),
     ("orbbec", "[usb] Access denied (insufficient permissions)", "your user may not open it"),
     (
         "orbbec",
         "usbEnumerator openUsbDevice failed!",
-        "it cannot be opened. Close what else uses it",
+        "it cannot be opened. Close other programs that use it",
     ),
-    ("orbbec", "Device is deactivated/disconnected!\n code 2", "not there any more. Plug it in again"),
+    ("orbbec", "Device is deactivated/disconnected!\n code 2", "no longer connected. Plug it in again"),
     ("other", "[Errno 13] Permission denied: '/dev/video0'", "your user may not open it"),
-    ("other", "[Errno 19] No such device", "not there any more"),
+    ("other", "[Errno 19] No such device", "no longer connected"),
     ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
 ]
 """(sensor, a message as its library says it, what is made of it)."""
@@ -203,7 +207,10 @@ def test_another_camera_than_was_asked_for(said):
 def test_one_that_the_system_shows_and_the_library_does_not(said):
     _, told = said
     assert "S7: your user may not open it. Type: sudo cp" in told["forbidden"][1]
-    assert "S7 is plugged in, but its library does not find it. Close what else uses it" in told["hidden"][1]
+    assert (
+        "S7 is plugged in, but its library does not find it. Close other programs that use it"
+        in told["hidden"][1]
+    )
 
 
 def test_a_camera_without_its_lens(said):

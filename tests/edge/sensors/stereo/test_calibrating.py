@@ -237,7 +237,7 @@ def test_too_few_pairs_leave_the_old_file_as_it_was(pairs, tmp_path, capsys):
     ("words", "what"),
     [
         ([], "no image pairs"),
-        (["missing"], "no such folder"),
+        (["missing"], "the folder does not exist"),
         (["."], "no image pairs"),
         (["--squares", "7by5", "."], "7by5"),
         (["--squares", "2x2", "."], "cannot be made"),

@@ -34,7 +34,7 @@ def test_what_is_written_comes_back(tmp_path_factory, baseline, crooked, bent):
         (r"baseline = .*", "baseline = nan", "baseline"),
         (r"translation = \[-", "translation = [", "exchanged"),
         (r"translation = .*", "translation = [-0.02, -0.098, 0.0]", "side by side"),
-        (r"right_from_left = \[\n  \[0\.\d+", "right_from_left = [\n  [1.1", "no rotation"),
+        (r"right_from_left = \[\n  \[0\.\d+", "right_from_left = [\n  [1.1", "not a rotation"),
         (r"width = 640", "width = 300", "outside the image"),
         (r"width = 640", "width = 640000", "width"),
         (r"width = 640", "widht = 640", "width"),

@@ -174,16 +174,16 @@ def test_equal_materials_become_one_and_bare_faces_have_none():
         ({"tints": np.zeros((2, 3, 4), np.float32)}, "tints are"),
         ({"definitions": ('{"normalTexture": {"index": 1}}',)}, "names texture 1 of 0"),
         ({"definitions": ('{"normalTexture": {"index": true}}',)}, "names no texture"),
-        ({"definitions": ("[1]",)}, "no JSON object"),
-        ({"definitions": ('{"emissiveFactor": [NaN]}',)}, "no JSON object"),
+        ({"definitions": ("[1]",)}, "not a JSON object"),
+        ({"definitions": ('{"emissiveFactor": [NaN]}',)}, "not a JSON object"),
         ({"uvs": np.full((1, 3, 1, 2), np.nan, np.float32)}, "not finite"),
-        ({"definitions": ("[" * 100_000,)}, "no JSON object"),
+        ({"definitions": ("[" * 100_000,)}, "not a JSON object"),
     ],
 )
 def test_inconsistent_materials_are_refused(change, said):
     with pytest.raises(InputError, match="neither PNG nor JPEG"):
         Texture(np.frombuffer(b"GIF89a", np.uint8))
-    with pytest.raises(InputError, match="no JSON object"):
+    with pytest.raises(InputError, match="not a JSON object"):
         Texture(np.frombuffer(PNG, np.uint8), "[]")
     good = {"definitions": ("{}",), "textures": (), "of": np.zeros(1, np.int32)}
     good["uvs"] = np.zeros((1, 3, 1, 2), np.float32)

@@ -168,8 +168,8 @@ def test_hole_filling_is_reported():
     [
         (ball(0.05, (1.0, 0, 0)), "do not meet"),
         (ball(0.05), "inside"),
-        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, ball().faces[::2], "sieve"), "no solid"),
-        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, np.tile(ball().faces[:1], (3, 1)), "leaf"), "no solid"),
+        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, ball().faces[::2], "sieve"), "not a solid"),
+        (Mesh(ball(0.06, (0.1, 0, 0)).vertices, np.tile(ball().faces[:1], (3, 1)), "leaf"), "not a solid"),
     ],
 )
 def test_unfusable_meshes_are_joined_without_loss(other, why):
@@ -181,7 +181,7 @@ def test_unfusable_meshes_are_joined_without_loss(other, why):
     assert same_bits(union.mesh.faces[: len(first.faces)], first.faces)
     assert same_bits(union.mesh.faces[len(first.faces) :] - np.int32(len(first.vertices)), other.faces)
     assert set(np.unique(union.skin.indices[len(first.vertices) :, 0])) == {3}
-    assert union.failed == (why == "no solid")
+    assert union.failed == (why == "not a solid")
 
 
 OTHER = ball(0.06, (0.1, 0, 0), name="other")

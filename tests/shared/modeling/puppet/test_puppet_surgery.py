@@ -173,7 +173,7 @@ def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
     project, other = pair
     notes = []
     merged = merge_characters(project, "bean", other, 0.7, notes=notes)
-    assert list(merged.puppets) == ["bean"] and any("away from the seam" in note for note in notes)
+    assert list(merged.puppets) == ["bean"] and any("Away from the seam" in note for note in notes)
     whole = merged.puppet("bean")
     assert not missing(merged, whole) and len({p.name for p in whole.points}) == len(whole.points)
     now = cKDTree(seen(merged, "bean", 0.7))

@@ -161,9 +161,9 @@ def test_impossible_edit_is_reported():
         (lambda: copy_character(project, "shape 0", offset=[0, 0, np.nan]), "copy"),
         (lambda: copy_character(project, "shape 9"), "no character"),
         (lambda: move_character(project, "shape 0", [0, np.inf, 0]), "moved"),
-        (lambda: set_bone(project, "shape 0", 1, [0, 0, 0, 0]), "no rotation"),
-        (lambda: turn_bone(project, "shape 0", 1, [2, 0, 0, 0]), "no rotation"),
-        (lambda: drag_joint(project, "shape 0", 1, [0, 0]), "no place"),
+        (lambda: set_bone(project, "shape 0", 1, [0, 0, 0, 0]), "not a rotation"),
+        (lambda: turn_bone(project, "shape 0", 1, [2, 0, 0, 0]), "not a rotation"),
+        (lambda: drag_joint(project, "shape 0", 1, [0, 0]), "not a point"),
     ]
     for edit, word in refused:
         with pytest.raises(InputError, match=word):

@@ -261,17 +261,17 @@ def test_impossible_edit_is_reported_and_changes_nothing():
     refused = [
         (lambda: insert_node(project, "shape 0", 0, 0.5), "root"),
         (lambda: insert_node(project, "shape 0", 1, 1.0), "joint already"),
-        (lambda: insert_node(project, "shape 0", 1, 1.5), "no place"),
-        (lambda: insert_node(project, "shape 0", 1, float("nan")), "no place"),
+        (lambda: insert_node(project, "shape 0", 1, 1.5), "not a place"),
+        (lambda: insert_node(project, "shape 0", 1, float("nan")), "not a place"),
         (lambda: insert_node(project, "shape 0", 1, 0.5, name="shape 0 joint 0"), "taken"),
         (lambda: insert_node(project, "nobody", 1, 0.5), "no shape"),
-        (lambda: insert_node(project, "shape 0", "nothing", 0.5), "no joint"),
+        (lambda: insert_node(project, "shape 0", "nothing", 0.5), "joint 'nothing' does not exist"),
         (lambda: remove_node(project, "shape 0", 0), "root"),
-        (lambda: remove_node(project, "shape 0", 99), "no bone 99"),
+        (lambda: remove_node(project, "shape 0", 99), "bone 99 does not exist"),
         (lambda: cut_bone(project, "shape 0", 0, 0.5, 0.0), "root"),
         (lambda: cut_bone(project, "shape 0", 1, 0.5, float("inf")), "time"),
         (lambda: merge(project, "shape 0", 0, "shape 0", 0.0), "itself"),
-        (lambda: merge(project, "shape 0", 99, "shape 1", 0.0), "no bone 99"),
+        (lambda: merge(project, "shape 0", 99, "shape 1", 0.0), "bone 99 does not exist"),
     ]
     for edit, word in refused:
         with pytest.raises(InputError, match=word):
