@@ -1,4 +1,4 @@
-"""The Dockerfile of the edge: its linter, and that each line names what this checkout has."""
+"""Tests the edge's Dockerfile: it passes its linter, and every file that it names exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pages that a program writes are as it would write them now."""
+"""Tests that generated pages are up to date."""
 
 import sys
 from datetime import date

@@ -1,4 +1,6 @@
-"""The settings files of edges: every shipped one is loaded, its sensors can be opened and stand somewhere."""
+"""Tests of the settings files of edges: every shipped one is loaded, and its sensors can be opened and
+placed.
+"""
 
 import contextlib
 from pathlib import Path

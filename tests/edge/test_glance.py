@@ -18,7 +18,7 @@ STEP = 100_000_000
 
 
 def tilted() -> np.ndarray:
-    """A camera at 1.6 m that looks down by 20 degrees, along the world's -Z."""
+    """Returns a camera at 1.6 m that looks down by 20 degrees, along the world's -Z."""
     place = np.eye(4)
     place[:3, :3] = np.diag([1.0, -1.0, -1.0])
     place[:3, :3] = turned(-np.radians(20)) @ place[:3, :3]
@@ -33,7 +33,7 @@ def turned(angle: float) -> np.ndarray:
 
 
 def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
-    """Twenty joints, and an image in which there is something at each of them and nothing elsewhere."""
+    """Returns twenty joints, and a depth image with one pixel at each of them and nothing elsewhere."""
     rng = np.random.default_rng(3)
     joints = rng.uniform([-0.6, 0.3, -3.2], [0.6, 1.7, -2.4], (20, 3))
     depth = np.zeros((LENS.height, LENS.width), np.uint16)
@@ -51,7 +51,7 @@ def test_joints_lie_on_what_the_picture_shows(mirrored) -> None:
     body, depth = body_and_depth(place)
     told = Glance().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
     assert told is not None and width_of(told) == pytest.approx(4 / 3, rel=0.02)
-    if mirrored:  # by the upright plane through the line of sight
+    if mirrored:  # by the vertical plane through the line of sight
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
         )

@@ -23,7 +23,7 @@ pytest.importorskip("serial", reason="pyserial is not installed (the extra 'cont
 
 
 class Port(Pedal):
-    """A port on which the test plays the panel, and reads the edge's output."""
+    """A port on which the test plays the panel; it also reads the edge's output."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

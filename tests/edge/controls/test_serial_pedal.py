@@ -38,7 +38,7 @@ def opened(pedal: Pedal, **more):
 
 
 class Ear:
-    """Collects what is said."""
+    """Collects the reported messages."""
 
     def __init__(self, controls) -> None:
         (self._control,) = controls._controls

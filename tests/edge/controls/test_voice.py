@@ -40,7 +40,7 @@ spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng
 
 @functools.cache
 def said(text: str, voice: str = "en-us") -> bytes:
-    """Returns a phrase spoken in a quiet room, with a second of silence before and after; 16 kHz."""
+    """Returns a phrase spoken in a quiet room, 16 kHz, with a second of silence before and after it."""
     command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
     with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
         # espeak writes to a pipe, and does not know the length that it announces.
@@ -61,7 +61,7 @@ def other() -> OtherSpeech:
 @pytest.fixture
 def recogniser(other: OtherSpeech) -> Recogniser:
     """Returns a new recogniser, since a recogniser adapts to the sound level."""
-    other.forget()  # what the test before said last
+    other.forget()  # the phrase of the previous test
     return Recogniser(list(SETTINGS.map), other=other)
 
 

@@ -1,4 +1,4 @@
-"""The crop: what a slow one is made of, the same however the sensor hangs and however far it is."""
+"""Tests of the crop: it equals a slow reference, and does not depend on the sensor's tilt or distance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ QUARTERS = (0.25, 0.75)
 
 
 def slow_image(z, mask, camera, pose, crop: Crop) -> np.ndarray:
-    """The four channels by what each quarter of a cell sees, one after the other."""
+    """Returns the four channels as the mean of the four quarters of each cell, one quarter at a time."""
     image = np.zeros((CHANNELS, ROWS, COLUMNS))
     for below in QUARTERS:
         for right in QUARTERS:
@@ -39,7 +39,7 @@ def slow_image(z, mask, camera, pose, crop: Crop) -> np.ndarray:
 
 
 def quarter(z, mask, camera, pose, crop: Crop, points) -> np.ndarray:
-    """(N, 4) what the pixels nearest to N points in the camera's frame show."""
+    """Returns (N, 4) channels of the pixels nearest to N points in the camera's frame."""
     u = np.floor(camera[0] * points[:, 0] / points[:, 2] + camera[2] + 0.5).astype(int)
     v = np.floor(camera[1] * points[:, 1] / points[:, 2] + camera[3] + 0.5).astype(int)
     inside = (u >= 0) & (v >= 0) & (u < z.shape[1]) & (v < z.shape[0])
@@ -90,7 +90,7 @@ def test_up_in_the_world_is_up_in_the_crop(seed):
     np.testing.assert_allclose(crop.axes @ crop.axes.T, np.eye(2), atol=1e-12)
     assert np.linalg.det(crop.axes) == pytest.approx(1.0), "left and right are never exchanged"
     right, down = crop.axes @ pose[1, :2]
-    hanging = np.hypot(*pose[1, :2]) < 0.2  # seen from above or below, nothing is upright
+    hanging = np.hypot(*pose[1, :2]) < 0.2  # seen from above or below, no direction in the image is vertical
     assert hanging or (abs(right) < 1e-9 and down < 0)
 
 
@@ -119,7 +119,7 @@ def test_a_ray_meets_the_cell_that_its_points_are_in(seed):
 def test_a_sensor_that_hangs_upside_down_sees_the_same(seed):
     z, mask, camera, pose = scene(seed)
     if np.hypot(*pose[1, :2]) < 0.2:
-        return  # seen from above, nothing is upright
+        return  # seen from above, no direction in the image is vertical
     height, width = z.shape
     turned, hung = pose.copy(), camera.copy()
     turned[:3, :2] *= -1.0
@@ -132,7 +132,7 @@ def test_a_sensor_that_hangs_upside_down_sees_the_same(seed):
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_a_person_twice_as_far_through_twice_the_lens_looks_the_same(seed):
-    """But for the perspective of somebody who is not flat."""
+    """Only the perspective of a body with depth differs."""
     z, mask, camera, _ = scene(seed)
     level = np.diag([1.0, -1.0, -1.0, 1.0])
     near = crop_person(z, mask, camera, level)

@@ -1,4 +1,4 @@
-"""The shipped network: where joints are, how surely, which way people face; the same alone and in company."""
+"""Tests of the shipped network: joint accuracy, confidence and facing, for one person or several."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from enliven_synthesis.training.rendering import PersonRenderer
 PICTURES = 60
 # Each bound below lies just beyond the value of the shipped network on these pictures.
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.72, 0.715
-"""Least share of the joints within 10 cm, hidden ones too, where the facing is told and where it is not."""
+"""Minimum fraction of the joints within 10 cm, occluded ones included, with and without the facing as
+input."""
 FACING_RIGHT, FACING_NEARLY_RIGHT = 0.8, 0.94
-"""Minimum fraction of people whose facing is estimated correctly, and to an eighth of a turn."""
+"""Minimum fraction of people with the correct facing, and with a facing within an eighth of a turn."""
 PARTS_RIGHT = 0.82
 """Minimum fraction of the person's pixels with the correct body part."""
 BELIEVED, PEOPLE_BELIEVED, THINGS_BELIEVED = 0.8, 0.97, 0.1
-"""Probability of being a person from which one is believed; the least share of the people, many of them
-mostly hidden, and the largest of the things of which it is said."""
+"""Person probability above which a blob is accepted; minimum fraction of people above it, many of them mostly
+occluded; maximum fraction of objects above it."""
 RANKED = 0.83
-"""Least rank correlation of how far a joint is said to be off and how far it is."""
+"""Minimum rank correlation of the estimated and the true joint error."""
 SAID = (0.9, 1.35)
-"""How many times as far as is said joints are off: on average, of the many and of the few that are sure."""
+"""Bounds of true over estimated joint error: on average, among the many joints and the few confident ones."""
 SURE, UNSURE = 0.06, 0.3
-"""Metres: a joint that is said to be off by less is nearly seen, and by more is guessed."""
+"""Metres: a joint with a smaller estimated error counts as visible, with a larger one as guessed."""
 MIRRORED_WITHIN = 0.035
-"""Metres, most often, between what is seen of a person and of their mirror image."""
+"""Maximum median difference, metres, between a person's joints and those of their mirror image."""
 
 
 @cache
 def judged(told: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(60, 20) metres that every joint is off, and is said to be."""
+    """Returns (60, 20) true and estimated errors of every joint, metres."""
     seen = [(fresh(n), fresh(n).estimate(told)) for n in range(PICTURES)]
     off = [np.linalg.norm(e.joints - f.picture.figure.joints, axis=1) for f, e in seen]
     return np.stack(off), np.stack([e.spread for _, e in seen])
@@ -72,7 +73,9 @@ def test_the_way_to_face_is_told():
 
 
 def test_people_are_told_from_things():
-    """Measured on new images of both, at the probability above which the tracker accepts a person."""
+    """Measured on new images of people and objects, at the probability above which the tracker accepts a
+    person.
+    """
     studio = PersonRenderer()
     people = [fresh(n).estimate(False).person_probability for n in range(PICTURES)]
     things = []

@@ -1,4 +1,4 @@
-"""Lessons: the same by the same dice, and the truth where the picture shows it."""
+"""Tests of lessons: the same seed gives the same lesson, and labels agree with the picture."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
 
 
 def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
-    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY without a person."""
+    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY in a picture of an object."""
     made = {}
     for joint in OWN_PARTS:
         column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])
@@ -75,7 +75,7 @@ def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, i
 
 
 def shares(cases) -> tuple[float, float]:
-    """Share of the joints on a part of their own, and on the other side's, of those where somebody is seen.
+    """Returns the fractions of visible joints on their own part and on the opposite side's part.
 
     Args:
         cases: (joints, cell, parts) of some lessons.
@@ -90,7 +90,7 @@ def shares(cases) -> tuple[float, float]:
 
 
 def test_the_same_dice_make_the_same_lesson(every_lesson):
-    """Whatever the studio took pictures of before."""
+    """Independent of the pictures that were rendered before."""
     studio = PersonRenderer()
     studio.render_person(np.random.default_rng(1))
     dice = np.random.default_rng(11)
@@ -138,7 +138,7 @@ def test_a_batch_is_in_rising_order(folder):
     assert len(every) == 10
     drawn, whole = every.batch(np.array([7, 2, 5, 2])), every.batch(np.arange(10))
     for some, all_of_them in zip(astuple(drawn), astuple(whole), strict=True):
-        np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter faces nowhere: NaN
+        np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter has no facing: NaN
 
 
 def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):

@@ -24,7 +24,7 @@ def refused(*words) -> str:
 
 @pytest.fixture
 def without_torch(monkeypatch):
-    """As where PyTorch is not installed, whether it is or not."""
+    """Simulates an environment without PyTorch."""
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("network", "training"):
         monkeypatch.delitem(sys.modules, f"enliven_synthesis.training.pose_network.{name}", raising=False)

@@ -1,4 +1,4 @@
-"""The compiled mean of several sensors' words, and its slow twin."""
+"""Tests of the compiled mean of several sensors' data against a slow reference."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -19,7 +19,7 @@ LATERAL = np.arange(20) != OTHER_SIDE
 
 
 def slow_blend(x, w, predicted, known, before, d, share):
-    """One joint at a time, in words."""
+    """Blends one joint at a time in plain Python."""
     count, joints, _ = x.shape
     out = np.empty(predicted.shape)
     d, before = d.copy(), before.copy()
@@ -63,7 +63,7 @@ def test_blend_is_its_slow_twin(seed, count, known, share, width):
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000), st.integers(2, 4))
 def test_joints_do_not_jump_when_weights_change(seed, count):
-    """Sensors that stand still and contradict each other: whatever their weights do, the joint stays put."""
+    """Sensors stand still and contradict each other: weight changes must not move the joint."""
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(count, 20, 3)), np.zeros((20, 3))
     before, d = np.zeros((count, 20), bool), np.zeros((count, 20, 3))
@@ -73,7 +73,7 @@ def test_joints_do_not_jump_when_weights_change(seed, count):
         w[0, (w.sum(0) == 0)] = 0.5
         blend(x, w, predicted if last is None else last, last is not None, before, d, 0.05, out)
         if last is not None:
-            # Of the sensors' contradictions at most the low-pass's share shows at once.
+            # At most the low-pass filter's share of the sensors' contradiction shows at once.
             assert np.abs(out - last).max() < 0.05 * 2 * np.abs(x).max() + 1e-9
         last = out.copy()
 

@@ -1,4 +1,4 @@
-"""Several sensors as one, with threads: recordings side by side, live clocks, and sensors that fail."""
+"""Tests of several sensors as one, with threads: recordings in parallel, live clocks, failing sensors."""
 
 import contextlib
 import time
@@ -29,11 +29,11 @@ SPACE = Space({"a": Place(rows(A)), "b": Place(rows(B), None, -7_000_000_000)})
 
 
 class Reel:
-    """Body frames from memory: as a recording that waits, or live, each at its time.
+    """Body frames from memory: like a recording that waits, or live, each at its time.
 
     Args:
-        live: frames come at this many times their pace; None for a recording.
-        breaks: fails after so many frames.
+        live: speed factor at which frames arrive; None for a recording.
+        breaks: number of frames after which the sensor fails.
     """
 
     def __init__(self, name, frames, live=None, breaks=None):
@@ -72,7 +72,7 @@ def seen(walker=None, times=TIMES):
 
 
 def watched(reels, space=SPACE):
-    """Everything that comes out, and the sensor."""
+    """Returns all frames of the fused sensor, and the sensor."""
     frames = []
     with FusedSensors(reels, {name: Tracker() for name in reels}, space) as sensor:
         while (frame := sensor.read(PATIENCE)) is not None:
@@ -82,7 +82,7 @@ def watched(reels, space=SPACE):
 
 
 def test_recordings_run_side_by_side_whatever_their_threads_do():
-    """As the same streams merged without threads, frame by frame, bit by bit."""
+    """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()
     frames, sensor = watched({name: Reel(name, told) for name, told in streams.items()})
     expected = list(fused(streams, SPACE, Fuser(eyes(SPACE))))
@@ -121,7 +121,7 @@ def test_when_all_are_lost_it_is_an_error():
 
 
 def test_live_sensors_do_not_wait_for_a_silent_one():
-    """Sensor a has a second's worth of frames and then says nothing; b is read on in its own time."""
+    """Sensor a delivers a second of frames and then nothing; b continues at its own pace."""
     streams = seen()
 
     class Mute(Reel):
@@ -145,7 +145,7 @@ def test_live_sensors_do_not_wait_for_a_silent_one():
 
 
 def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
-    """The file says 7 s; since then sensor b was plugged in again, and counts from 1000 s."""
+    """The file states an offset of 7 s. Then sensor b was reconnected, and counts from 1000 s."""
     walker = Walker()
     streams = seen(walker)
     late = [BodyFrame(f.bodies, f.time_ns + 1000 * 10**9, "b") for f in streams["b"]]
@@ -156,7 +156,7 @@ def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
 
 
 def test_clocks_that_drift_are_kept_together():
-    """A day at 40 ppm, 3.5 s; latencies of 20 and 50 ms, and now and then much more."""
+    """A day at 40 ppm is 3.5 s; latencies are 20 and 50 ms, and occasionally far longer."""
     random, clocks = np.random.default_rng(0), ArrivalClocks()
     for hour in np.linspace(0, 24, 40):
         for moment in np.arange(0, 25, 0.1) + 3600 * hour:
@@ -199,6 +199,6 @@ def test_a_collector_that_fails_says_why():
 
 @pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])
 def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
-    """A height guessed from people would differ from the one that the placements were calibrated with."""
+    """A height estimated from people would differ from the one used in calibration."""
     made = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
     assert made.scene.height == kept

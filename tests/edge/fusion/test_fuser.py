@@ -1,4 +1,4 @@
-"""The laws of fusing the bodies of several sensors, also when a sensor is wrong."""
+"""Tests of fusing the bodies of several sensors, also if a sensor is wrong."""
 
 import dataclasses
 
@@ -52,7 +52,7 @@ def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
 
 
 def last(outcome):
-    """Returns the fused bodies at the end, and the fuser."""
+    """Returns the last fused bodies, and the fuser."""
     *_, (_, bodies, fuser) = outcome
     return bodies, fuser
 
@@ -93,7 +93,7 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
 
 
 def test_bodies_of_different_moments_are_brought_to_one():
-    """Two sensors take their frames at different times; a person passes at 2 m/s."""
+    """Two sensors expose at different times; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
@@ -125,7 +125,7 @@ def test_contradiction_lowers_confidence():
 
 
 def test_handing_over_makes_no_jump_and_ends_where_the_other_sees():
-    """Two sensors differ by 6 cm; one of them does not see the person from 1 s to 2.5 s."""
+    """Two sensors differ by 6 cm; one of them loses the person from 1 s to 2.5 s."""
 
     def told(name, time):
         if name == "b":
@@ -152,7 +152,7 @@ def test_one_joint_lost_makes_no_jump():
 
 
 def test_a_hand_that_one_sensor_throws_away_stays():
-    """One sensor has a hand 60 cm off with full confidence; the place a moment ago decides against it."""
+    """One sensor reports a hand 60 cm off with full confidence; the previous position decides against it."""
 
     def told(name, time):
         joints = STANDING.copy()
@@ -187,7 +187,7 @@ def test_left_right_swap_is_corrected_by_majority():
 
 
 def test_the_walk_decides_between_two_who_are_at_odds():
-    """Sensor a exchanges left and right from the start; the person walks forward, so b is believed."""
+    """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
     made, _ = last(
         run(lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
@@ -208,7 +208,7 @@ def test_when_all_say_so_for_long_the_sides_are_exchanged():
 
 
 def test_identities_hold_through_a_crossing_in_which_one_sensor_swaps_them():
-    """Two people pass each other 40 cm apart; at that moment sensor a exchanges their ids for good."""
+    """Two people pass each other 40 cm apart; at that moment sensor a swaps their ids for good."""
     swapped_at = 2.0
 
     def where(time):
@@ -255,7 +255,7 @@ def test_person_back_soon_keeps_identity():
 
 
 def test_person_back_late_gets_the_sensors_identity():
-    """A person back elsewhere after 10 s is the same with the tracker's old id, and new with another."""
+    """A person who returns elsewhere after 10 s keeps the identity only if the tracker's id is unchanged."""
     for number, expected in ((1, {1}), (5, {1, 2})):
 
         def told(name, time, number=number):
@@ -348,7 +348,7 @@ def test_frames_out_of_order_are_left_out():
 
 
 def test_a_sensor_that_was_moved_is_told_of():
-    """Of three sensors the one that was moved is found, and people stay where the other two see them."""
+    """The moved one of three sensors is identified, and people stay where the other two see them."""
 
     def told(name, time):
         return [body(shifted(0.35 * (name == "c" and time > 1.0), 0, 0))]
@@ -405,7 +405,7 @@ def test_exchanging_twice_is_nothing_and_once_turns_the_front():
 
 
 def test_many_people_before_two_sensors_keep_apart():
-    """Six people on a grid keep six identities for ten seconds, with noise and ids in different orders."""
+    """Six people on a grid keep six identities for ten seconds, with noise and different id orders."""
     random = np.random.default_rng(0)
     spots = [np.array([x, 0.0, z]) for x in (-1.0, 0.0, 1.0) for z in (0.0, -0.9)]
 

@@ -1,4 +1,4 @@
-"""The file that says where the sensors stand."""
+"""Tests of the file with the sensors' poses."""
 
 import os
 

@@ -4,7 +4,7 @@ import numpy as np
 from test_fuser import STANDING, body, run, shifted
 
 WALK = 0.25
-"""Metres a second: what a covered sensor supposes stays behind."""
+"""Walking speed in metres per second: the prediction of an occluded sensor stays behind."""
 COVERED = (1.0, 4.0)
 
 
@@ -24,7 +24,7 @@ def test_predicted_body_keeps_its_identity():
 
 
 def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
-    """The first frame after the cover has no motion at 20 m/s, and no new person."""
+    """The first frame after the occlusion shows no motion at 20 m/s and no new person."""
     *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
     sighting = fuser.views[0].sightings[1]
     assert np.array_equal(sighting.velocity, np.zeros((20, 3)))
@@ -32,7 +32,7 @@ def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
 
 
 def test_whom_nobody_sees_is_still_supposed():
-    """Both sensors are covered: the known person is reported without confidence."""
+    """Both sensors are covered: the known person is still predicted, without confidence."""
 
     def told(name, time):
         return [body(STANDING, 1, sure=1.0 if time < 1.0 else 0.0)]

@@ -1,4 +1,4 @@
-"""A recording of joints drives a mesh: imported, replayed, possessed, recorded, and read as a viewer does."""
+"""Tests that imported joints drive a mesh: replayed, possessed, recorded, and read by a viewer."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def performed(tmp_path_factory) -> Document:
 
 
 def play(recording: Path, performance: Path) -> None:
-    """As `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
+    """Plays a recording as `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
     actor = cast("lamp")
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with (

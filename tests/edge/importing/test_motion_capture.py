@@ -29,7 +29,7 @@ def read(path: Path, **options):
 
 
 LIMBS = [j for j in Joint if j not in (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)]
-"""The joints that a capture of this making states exactly; the trunk's are put where sensors put theirs."""
+"""Joints that such a capture states exactly; the trunk's joints are moved to where sensors report them."""
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -1,4 +1,4 @@
-"""Depth and colour joined: the laws of it."""
+"""Tests of combining depth and colour."""
 
 import dataclasses
 

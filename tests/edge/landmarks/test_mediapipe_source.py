@@ -1,4 +1,4 @@
-"""MediaPipe in its process: what is said where it cannot run; with it, see tests/real."""
+"""Tests of MediaPipe in its own process: errors if it cannot run. See tests/real for tests with it."""
 
 import sys
 from pathlib import Path

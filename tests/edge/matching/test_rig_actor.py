@@ -1,4 +1,4 @@
-"""A rigged character on the stage: chosen from by posing, driven by moving."""
+"""Tests of a rigged character on the stage: chosen by posing, driven by moving."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Show:
 
     @property
     def shown(self) -> list[str]:
-        """The limbs that each limb of the performer means."""
+        """Returns the limbs that are assigned to each limb of the performer."""
         return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
@@ -56,7 +56,7 @@ class Show:
         return joints[self.names.index(f"{name} 2")] - joints[0]
 
     def last_bone(self, name: str) -> np.ndarray:
-        """(3,) the direction of a limb's second bone, which has all of the arm's turn."""
+        """Returns the (3,) direction of a limb's second bone, which has the arm's whole rotation."""
         joints = self.actor.live_shape.joints
         bone = joints[self.names.index(f"{name} 2")] - joints[self.names.index(f"{name} 1")]
         return bone / np.linalg.norm(bone)
@@ -94,7 +94,7 @@ def test_view_from_behind_mirrors_the_match() -> None:
 
 
 def moved(degrees: float, axis: tuple[float, float, float]) -> Body:
-    """The person with both arms turned about an axis through each shoulder."""
+    """Returns the person with both arms rotated about an axis through each shoulder."""
     turn = from_rotation_vector(np.radians(degrees) * np.array(axis))
     left, right = rotate(turn, np.array([1.0, 0.0, 0.0])), rotate(turn, np.array([-1.0, 0.0, 0.0]))
     return person(tuple(left), tuple(right))
@@ -109,7 +109,7 @@ def test_the_limbs_move_as_the_arms_do_in_a_mirror(degrees, axis) -> None:
     show.stage.possess("star", parts="arms")
     still = {name: show.limb(name) for name in ("left", "right", "up", "lower left")}
     show.play(person())
-    for name, limb in still.items():  # the pose of that moment is rest
+    for name, limb in still.items():  # the pose at that moment becomes the rest pose
         np.testing.assert_allclose(show.limb(name), limb, atol=1e-9)
     body = moved(degrees, axis)
     board = show.play(body)

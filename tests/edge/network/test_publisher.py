@@ -1,4 +1,4 @@
-"""The edge's sockets: names, ports, requests, noise, and viewers that do not read."""
+"""Tests of the edge's sockets: names, ports, requests, noise, and viewers that do not read."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.publisher import Publisher
 
 ROUNDS = 12_000
-"""Looks of 5 ms, a minute in all: a loaded machine may take as long."""
+"""Number of polls of 5 ms, a minute in all: enough for a loaded machine."""
 
 
 def unique() -> str:
@@ -44,7 +44,7 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Peer:
-    """A viewer by hand: raw sockets."""
+    """A viewer made of raw sockets."""
 
     def __init__(self, publisher: Publisher) -> None:
         self.publisher = publisher
@@ -80,7 +80,7 @@ class Peer:
         raise AssertionError("no command")
 
     def listen(self) -> None:
-        """Until the streams arrive."""
+        """Waits until the streams arrive."""
         for _ in range(ROUNDS):
             self.publisher.beat()
             if self.sub.poll(5):
@@ -215,7 +215,7 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
 
 
 def test_a_subscriber_that_never_reads_slows_nobody(publisher: Publisher, peer: Peer) -> None:
-    """More bytes than every buffer on the way holds: a publisher that waited would never come to the end."""
+    """More bytes than all buffers hold: a publisher that blocked would never finish."""
     thing = character(count=64)
     publisher.set_character(thing)
     peer.sub.setsockopt(zmq.RCVHWM, 1)

@@ -1,4 +1,4 @@
-"""The physics of a running edge are switched on, off, and say what they lack."""
+"""Tests that the physics of a running edge can be switched on and off, and reports missing parts."""
 
 from __future__ import annotations
 

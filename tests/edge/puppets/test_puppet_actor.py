@@ -1,4 +1,4 @@
-"""A puppet on the stage: laws of taking hold, sharing, losing and letting go; nothing ever jumps."""
+"""Tests of a puppet on the stage: attaching, sharing, losing and releasing; no jumps."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Show:
 
     @property
     def pace(self) -> float:
-        """Metres a second of the fastest control point in all that was shown."""
+        """Returns the maximum speed of any control point in metres per second."""
         return max(
             np.linalg.norm(b.positions - a.positions, axis=1).max() / ((b.time_ns - a.time_ns) * 1e-9)
             for a, b in pairwise(self.poses)

@@ -1,4 +1,4 @@
-"""The way of a puppet in the world: the anchor does not slide, jumps leave the floor, noise does not."""
+"""Tests of a puppet's locomotion: the anchor does not slide, jumps leave the floor, noise does not."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SOLES = [1 + k for k, point in enumerate(PUPPET.points) if point.foot]
 
 
 def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
-    """(F, 3, 3) a head and two feet that go to and fro in turn, the one that goes ahead lifted."""
+    """Returns (F, 3, 3) a head and two feet that step forward in turn, with the moving foot lifted."""
     phase = 2 * np.pi * np.arange(frames) / 60
     places = np.tile(REST, (frames, 1, 1))
     for foot, shift in ((1, 0.0), (2, np.pi)):
@@ -46,7 +46,7 @@ def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
 
 
 def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 3) roots and (F,) anchors."""
+    """Returns (F, 3) roots and (F,) anchors."""
     way = Locomotion(REST, FEET, STEP, LocomotionSettings(leash=1000.0), travel=STEPS)
     way.begin(np.zeros(3), 0j)
     roots, anchors = [], []
@@ -96,7 +96,7 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
 @settings(max_examples=6, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.sampled_from([FEET, ()]), st.floats(0.0, 1.2))
 def test_puppet_stays_near_its_performers_path(turn: float, feet: tuple[int, ...], speed: float) -> None:
-    """Its own steps would lead it 4 m away; its performer sways on the spot or walks anywhere."""
+    """Its own steps would move it 4 m away; its performer sways on the spot or walks anywhere."""
     places = walked(720)
     t = np.arange(len(places)) * STEP
     path = np.exp(1j * turn) * (speed * t + 0.02 * np.sin(6 * t))
@@ -172,7 +172,7 @@ def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> No
 
 
 def jumped(jump: float = 1.0) -> np.ndarray:
-    """(F,) metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
+    """Returns (F,) heights in metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
     actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False, jump=jump))
     heights = []
     for f in range(110):
@@ -210,7 +210,7 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
             actor.possess(body)
     at = np.array(poses)[30:, SOLES]
     speeds = np.linalg.norm(np.diff(at[..., [0, 2]], axis=0), axis=2) * 30
-    assert np.percentile(speeds.min(1), 95) < 0.01  # a person stands
+    assert np.percentile(speeds.min(1), 95) < 0.01  # a person who stands still
     assert np.median(speeds.max(1)) > 0.05
     assert at[:, :, 1].max() > 0.05
     assert np.isfinite(at).all()

@@ -1,4 +1,4 @@
-"""A puppet that loose things bump into is near where its surface is."""
+"""Tests that a puppet's collision spheres are close to its surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A tracked person as the examples' performer: sizes, places and looks do not matter, nothing is flung."""
+"""Tests of a tracked person as the examples' performer: size, place and facing do not matter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scan beside the edge's loop: what a viewer orders holds at once, however busy the scan is."""
+"""Tests of scanning in the background: a viewer's command has effect at once, however busy the scan is."""
 
 import sys
 import threading
@@ -17,7 +17,7 @@ from enliven_edge.scanning import LiveScan
 from enliven_edge.scanning.standing import ScanPlace
 
 PATIENCE = 60.0
-"""Seconds in which anything has happened, on any machine."""
+"""Timeout in seconds that is enough on any machine."""
 
 
 def phases(scan):
@@ -26,7 +26,7 @@ def phases(scan):
 
 @pytest.fixture
 def busy(monkeypatch):
-    """A scan that looks at its surface until it is let go, and what says that it does, and lets it go."""
+    """Blocks a scan in its surface step; returns the event that reports it and the one that ends it."""
     looks, free = threading.Event(), threading.Event()
 
     def look(place, scanner):

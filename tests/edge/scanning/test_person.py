@@ -1,4 +1,4 @@
-"""``enliven scan --person``: who turns before a still camera becomes a mesh, on the floor, with joints."""
+"""Tests of ``enliven scan --person``: a person turning before a still camera becomes a mesh with joints."""
 
 import sys
 from dataclasses import replace
@@ -21,9 +21,9 @@ from enliven_edge.scanning import PersonScanner
 from enliven_edge.stage import cast_mesh
 
 STILL, IMAGES = 5, 24
-"""Images before they turn, and in all: 5.8 degrees from one to the next, 104 in all."""
+"""Images before the turn, and in all: 5.8 degrees from one to the next, 104 in all."""
 HALF = 14
-"""Images of one who holds still: half of them, with joints."""
+"""Number of images of a person that stands still: half of all images, with joints."""
 
 
 def scanner():
@@ -38,13 +38,13 @@ def scene():
 
 @pytest.fixture(scope="module")
 def images(scene):
-    """The person stands still, and turns."""
+    """Renders a person that stands still and then turns."""
     return [scene.frame(n, max(n - STILL, 0) * np.radians(5.8)) for n in range(IMAGES)]
 
 
 @pytest.fixture(scope="module")
 def half(scene):
-    """They hold still, and their feet are out of view, below the image."""
+    """Renders a person that stands still, with the feet below the image."""
     made = scanner()
     for n in range(HALF):
         made.add(scene.frame(n))
@@ -69,7 +69,8 @@ def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
     true, known = scene.joints(), np.isfinite(person.joints).all(1)
     assert known.sum() >= 16
     apart = (person.joints - true)[known]
-    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]  # where they stand in the mesh is by its box
+    # the origin of the mesh is the centre of its bounding box
+    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.03 and np.linalg.norm(apart, axis=1).max() < 0.1
     assert made.advice(IMAGES) == []
 
@@ -82,7 +83,7 @@ def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
         foot = mesh.vertices[side * mesh.vertices[:, 0] > 0]
         assert foot[:, 1].min() == 0.0
         low = foot[foot[:, 1] < 0.02]
-        # What was seen lowest is as wide as a shin; what is under it stands there, and nowhere else.
+        # The lowest visible part is as wide as a shin; only the completed part below it may be there.
         assert np.ptp(low[:, 0]) < 0.15 and np.ptp(low[:, 2]) < 0.2 and len(low) >= 5
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.7, abs=0.05)
 
@@ -91,7 +92,7 @@ def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
     person = (half if one_side else scanned[0]).person()
     actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
-    # The mesh stands on the stage about the middle, as large as a person: so do its bones.
+    # The mesh is life-size and centred on the stage, and so are its bones.
     grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
     arms = [np.diff(of[[4, 5, 6]], axis=0) for of in (actor.likeness.joints, grown * person.joints)]
     np.testing.assert_allclose(*(np.linalg.norm(arm, axis=1) for arm in arms), rtol=1e-6)

@@ -1,4 +1,4 @@
-"""``enliven scan`` of what cannot be scanned, or only in part: each is said in words, and nothing is lost."""
+"""Tests of ``enliven scan`` on bad input: the reason is reported, and usable data are kept."""
 
 import errno
 import os
@@ -24,7 +24,7 @@ from enliven_synthesis.sensor.scene import Box
 
 @pytest.fixture(scope="module")
 def carried(tmp_path_factory):
-    """A recording of a third of the way round the box, without colours."""
+    """Records a third of a round about the box, without colours."""
     return recorded(tmp_path_factory.mktemp("bad") / "carried.mcap", last=60)
 
 
@@ -44,7 +44,7 @@ def test_a_camera_that_is_flung_about_is_told_to_be_slow(tmp_path):
 
 
 def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried, tmp_path):
-    """Of the second half every image is from somewhere else."""
+    """In the second half every image is from somewhere else."""
     take, frames = take_of(), []
     for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
         frames.append(replace(take.frame(index), time_ns=n * 33_000_000))
@@ -65,7 +65,7 @@ def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
 
 
 def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
-    """A part of the thing has no depth, from wherever it is seen; the rest is scanned."""
+    """A part of the object has no depth from any direction; the rest is scanned."""
 
     def mirror(depth):
         height, width = depth.shape
@@ -83,7 +83,7 @@ def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
 
 
 def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
-    # What it finds its way by is farther than what is kept.
+    # The surfaces used for tracking are farther away than the kept range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
     made = tmp_path / "no.glb"
     with pytest.raises(InputError, match=r"nothing that stands on the floor.*--whole"):
@@ -146,7 +146,7 @@ def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
 
     monkeypatch.setattr(ScanDiary, "add", interrupted)
     before = signal.getsignal(signal.SIGINT)
-    # A camera that never ends.
+    # The camera never ends.
     camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
     said = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
     assert "of 8 frames" in said and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
@@ -155,7 +155,7 @@ def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
 
 
 def full_disk(monkeypatch, folder, of_all=False):
-    """Every write into a folder, or into all, ends as on a disk without room."""
+    """Every write into a folder, or anywhere, fails as on a full disk."""
 
     def no_room(descriptor):
         if of_all or os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(folder)):

@@ -1,4 +1,4 @@
-"""A small chair on a turntable, a room with corners in view: it is followed apart from the room."""
+"""Tests that a small chair on a turntable in a structured room is tracked apart from the room."""
 
 from dataclasses import replace
 
@@ -12,7 +12,8 @@ from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandledScan, InHandsWay, TurntableWay, load_profile
 
 IMAGES, TURNING = 85, 70
-"""Images at 30 a second, and from which on it turns at full speed and is known to."""
+"""Number of images at 30 per second; first image in which the chair turns at full speed and counts as
+moving."""
 
 
 def test_it_is_followed_where_it_is_while_the_room_stands():
@@ -26,16 +27,16 @@ def test_it_is_followed_where_it_is_while_the_room_stands():
     turned = range(TURNING, IMAGES)
     pose = [inverse(take.thing_pose(index)) @ take.pose(index) for index in turned]
     off = np.array([apart(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)])
-    # Metres and radians; the depth of this camera is off by 4 mm there.
+    # Metres and radians; this camera's depth is off by 4 mm there.
     assert np.median(off[:, 0]) < 0.015 and off[:, 0].max() < 0.06 and off[:, 1].max() < 0.06
     room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
-    # What may begin to move is left out where the camera is sought, so the camera does not go with it.
+    # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
     assert not any("things stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
 
 
 def test_what_two_hands_take_up_is_followed():
-    """It stands for a second and a half, and is taken up in the next one; then it turns."""
+    """It stands for a second and a half, is picked up within the next second, and is then turned."""
     take = HandledScan(THING, InHandsWay(), load_profile("kinect1"), HELD, room=ROOM, width=320)
     scanner, off = MovedScanner(following(ScanSettings())), list[float]()
     for index in range(0, 130, 2):

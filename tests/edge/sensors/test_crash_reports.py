@@ -1,4 +1,4 @@
-"""Crashes of a camera's program and of its library leave a report that the doctor names, within limits."""
+"""Tests that crashes of a camera's program or library leave a bounded report, which the doctor names."""
 
 import importlib.util
 import re
@@ -15,13 +15,13 @@ from enliven_edge.sensors.drivers.oak import keep_dump_of
 
 @pytest.fixture(autouse=True)
 def state(tmp_path, monkeypatch):
-    """The user's state folder."""
+    """Returns the user's state folder."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "enliven" / "crashes"
 
 
 def crashed(folder) -> None:
-    """A library that crashes at its second image."""
+    """Runs a library that crashes at its second image."""
     folder.mkdir()
     with opener(folder, mishap="crashes", after=2)() as sensor:
         next_frame(sensor)
@@ -41,7 +41,7 @@ def test_a_library_that_crashes_says_where_and_the_same_crash_is_counted(tmp_pat
 
 
 def test_the_dump_of_an_oak_is_kept_as_its_library_writes_it(state):
-    """The library's own dump; only the device that hands it out is none."""
+    """The library's own dump format; only the device that delivers it is simulated."""
     if importlib.util.find_spec("depthai") is None:
         pytest.skip('depthai is not installed: pip install "./edge[oak]"')
     import depthai as dai

@@ -1,4 +1,4 @@
-"""The driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
+"""Tests that the driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
 
 import os
 import subprocess

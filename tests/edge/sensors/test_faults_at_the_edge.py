@@ -1,4 +1,4 @@
-"""Every fault of a sensor through the real edge: said, survived, over afterwards; the end where asked for."""
+"""Tests of every sensor fault through the real edge: reported, survived and cleared; ended if requested."""
 
 import time
 import uuid
@@ -21,7 +21,7 @@ from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 FRAMES = 160
-"""Enough for a state to be over again by the sensor's clock."""
+"""Number of frames after which a state has cleared, by the sensor's clock."""
 SAID = {
     "OSError": HealthKind.SENSOR_LOST,
     "RuntimeError": HealthKind.SENSOR_LOST,
@@ -43,7 +43,7 @@ def outlet(tmp_path):
 
 
 def serve(edge: Edge) -> list[dict[str, str]]:
-    """Runs the edge; after each step what its heartbeat says is wrong, by kind."""
+    """Runs the edge; yields the problems in its heartbeat after each step, by kind."""
     said: list[dict[str, str]] = []
     listen = edge._listen
 
@@ -97,7 +97,7 @@ def test_another_size_that_stays_is_a_new_mode_of_the_sensor(outlet):
 
 
 class Plugged(Troubled):
-    """A live sensor of its own numbers; breaks once, for a while."""
+    """A live sensor with its own frame numbers that fails once, for a while."""
 
     breaks_at = 10
 
@@ -116,7 +116,7 @@ class Plugged(Troubled):
 
 
 def fused(once: bool) -> FusedSensors:
-    """Two sensors; the first breaks after ten frames, once."""
+    """Fuses two sensors; the first fails once after ten frames."""
     outages = ["No such device"]
     sensors = {
         "a": kept_open(lambda: Plugged("a", outages)),

@@ -1,4 +1,4 @@
-"""Every camera of a machine, as the window lists them: what it is, how it starts, what it lacks."""
+"""Tests of the window's list of all cameras: what each is, how it starts, what it lacks."""
 
 import json
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.camera_list import found_cameras, video_cameras
 
 @pytest.fixture
 def video(tmp_path):
-    """Plugs video devices into a made-up tree of the system."""
+    """Adds video devices to an artificial system tree."""
     devices, nodes = tmp_path / "video4linux", tmp_path / "dev"
     devices.mkdir()
     nodes.mkdir()

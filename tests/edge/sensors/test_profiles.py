@@ -1,4 +1,6 @@
-"""Sensor profiles: every shipped file is valid and plausible, and what is wrong is refused with a reason."""
+"""Tests of sensor profiles: every shipped file is valid and plausible; invalid ones are refused with a
+reason.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ def test_a_shipped_profile_is_plausible(name: str) -> None:
     for z in (reach.near, 1.0, 2.0, min(reach.far, 4.0)):
         assert 0.0003 < profile.sigma(z) < 0.12
         assert profile.step(z) <= 0.065
-        # Published deviations include the steps, so that they cannot be below those of the steps alone.
+        # Published deviations include the quantisation, so they cannot be below it.
         assert profile.sigma(z) > 0.9 * profile.step(z) / math.sqrt(12)
 
 

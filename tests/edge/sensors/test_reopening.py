@@ -1,4 +1,4 @@
-"""A live sensor for ever: it fails, hangs, comes back, and its stream goes on."""
+"""Tests of a live sensor that runs for ever: it fails, hangs and returns, and its stream continues."""
 
 import itertools
 import threading
@@ -19,7 +19,7 @@ from enliven_edge.sensors.reopening import ReopeningSensor, kept_open
 from enliven_edge.sensors.replay import ReplaySensor
 
 DEADLINE = 60.0
-"""Seconds that a loaded machine may take for anything here."""
+"""Timeout in seconds for a loaded machine."""
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def until(condition) -> None:
 
 
 def stream(sensor) -> tuple[list, list[Exception]]:
-    """Every frame, and every error that came between."""
+    """Yields every frame, and every error in between."""
     frames, errors = [], []
     deadline = time.monotonic() + DEADLINE
     while time.monotonic() < deadline:
@@ -73,7 +73,7 @@ def test_times_rise_although_every_device_counts_from_0():
 
 
 def test_a_clock_that_goes_on_is_left_alone():
-    """A device that tells the host's time tells it again when it is opened anew."""
+    """A device with the host's clock continues it after it is reopened."""
 
     class Host(Troubled):
         def read(self, timeout=None):
@@ -92,7 +92,7 @@ def test_a_clock_that_goes_on_is_left_alone():
 
 @pytest.mark.parametrize("place", [4, 5, 6])
 def test_one_wrong_time_beside_a_failure_does_no_harm(place):
-    """The last before it, or the first after it."""
+    """The last time before it, or the first one after it."""
 
     class Wild(Troubled):
         def read(self, timeout=None):
@@ -111,13 +111,13 @@ SECOND = 10**9
 steps = st.tuples(
     st.integers(1, 3 * SECOND), st.integers(1, SECOND), st.none() | st.integers(-SECOND, SECOND) | st.just(0)
 )
-"""Nanoseconds until a frame arrives and since the one before by its device's clock; of a device that was
-opened anew, what its clock differs from the one before."""
+"""Nanoseconds until a frame arrives, and since the previous one by the device's clock; for a reopened device,
+the offset of its clock from the previous one."""
 
 
 @given(st.lists(steps, max_size=20))
 def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arrivals):
-    """As on a busy machine, where a frame may come late and the next ones at once."""
+    """As on a busy machine, with one late frame and the next ones at once."""
     now = own = SECOND
     told = []
     with pytest.MonkeyPatch.context() as patch, ReopeningSensor(lambda: Troubled(1)) as sensor:
@@ -207,7 +207,7 @@ def test_closing_does_not_wait_for_a_read_that_hangs():
 
 
 def test_nothing_is_read_ahead():
-    """The device is asked when the edge asks: no frame waits while it grows old."""
+    """The device is read when the edge asks, so no frame waits and ages."""
     with ReopeningSensor(lambda: Troubled(20)) as sensor:
         for count in range(1, 6):
             sensor.read(DEADLINE)

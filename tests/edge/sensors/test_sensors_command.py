@@ -1,4 +1,4 @@
-"""``enliven sensors``: lists what there is, and says what one sensor sees."""
+"""Tests of ``enliven sensors``: it lists the sensors, and describes one sensor's view."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -46,14 +46,14 @@ class CameraManager:
         made.cameras = [Camera(*each) for each in models.items()]
         return made
 """
-"""What is used of libcamera's binding, in the shape that the guest of make test-devices has it."""
+"""The used part of libcamera's binding, as in the virtual machine of make test-devices."""
 AT_PORTS = [
     ("", ["imx708 /base/i2c@88000/imx708@1a: --sensor libcamera --set left=0", "@60: --sensor", "left=1"]),
     ("os.abort()", ["libcamera cannot list its cameras (exit code -6", "rpicam-hello --list-cameras"]),
     ("time.sleep(60)", ["libcamera has not listed its cameras within"]),
     ("import nothing_of_the_kind", ["libcamera does not load (No module named", "apt install python3-lib"]),
 ]
-"""A line more of the binding, and what is said then: libcamera may end or hang its process."""
+"""One more line of the binding, and the expected output: libcamera may end or hang its process."""
 
 
 @pytest.mark.parametrize(("line", "words"), AT_PORTS)
@@ -80,7 +80,7 @@ def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, m
 
 
 def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
-    """The shipped recording's floor, tilt and size are known: it was made 1.15 m up, five degrees down."""
+    """Floor, tilt and size of the shipped recording are known: 1.15 m high, five degrees down."""
     path = f"path={shipped_recording()}"
     code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
     assert code == 0

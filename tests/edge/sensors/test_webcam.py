@@ -1,4 +1,4 @@
-"""A film in place of a webcam; the landmarks are those of a performer who is not in it."""
+"""Tests of a film in place of a webcam; the landmarks are a performer's that is not in it."""
 
 import math
 import time
@@ -22,7 +22,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 class Truth:
-    """Says of every image where the synthetic performer's joints would be in it."""
+    """Returns the synthetic performer's projected joints for every image."""
 
     def __init__(self) -> None:
         self.sensor = SyntheticSensor(choreography="walk", realtime=False)
@@ -52,7 +52,7 @@ class Truth:
 
 @pytest.fixture
 def film(tmp_path):
-    """Twelve grey images, brighter and brighter, at 12 a second."""
+    """Writes twelve grey images of increasing brightness, at 12 per second."""
     path = tmp_path / "film.mp4"
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=12)

@@ -60,7 +60,7 @@ def held(stage: Stage) -> dict[str, list[int]]:
 
 
 def after(stage: Stage, bodies, frame: int):
-    """The poses after a frame, by character."""
+    """Returns the poses after a frame, by character."""
     return {pose.character: pose for pose in stage.perform(bodies, frame * FRAME)}
 
 
@@ -230,7 +230,7 @@ def test_a_wish_without_names_is_as_small_and_an_old_one_is_read():
 
 
 def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(graph, tmp_path):
-    """One that is added, replaced and removed between frames reaches the take with its own revision."""
+    """A character that is added, replaced or removed between frames is recorded with its own revision."""
 
     class People:
         name, fps = "people", 30.0

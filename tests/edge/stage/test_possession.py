@@ -1,4 +1,4 @@
-"""Several performers on one mesh: laws of taking hold, sharing, losing and letting go."""
+"""Tests of several performers on one mesh: attaching, sharing, losing and releasing."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def stage(chair, **options) -> Stage:
 
 
 def steps(poses):
-    """Returns (F - 1,) distance that the fastest node moves from frame to frame, metres."""
+    """Returns the (F - 1,) maximum motion of any node from frame to frame, metres."""
     return np.array([np.linalg.norm(b.positions - a.positions, axis=1).max() for a, b in pairwise(poses)])
 
 
@@ -145,11 +145,11 @@ EVENTS = st.lists(
 @given(EVENTS, st.floats(-0.5, 0.5))
 @settings(max_examples=12, deadline=None)
 def test_whatever_happens_when_nothing_jumps(chair, events, apart):
-    """The law: what is shown moves no faster than what is computed, and than its gaps close.
+    """The shown mesh moves no faster than the computed one plus the speed at which gaps are blended out.
 
-    The performers stand still but for a slow sway, so what is computed may move by leaps only where
-    somebody takes hold, is lost, returns or lets go; a leap is at most the mesh's size and the way between
-    the performers, and it closes at most at 1.5 / fade (pi / 2 where it turns).
+    The performers only sway slowly, so the computed mesh may jump only if a performer is attached, lost,
+    found or released. A jump is at most the mesh's size plus the distance between the performers. It is
+    blended out at a rate of at most 1.5 / fade, or pi / 2 for a rotation.
     """
     house, shown, poses, k = stage(chair), {1, 2}, [], 0
     for pause, what, who, parts in [*events, (12, "show", 1, "all")]:
@@ -175,7 +175,7 @@ def test_whatever_happens_when_nothing_jumps(chair, events, apart):
 @given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
 @settings(max_examples=40, deadline=None)
 def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
-    """Easing alone: between two states that stand still, the bound of its docstring, and both ends met."""
+    """Easing alone, between two fixed states: the bound in its docstring holds, and both ends are exact."""
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
     linear = np.tile(np.eye(3), (20, 1, 1))
@@ -253,7 +253,7 @@ def test_lost_performer_releases_smoothly_and_other_continues(chair):
 
 
 def test_a_crowd_leaves_and_comes_back(chair):
-    """The mesh waits in its pose; both continue with their parts, and a third performer never takes over."""
+    """The mesh keeps its pose; both performers continue with their parts, and a third never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -298,7 +298,7 @@ def test_a_newcomer_goes_on_for_who_was_away_longest(chair):
 @pytest.mark.parametrize("how", ["inside", "beside"])
 @pytest.mark.parametrize("parts", ["all", "legs + head"])
 def test_the_preview_is_what_then_takes_hold(chair, mode, how, parts):
-    """The law: in one and the same frame, previewed nodes and strengths are the held ones."""
+    """In the same frame, the previewed nodes and strengths equal the attached ones."""
     house = stage(chair, how=how)
     house.preview("chair", parts=parts)
     bodies = [person(), person(id=2, x=0.05)]

@@ -112,7 +112,7 @@ def test_resizing_keeps_the_attachment():
     np.testing.assert_allclose(there, 2.0 * here, atol=2e-3)
     np.testing.assert_allclose(after.linear, 2.0 * before.linear, atol=2e-3)
     assert after.positions[:, 1].min() == pytest.approx(2.0 * before.positions[:, 1].min(), abs=5e-3)
-    # It stays as large when it is let go, held again, or replaced by an edited one.
+    # It keeps its size when it is released, attached again, or replaced by an edited version.
     tall = np.ptp(after.positions[:, 1])
     grown.stage.release()
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
@@ -153,7 +153,7 @@ def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
 
 def test_rigid_mesh_refuses_follow_through():
     class Stiff(EmbeddedActor):
-        exaggerate = Actor.exaggerate  # as of characters with bones, and puppets
+        exaggerate = Actor.exaggerate  # like characters with bones, and puppets
 
     play = Play()
     play.stage.put(Stiff(CHAIR, GRAPH, ActorSettings()))

@@ -1,4 +1,4 @@
-"""The stage: meeting, taking hold, letting go, and nothing that jumps."""
+"""Tests of the stage: approaching, attaching, releasing, and no jumps."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def chair():
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) -> Body:
-    """A standing person with the forearms forward, the left knee lifted by ``lift`` radians."""
+    """Returns a standing person with the forearms forward and the left knee lifted by ``lift`` radians."""
     rotations = standing(yaw, arm_forward=0.1, elbow=elbow)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
@@ -77,7 +77,7 @@ def test_a_lifted_knee_lifts_the_chairs_leg(chair):
 @given(st.floats(-1, 1), st.floats(-1.5, 1.5), st.floats(-0.6, 0.6))
 @settings(max_examples=8, deadline=None)
 def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, yaw):
-    """The law: a rigid motion of the performer is the same rigid motion of the mesh."""
+    """A rigid motion of the performer causes the same rigid motion of the mesh."""
     house = stage(chair, fade=0.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -123,7 +123,7 @@ def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(
 
 
 def test_another_never_steals_a_character(chair):
-    """Not while the performer is there, nor when they are away, nor when they come back."""
+    """Neither while the performer is present, nor while they are away, nor when they return."""
     house = stage(chair, fade=0.0, hand_over=0.0)
     house.perform([person()], 0)
     house.possess("chair")

@@ -1,4 +1,4 @@
-"""The exercises: bones keep, soles keep to the floor, nothing jumps, seeds differ."""
+"""Tests of the exercises: rigid bones, soles on the floor, no jumps, varied seeds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_synthesis.motion.exercises import exercise, exercise_names
 
 
 def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 20, 3) joints and (F, 2, 3) soles at 60 frames a second."""
+    """Returns (F, 20, 3) joints and (F, 2, 3) soles at 60 frames per second."""
     performer, moves = Performer(build), exercise(name, seed)
     figures = [performer.pose(moves.posture(t)) for t in np.arange(0.0, moves.duration, 1 / 60)]
     return np.stack([f.joints for f in figures]), np.stack([performer.soles(f) for f in figures])

@@ -1,4 +1,4 @@
-"""What a technician reads when a camera cannot be had: each trouble its sentence, with what to do."""
+"""Tests of the errors for unavailable cameras: each problem has its message and advice."""
 
 import errno
 import importlib.util
@@ -58,7 +58,7 @@ MESSAGES = [
     ("other", "[Errno 19] No such device", "not there any more"),
     ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
 ]
-"""(sensor, a message as its library says it, what is made of it)."""
+"""(sensor, message of its library, our message)."""
 
 
 @pytest.mark.parametrize(("sensor", "message", "words"), MESSAGES)
@@ -83,7 +83,7 @@ def test_the_system_s_own_words():
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
 def test_the_libraries_still_say_it_so(driver):
-    """Every piece is in the library that is installed: an update that words it anew is noticed here."""
+    """Every message part occurs in the installed library, so an update that rewords it is noticed here."""
     module = importlib.util.find_spec(usable(driver).needs[0])
     near = Path(module.origin).parent
     own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
@@ -100,7 +100,7 @@ names = st.text("0123456789ABCDEF", min_size=1, max_size=6)
 
 @given(found=st.dictionaries(names, st.integers(), max_size=4), wanted=names | st.just(""), before=names)
 def test_the_camera_that_is_meant_or_none(found, wanted, before):
-    """The one that was asked for; else the only one, or the one of before; never another."""
+    """The requested camera; otherwise the only one, or the previous one; never another."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refusals, "attached", list)
         may = wanted in found if wanted else len(found) == 1 or before in found
@@ -131,7 +131,7 @@ def test_two_of_one_name_are_told_with_how_to_name_one():
     ],
 )
 def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
-    """Said before the library is loaded."""
+    """Reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
         cameras.library(package, sensor)
@@ -150,7 +150,7 @@ def test_versions_that_work_are_let_be():
 
 @pytest.fixture(scope="module", params=LIBRARIES)
 def said(request, tmp_path_factory):
-    """The sensor, and what its driver says on its real library without a device, by what the system shows."""
+    """Returns the sensor, and its driver's errors on the real library without a device, by USB state."""
     driver = usable(LIBRARIES[request.param])
     folder = tmp_path_factory.mktemp("asked")
     plugged(folder / "nothing")
@@ -170,7 +170,7 @@ def said(request, tmp_path_factory):
 
 
 def plugged(folder: Path, allowed: bool | None = None) -> None:
-    """A made-up USB tree with an OAK, a RealSense and an Orbbec camera, or nothing."""
+    """Creates a USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
     titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
     for number, (vendor, title) in enumerate(titles.items()):
         device = folder / "devices" / f"1-{number}"
@@ -207,7 +207,7 @@ def test_one_that_the_system_shows_and_the_library_does_not(said):
 
 
 def test_a_camera_without_its_lens(said):
-    """It runs with the lens of its kind, and says so."""
+    """It runs with the default lens of its kind, and reports it."""
     _, told = said
     width, focal, calibrated = json.loads(told["lensless"][1].lower())
     assert width == 320 and 180 < focal < 260 and calibrated is False
@@ -248,7 +248,7 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor):
-    """A recording cannot be asked for another size, and no port or cable is at fault."""
+    """A recording cannot change its size, and neither a port nor a cable is the cause."""
     usable(LIBRARIES[sensor])
     with Recorder(tmp_path / "square.mcap") as recorder:
         for number in range(3):
@@ -266,7 +266,7 @@ def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor)
 
 
 def seen(sensor, errors: list[Exception]) -> bool:
-    """Whether an image came or an error, which is noted."""
+    """Returns True if an image or an error arrived; notes the error."""
     try:
         return sensor.read(0.1) is None
     except TimeoutError:

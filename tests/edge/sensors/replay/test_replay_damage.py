@@ -1,4 +1,4 @@
-"""A message of a recording that is no frame costs itself, not the replay."""
+"""Tests that a recording's message that is not a frame is skipped, and replay continues."""
 
 import struct
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.replay import ReplaySensor
 
 @pytest.fixture
 def damaged(tmp_path):
-    """Ten frames; the fifth's focal length is not a number, as an older recorder let pass."""
+    """Writes ten frames; the fifth has a NaN focal length, as an older recorder allowed."""
     Troubled.reset()
     device, path = Troubled(10), tmp_path / "a.mcap"
     with Recorder(path) as recorder:

@@ -1,4 +1,4 @@
-"""The calibration file: what is written comes back, and what contradicts itself is refused in a sentence."""
+"""Tests of the calibration file: it round-trips, and contradictory files are refused with an error."""
 
 import re
 from dataclasses import replace

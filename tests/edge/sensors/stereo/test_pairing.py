@@ -1,4 +1,4 @@
-"""Pictures of two cameras find their partners by time, whatever is lost or late."""
+"""Tests that images of two cameras are paired by time, with lost or late ones."""
 
 import itertools
 
@@ -15,7 +15,7 @@ IMAGE = np.zeros((1, 1), np.uint8)
 
 
 def arrivals(lost, late, jitter):
-    """Pictures of two cameras in step, in the order in which they arrive."""
+    """Returns images of two synchronised cameras, in order of arrival."""
     made = []
     for eye in (0, 1):
         for number in range(len(lost[eye])):
@@ -44,7 +44,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
             if pair is not None:
                 pairs.append(pair)
     except ResourceError:
-        # So many in a row are lost that the cameras are taken to have lost their step.
+        # After several losses in a row the cameras count as out of step.
         assert max(b - a for a, b in itertools.pairwise([*both, 40])) * STEP > 700_000_000
         return
     assert all(abs(left.time_ns - right.time_ns) <= TOLERANCE for left, right in pairs)

@@ -18,7 +18,7 @@ from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backwar
 
 
 def forward_in_plan(posture):
-    """(2,) the way that the chest faces, seen from above."""
+    """Returns the chest's (2,) facing, seen from above."""
     return np.array(ahead_in_plan(chest_axes(posture.rotations)[0]))
 
 
@@ -30,7 +30,7 @@ def standing(yaw: float = 0.0) -> Posture:
 
 
 def seen_facing(posture: Posture | None, plainly: float = 2.5) -> EstimateAtPoints:
-    """What the network says of somebody who faces as the posture does; of nobody in particular where None."""
+    """Returns the network's estimate for a facing as in the posture; without a preference if None."""
     joints = standing().joints() if posture is None else posture.joints()
     return seen_as(estimate_of(joints, ways=ways_of(posture, plainly)))
 
@@ -53,7 +53,7 @@ def test_wrong_facing_is_corrected_after_a_delay(yaw):
 
 
 def test_nobody_walks_backwards_for_long():
-    """The network says nothing; the way of walking does."""
+    """The network has no preference; the walking direction decides."""
     sideways = standing(np.pi / 2)
     assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
     assert not any(verdicts(sideways, seen_facing(None), velocity=(1.2, 0.0, 0.0)))
@@ -97,7 +97,7 @@ def test_a_slight_doubt_turns_nobody():
 
 
 def test_established_facing_needs_more_evidence_to_flip():
-    """Sideways, where the sensor itself says nothing for either way."""
+    """Seen from the side, where the sensor itself has no evidence."""
     sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
     assert any(verdicts(sideways, against))
@@ -128,7 +128,7 @@ def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
-    """Made out at length: by the network, by the walk, and by who leans backward."""
+    """Computed term by term: from the network, the walking direction, and implausible backward leaning."""
     random = np.random.default_rng(seed)
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
     seen = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))

@@ -1,4 +1,4 @@
-"""Hips bend farther only if the person is known and low; a search keeps the usual range."""
+"""Tests that hips may bend farther only if the person is known and low; a search keeps the usual range."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,11 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.settings import FitSettings
 
 DRAWN_UP = 2.35
-"""Radians of both thighs: beyond the usual range by 0.35, within the wider one."""
+"""Flexion of both thighs in radians: 0.35 beyond the usual range, within the wider one."""
 
 
 def drawn_up(hips: float) -> Posture:
-    """A person with the knees drawn up and the hips so many metres above the floor."""
+    """Returns a person with the knees drawn up and the hips at a height in metres."""
     rotations = joint_limits.standing(knee=1.9)
     rotations[model.THIGH_L] = rotation(x=-DRAWN_UP, z=0.06)
     rotations[model.THIGH_R] = joint_limits.mirrored(rotations)[model.THIGH_R]

@@ -19,7 +19,7 @@ LEVEL = world_from_level_camera(1.2)
 def kinds_after(
     conditions: list[Condition], stand=LEVEL, floor_known=True, seconds: int = 20
 ) -> list[set[str]]:
-    """What is said at the end of each condition that lasts so many seconds."""
+    """Returns the problems at the end of each condition, which lasts ``seconds``."""
     alarms, said, now = Alarms("The sensor"), [], 0
     for condition in conditions:
         for _ in range(seconds):

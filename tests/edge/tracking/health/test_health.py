@@ -1,4 +1,4 @@
-"""The monitor's parts: times, images, alarms; and that each trouble is said, once, and is over afterwards."""
+"""Tests of the monitor's parts: times, images, alarms; each problem is reported once, and then cleared."""
 
 import dataclasses
 import logging
@@ -56,13 +56,13 @@ def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Bo
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=60), st.randoms())
 @settings(deadline=None)
 def test_accepted_frames_have_increasing_times(steps, random):
-    """However times are shuffled within a second."""
+    """For any order of times within a second."""
     times = np.cumsum(steps).tolist()
     shuffled = sorted(times, key=lambda t: t + random.choice([0, 0, 0, 30]))
     rhythm, seen = FrameTiming(), [0]
     for each in shuffled:
         if rhythm.admit(each) and each < seen[-1]:
-            assert len(rhythm._behind) == 0  # a clock that was set back: three in a row from the past
+            assert len(rhythm._behind) == 0  # a clock that was set back: three frames in a row from the past
         elif each > seen[-1]:
             seen.append(each)
     assert rhythm.admit(times[-1] + 10_000)
@@ -169,7 +169,9 @@ def test_a_good_stream_is_in_good_health():
     ],
 )  # fmt: skip
 def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
-    """Three seconds of the fault between good ones; nothing else is said of it, and it does not flicker."""
+    """Three seconds of the fault between good ones: nothing else is reported, and the report does not
+    flicker.
+    """
     monitor = HealthMonitor()
     assert watched(monitor, [frame(i) for i in range(100)])[-1] == set()
     said = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])

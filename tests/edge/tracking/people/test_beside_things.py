@@ -1,4 +1,4 @@
-"""Tests that a person whose pixels touch those of an object is found in the person's part."""
+"""Tests that a person connected with an object in the image is found in the person's pixels."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from enliven_edge.tracking.tracker import Tracker
 SETTINGS = TrackerSettings()
 GOOD, HIPS_WITHIN = 0.6, 0.15
 HEAD_WITHIN = 0.11
-"""Metres at first sight, before the person is followed: a head is 10.2 cm off where first fits have half of
+"""Maximum head error in metres at first detection, before tracking: it is 10.2 cm if first fits use half of
 the points."""
 
 
@@ -54,7 +54,7 @@ def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, h
 
 
 def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(stagecraft):
-    """The table's edge is at the hip of a person who waves: in the first second it is taken for an arm."""
+    """The table's edge touches the hip of a waving person: in the first second it counts as an arm."""
     s = stagecraft
     low, high = (0.05, 0.6, -2.6), (0.6, 0.75, -2.3)
     playground = s.Playground(s.Player(s.still(-0.2, -2.4), "wave"), boxes=lambda time: (s.Box(low, high),))
@@ -77,7 +77,7 @@ def test_a_table_that_is_brought_in_is_nobody(stagecraft, low, high):
 
 
 def detections(monkeypatch, view, pixels, posture):
-    """The (h, w) masks in which somebody is looked for, where all that is found fits badly; what is made."""
+    """Returns the (h, w) masks that are searched for a person if all fits are bad; and the new follower."""
     asked = []
 
     def detect(fitter, observation, *rest):
@@ -100,7 +100,7 @@ def somebody(stagecraft):
 
 
 def beside(pixels, share):
-    """The pixels and others on their left, somebody being that share of all."""
+    """Adds pixels on the left of a person, so that the person is that fraction of all."""
     more, (rows, columns) = pixels.copy(), np.nonzero(pixels)
     left = [(v, u) for u in range(columns.min() - 20, -1, -1) for v in range(rows.min(), rows.max())]
     for v, u in left[: round(len(rows) * (1.0 / share - 1.0))]:

@@ -1,4 +1,4 @@
-"""What is left of somebody beside them is kept out of a room that is new: they are not wholly seen yet."""
+"""Tests that a person's disconnected pixels are kept out of a new background model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from enliven_edge.tracking.settings import TrackerSettings
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)
 SOMEBODY = (-0.25, 0.25, 0.1, 1.7)
-"""Left, right, bottom and top, metres in the world, 2.4 m before the sensor."""
+"""Left, right, bottom and top in metres (world), 2.4 m from the sensor."""
 SHANK, BENCH = (0.4, 0.52, 0.25, 0.6), (0.35, 1.15, 0.1, 0.35)
-"""Something small beside somebody, and something too large and too low to be anybody."""
+"""A small object next to a person, and one too large and too low to be a person."""
 
 
 def drawn(*boxes) -> FrameView:
-    """Flat boxes before nothing."""
+    """Returns a view of flat boxes in front of nothing."""
     z = np.zeros((60, 80))
     x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
     for left, right, bottom, top in boxes:
@@ -41,7 +41,9 @@ def drawn(*boxes) -> FrameView:
 
 
 def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
-    """(h, w) what the room is not to learn, with somebody followed so many metres to the right, or nobody."""
+    """Returns (h, w) pixels that the background model must not learn, with a person at ``somebody_at`` or
+    none.
+    """
     settings = TrackerSettings(estimator=False)
     fitter = Fitter(settings.fit)
     tracker = MultiPersonTracker(settings, fitter)

@@ -125,7 +125,7 @@ def test_a_lock_admits_who_was_named():
 
 
 def test_single_newcomer_near_a_loss_is_reidentified():
-    """Whatever their bones seem to be at first sight; not much later, elsewhere, or plainly taller."""
+    """Independent of the first bone-length estimate; but not much later, elsewhere, or if clearly taller."""
     register = Register(PeopleSettings())
     register.leave(1, looks(1.7), HERE, 0)
     there, elsewhere = HERE + 0.1, HERE + 1.0

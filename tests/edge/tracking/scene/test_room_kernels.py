@@ -1,4 +1,4 @@
-"""The kernels of the room against their slow twins, pixel by pixel."""
+"""Tests of the background model's kernels against slow versions, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_pixels_are_guarded_as_the_slow_twin_does(seed, people):
 
 
 def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate) -> tuple[int, int, int]:
-    """Learns one pixel in plain Python, by the names of :class:`RoomState`: the slow twin."""
+    """Learns one pixel in plain Python, with the names of :class:`RoomState`: the slow reference."""
     margin, step = 0.04 + 0.010 * d * d, rate.step
     if p["z"] == 0.0:
         if abs(d - p["still_z"]) <= 0.01 + 0.004 * d * d:
@@ -116,9 +116,9 @@ def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate
 @given(st.integers(0, 10_000), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_a_frame_is_learnt_as_the_slow_twin_does(seed, dark, at_once):
-    """From any state, with depth that is the room's, nearer, farther and none, a person's and a candidate's.
+    """From any state, with background, nearer, farther and no depth, on people and candidates.
 
-    Seconds and depths are of single precision in the state; a random number is at no threshold by that much.
+    Seconds and depths have single precision in the state; random numbers are farther from any threshold.
     """
     random, shape = np.random.default_rng(seed), (7, 21)
     room = random.uniform(0.5, 4.0, shape) * (random.random(shape) < 0.7)
