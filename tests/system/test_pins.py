@@ -1,4 +1,4 @@
-"""constraints.txt and locks/ name all that is installed, for every Python and machine that setup.sh takes."""
+"""Tests that constraints.txt and locks/ list every dependency, for every Python and machine of setup.sh."""
 
 import importlib.util
 import re
@@ -14,7 +14,7 @@ HOUSE = Path(__file__).parents[2]
 
 
 def script(name: str):
-    """A script of the house as a module."""
+    """Imports one of the repository's scripts as a module."""
     spec = importlib.util.spec_from_file_location(name, HOUSE / "scripts" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -24,17 +24,17 @@ def script(name: str):
 lock, audit = script("lock"), script("audit")
 EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
-"""Where moderngl has no wheel, so that setup.sh takes no such Python there."""
+"""Pythons without a moderngl wheel there, which setup.sh therefore refuses."""
 
 
 def lock_lines(kind: str) -> list[str]:
-    """A lock file's requirements, with the hashes that belong to each."""
+    """Returns a lock file's requirements with their hashes."""
     text = (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", " ")
     return [line for line in text.splitlines() if not line.startswith("#")]
 
 
 def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
-    """Name and version of what a lock file installs in an environment."""
+    """Returns name and version of the packages that a lock file installs in an environment."""
     found = [Requirement(line.partition("--hash")[0]) for line in lock_lines(kind)]
     fitting = [pin for pin in found if pin.marker is None or pin.marker.evaluate(where)]
     assert len({pin.name for pin in fitting}) == len(fitting), "one release of a package, not two"

@@ -1,4 +1,4 @@
-"""enliven possess, and what the wire and a take say of holds: the promises of docs/possession.md."""
+"""Tests of enliven possess, and of the attachments in wire and take: the claims of docs/possession.md."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 
 OLD = Path(__file__).parent / "references" / "two_characters.mcap"
-"""A recording that was made before holds were told."""
+"""A recording from before attachments were published."""
 
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory) -> Path:
-    """Two performers: one takes the chair, one joins and lets go; 1.5 s."""
+    """Records two performers: one takes the chair, one joins and releases; 1.5 s."""
     path = tmp_path_factory.mktemp("possess") / "take.mcap"
     told = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
     refused = perform(

@@ -1,4 +1,4 @@
-"""From the viewer's keys to the held nodes and back: an edge, a link and an app over real sockets."""
+"""Tests from the viewer's keys to attached nodes and back: an edge, a link and an app over real sockets."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STEP = 33_333_333
 
 
 class TwoPeople:
-    """A sensor of bodies that sees two people, in and beside each other, for as long as it is read."""
+    """A sensor of bodies with two people, one inside and one next to the mesh, for as long as it is read."""
 
     name = "two people"
 
@@ -53,7 +53,7 @@ class TwoPeople:
 
 
 class House:
-    """An edge and a viewer without a window, stepped in turn."""
+    """An edge and a windowless viewer, stepped in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         mesh = make_chair(0.05)
@@ -142,8 +142,8 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
 
 
 def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
-    """The sensor falls silent: only what was asked goes through, as between two depth frames."""
-    house.edge.tracker = Tracker()  # it has seen nothing yet
+    """The sensor falls silent: only requests are processed, as between two depth frames."""
+    house.edge.tracker = Tracker()  # no frame has been read yet
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.live.toggle_lock()

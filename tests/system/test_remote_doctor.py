@@ -1,4 +1,4 @@
-"""``enliven doctor --remote``: the health of an edge that runs, from another terminal or machine."""
+"""Tests of ``enliven doctor --remote``: the health of a running edge, from another terminal or machine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FINE = StatusMessage("stage", 7, 1, 0, "camera 1", "tracking", fps=29.7, latency
 
 @contextlib.contextmanager
 def published(*messages: bytes) -> Iterator[str]:
-    """The address of a socket that publishes messages over and over, as an edge does."""
+    """Returns the address of a socket that publishes messages repeatedly, as an edge does."""
     (port,) = free_ports(1)
     socket, ended = zmq.Context.instance().socket(zmq.PUB), threading.Event()
     socket.setsockopt(zmq.LINGER, 0)
@@ -45,7 +45,7 @@ def published(*messages: bytes) -> Iterator[str]:
 
 
 def checked(address: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, dict]]:
-    """The exit code, and the checks by name."""
+    """Returns the exit code, and the checks by name."""
     code = cli.run(["doctor", "--remote", address, "--json"])
     return code, {check["name"]: check for check in json.loads(capsys.readouterr().out)}
 

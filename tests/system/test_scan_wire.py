@@ -1,4 +1,4 @@
-"""Scanning over the wire: an edge scans what its camera sees, a viewer that comes late sees all of it."""
+"""Tests of scanning over the wire: an edge scans its camera's view, and a late viewer sees all of it."""
 
 import sys
 from dataclasses import replace
@@ -72,7 +72,7 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     size = np.ptp(made.vertices, axis=0)
     assert abs(size[1] - 0.5) < 0.03 and made.colours is not None and running.said().character == "box"
     running.until(lambda: not running.edge.scans.active, "performers again")
-    # Scanning on adds to it.
+    # Continuing the scan extends it.
     before = running.said().fused
     running.ask(Scan("go on"))
     running.show(frames[-8:])

@@ -1,4 +1,4 @@
-"""A sensor that another package brings, with every fault that a camera has, before the real programs."""
+"""Tests of a third-party sensor with every fault of a camera, in the real programs."""
 
 import contextlib
 import os
@@ -23,13 +23,13 @@ pytestmark = pytest.mark.system
 
 DRIVER = Path(__file__).parent.parent / "edge" / "sensors" / "troubled.py"
 PATIENCE = 300.0
-"""Seconds for a program to start and end on a loaded machine."""
+"""Timeout in seconds for a program to start and end on a loaded machine."""
 FAULTS = "OSError,another size,focal length nan,negative time,RuntimeError,wrong type,endless time,no frame"
 
 
 @pytest.fixture
 def installed(tmp_path) -> dict[str, str]:
-    """The environment in which the driver is an installed package."""
+    """Returns an environment with the driver installed as a package."""
     site = tmp_path / "site"
     about = site / "troubled-1.0.dist-info"
     about.mkdir(parents=True)
@@ -109,12 +109,12 @@ MISSING = "an OAK is not connected"
 PLUG = f"{MISSING}. Plug it into a USB 3 port, see with enliven doctor that it is there, and type: "
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
-"""What docs/tour.md's first line with a camera says without one, and where its library is missing too."""
+"""Error of docs/tour.md's first camera command without a camera; also if its library is missing."""
 
 
 @pytest.fixture
 def no_camera():
-    """Nothing of the kind is beside this machine, which the doctor would say."""
+    """Skips the test if such a camera is connected, since the doctor would report it."""
     if any(camera.kind.sensor == "oak" for camera in attached()):
         pytest.skip("there is one")
 

@@ -1,4 +1,4 @@
-"""A client puts characters on the stage of a real edge, replaces those that perform, and removes them."""
+"""Tests that a client puts characters on a real edge's stage, replaces performing ones, and removes them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class StagedEdge:
         return answers[0]
 
     def end(self) -> float:
-        """Ends the edge; returns its longest frame, milliseconds of processor time."""
+        """Ends the edge; returns the processor time of its longest frame in milliseconds."""
         self.link.close()
         self.process.terminate()
         return float(self.process.communicate(timeout=PATIENCE)[0])

@@ -1,4 +1,4 @@
-"""Publisher and Link over real sockets: late joiners, restarts, rivals, noise, other versions."""
+"""Tests of publisher and Link over real sockets: late joiners, restarts, rivals, noise, other versions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def character(name: str = "chair", count: int = 8) -> Character:
 
 
 def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
-    """Both sides' loops, until something is so; the commands that came."""
+    """Runs both sides' loops until a condition holds; returns the received commands."""
     commands: list[Command] = []
     deadline = time.monotonic() + PATIENCE
     while True:
@@ -67,13 +67,13 @@ def link(publisher: Publisher) -> Iterator[EdgeClient]:
 
 
 def pivots_of(link: EdgeClient) -> int:
-    """How many pivots the chair has in the viewer, 0 where there is none."""
+    """Returns the number of the chair's pivots in the viewer, 0 if there is none."""
     chair = link.characters.get("chair")
     return len(chair.pivots) if chair else 0
 
 
 def joined(link: EdgeClient, publisher: Publisher) -> None:
-    """Until nothing is missed any more."""
+    """Runs until nothing is missing any more."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
     link.take(POSE)
 
@@ -215,7 +215,7 @@ def test_silence_and_the_end_are_told(
 
 
 class FakeEdge:
-    """Raw sockets in an edge's place, that send whatever they are told."""
+    """Raw sockets in place of an edge, which send given messages."""
 
     def __init__(self) -> None:
         self.context = zmq.Context()
@@ -224,7 +224,7 @@ class FakeEdge:
         self.endpoint = Endpoint("127.0.0.1", *ports)
 
     def answer(self, make: Callable[[int], bytes]) -> None:
-        """Reply to every request that has come with the bytes that ``make`` gives for its number."""
+        """Replies to every request with the bytes that ``make`` returns for its number."""
         while self.router.poll(0):
             viewer, data = self.router.recv_multipart()
             number = 0
@@ -380,7 +380,7 @@ SECOND = 1_000_000_000
 
 
 def test_the_clock_is_found_between_its_bounds() -> None:
-    """Delays at random, one way long: the truth stays inside, and is found closely."""
+    """Random delays, one direction slow: the truth stays within the bounds, and is estimated closely."""
     rng, offset, clock = np.random.default_rng(0), 5 * SECOND, ClockEstimate()
     assert clock.offset_ns == 0 and not clock.known
     now = 0

@@ -146,7 +146,7 @@ def held_at(graph, places) -> Held:
 
 
 def crossing(trousers, across, use):
-    """Returns the states while the left leg's end moves ``across`` metres to the right; the right is fixed."""
+    """Returns the states while the left leg's end moves ``across`` metres to the right; the right stays."""
     character, graph = trousers
     left, right, bar = (
         [(0.15, 0.1, 0), (0.15, 0.4, 0)],

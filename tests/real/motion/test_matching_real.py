@@ -1,4 +1,4 @@
-"""Real Kinect skeletons choose a part of a real spider by posing, and animate it."""
+"""Tests that real Kinect skeletons choose a part of a real spider by posing, and animate it."""
 
 import os
 import uuid
@@ -49,7 +49,7 @@ def frames_of(pattern):
 
 
 def tips(row):
-    """Which limbs a match means, while they stand still."""
+    """Returns the limbs that a match means, while the performers stand still."""
     return tuple(tuple(line[-1]) for line in row.lines)
 
 
@@ -73,7 +73,7 @@ def test_what_is_shown_looks_like_the_arms_and_does_not_flicker(pattern):
         meant, best = tips(board.rows[board.shown]), tips(board.rows[0])
         changes, raw = changes + (meant != last), raw + (best != last_raw)
         last, last_raw = meant, best
-    # A change takes the patience of 0.3 s at least.
+    # A change takes at least the delay of 0.3 s.
     assert changes <= seconds * 1e-9 / 0.3 + 1
     assert changes <= raw
 
@@ -116,7 +116,7 @@ def test_a_held_pose_is_taken_and_a_gesture_or_a_walk_is_not(pattern, taken):
 
 
 class Played:
-    """A sensor that plays frames as fast as they are read."""
+    """A sensor that plays frames without waiting."""
 
     name = "kinect"
 

@@ -1,4 +1,4 @@
-"""A short film decodes again: as long, as large and as it was drawn; a sheet has its tiles."""
+"""Tests that a short film decodes with the right length, size and content; a sheet has its tiles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SMALL = ViewerSettings(
 
 
 class Walk:
-    """A feed of a box that walks along +X, in bursts, and then ends."""
+    """A feed of a box that moves along +X, in bursts, and then ends."""
 
     def __init__(self, character: Character, count: int, rate: float = 30.0, start: int = 10**15) -> None:
         self.character, self.count, self.step = character, count, round(NS / rate)
@@ -60,7 +60,7 @@ class Walk:
 
 
 class Vanishing(Walk):
-    """A feed whose edge is killed: it falls silent without a farewell."""
+    """A feed from a killed edge: it falls silent without a farewell."""
 
     def poll(self, document: Document) -> int:
         arrived = super().poll(document)
@@ -69,7 +69,7 @@ class Vanishing(Walk):
 
 
 class Silence(Walk):
-    """A feed that nothing ever comes from."""
+    """A feed without any messages."""
 
     def poll(self, document: Document) -> int:
         document.edge = EdgeState(False, "tcp://127.0.0.1:9")
@@ -169,7 +169,7 @@ def test_without_any_encoder_that_is_said(monkeypatch) -> None:
 
 
 def test_an_encoder_that_is_listed_but_does_not_open_is_passed_over(tmp_path, monkeypatch) -> None:
-    """PyAV lists hardware encoders on every machine; here there is no such device."""
+    """PyAV lists hardware encoders on every machine; no such device exists here."""
     broken = FilmEncoder("h264_v4l2m2m", "H.264", "the system's own")
     if broken.name not in av.codecs_available:
         pytest.skip(f"this build of PyAV does not list {broken.name}")

@@ -1,4 +1,4 @@
-"""From the link onto the timeline: what an edge publishes over real sockets is what is shown."""
+"""Tests from the link to the timeline: messages of an edge over real sockets are shown."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
 
 
 def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, monkeypatch) -> None:
-    """Its first message may be of performers, which do not say which process speaks."""
+    """Its first message may be about performers, which does not state its process."""
     monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
@@ -130,7 +130,7 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
         until(lambda: not document.edge.connected, lambda: feed.poll(document))
         second = edge(first.endpoint.pose_port, first.endpoint.control_port)
         try:
-            # What it sends first may be this, before anything that names its process.
+            # This may be its first message, before any that states its process.
             feed.link.edges[0]._receive(pack_stream(performer(6)), latched=False)
             feed.poll(document)
             assert 6 not in heard and not document.edge.connected
@@ -144,7 +144,7 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
 
 
 def test_what_came_during_a_slow_picture_is_taken_in_the_order_of_time(publisher, box) -> None:
-    """Ten seconds of poses and of performers: neither may look like a clock that began again."""
+    """Ten seconds of poses and of performers: neither may look like a clock that started again."""
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
     feed.heard = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)

@@ -1,4 +1,4 @@
-"""A take: what the edge wrote comes back as poses, bodies and cues, in the order of time."""
+"""Tests of a take: an edge's recording is read as poses, bodies and cues, in the order of time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def shifted(character: Character, k: int) -> Pose:
 
 
 def write(path: Path, character: Character, *, broken: int | None = None, poses: bool = True) -> None:
-    """A take of a box that is pushed along, possessed from the 20th pose on."""
+    """Writes a take of a box that is pushed along, possessed from the 20th pose on."""
     codec = PoseCodec(character)
     with Recorder(path) as recorder:
 
@@ -102,7 +102,7 @@ def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
 
 
 def with_copies(path: Path, character: Character) -> None:
-    """A take whose character is written again in the middle and at the end, a chunk a message."""
+    """Writes a take that repeats its character in the middle and at the end, one message per chunk."""
     codec = PoseCodec(character)
     with Recorder(path, sync_seconds=0.0) as recorder:
 

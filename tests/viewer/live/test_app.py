@@ -1,4 +1,4 @@
-"""The window in Play, where there is a display or Xvfb; and the command that opens it."""
+"""Tests of the window in Play, if there is a display or Xvfb; and of the command that opens it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The HUD: what it says, where it is drawn, and that text looks as its typeface does."""
+"""Tests of the HUD: its contents, its place, and that text looks like its typeface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.theme import FONT
 
 CHARACTERS = "".join(chr(code) for code in range(33, 127)) + "°·±é…"
-"""What the texts of the window and the notices of edges are made of."""
+"""Characters in the window's texts and in notices from edges."""
 
 
 def canvas_of(gl, width: int, height: int):
@@ -50,7 +50,7 @@ def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
 
 
 def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
-    """(200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
+    """Returns the (200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
     target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
     with canvas.over(target):
         canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
@@ -139,7 +139,7 @@ def test_everything_at_once_draws_without_an_error(gl) -> None:
 
 
 def ailing(*severities: Severity) -> EdgeState:
-    """An edge at which so many things are wrong."""
+    """Returns an edge's state with one problem for each severity."""
     states = tuple(
         HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
         for severity in severities

@@ -1,4 +1,4 @@
-"""What an audience sees while the edge is lost, and the numbers of performers."""
+"""Tests of the picture for an audience while the edge is lost, and of the performers' numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_viewer.render.camera import OrbitCamera
 
 
 class Feed:
-    """An edge of which a test says how it is."""
+    """An edge with a state that the test sets."""
 
     def __init__(self) -> None:
         self.edge = EdgeState(connected=True, address="tcp://127.0.0.1:5580", phase="tracking")
@@ -42,7 +42,7 @@ class Feed:
 
 @pytest.fixture
 def shown() -> tuple[Feed, LiveStage, IdleLoop, OrbitCamera]:
-    """A stage on which somebody performed for a minute."""
+    """Returns a stage after a minute's performance."""
     feed = Feed()
     live, loop, camera = LiveStage(feed, Document()), IdleLoop(), OrbitCamera()
     for _ in range(600):

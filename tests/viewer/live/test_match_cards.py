@@ -1,4 +1,4 @@
-"""What a viewer shows of matches: tubes on the model, cards, and where it looks from."""
+"""Tests of how a viewer shows matches: tubes on the model, cards, and the camera."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
 
 
 def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
-    """Whatever parts choose: a right leg is as on the model, and limbs that drive nothing are the body's."""
+    """For any choosing parts: a right leg has the model's colour, and limbs without a target the body's."""
     performer = Body(1, standing_joints(), np.ones(20))
     for parts in ("all", "arms", "legs", "right arm", "torso"):
         chains = body_source(performer, parts).chains

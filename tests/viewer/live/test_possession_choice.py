@@ -1,4 +1,4 @@
-"""What the next possession is asked for with, and the colours of who holds what."""
+"""Tests of the options of the next possession, and of the colours of attached parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras: what is framed is in the picture, and what walks stays in it."""
+"""Tests of cameras: framed subjects are in view, and walking ones stay in view."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def box_at(centre: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def inner_points(box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(6, 3) the middles of a box's faces, which its subject reaches."""
+    """Returns the (6, 3) centres of a box's faces, which its subject reaches."""
     middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
     return middle + np.vstack([np.diag(half), -np.diag(half)])
 

@@ -1,4 +1,4 @@
-"""Cameras of this machine in the window: found by the edge's own program, looked through, started."""
+"""Tests of this machine's cameras in the window: found by the edge's program, previewed, started."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 from enliven_viewer.studio.perform import Camera, CameraSearch
 
 PATIENCE_S = 120.0
-"""Seconds that the edge's program may take to start on a machine with ten times its work."""
+"""Timeout in seconds for the edge's program to start, on a machine with ten times the load."""
 
 
 def until(done) -> None:

@@ -1,4 +1,4 @@
-"""The performers in the corner: as their camera sees them, in a corner that covers the characters least."""
+"""Tests of the camera preview: performers as their camera sees them, in the corner that hides least."""
 
 from __future__ import annotations
 

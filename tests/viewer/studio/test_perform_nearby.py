@@ -1,4 +1,4 @@
-"""What an edge of this machine says when it cannot start reaches the window."""
+"""Tests that errors of an edge on this machine that cannot start reach the window."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""What the recorder of the window keeps of a stage, whose clock may begin again."""
+"""Tests of the recorder in the window, for a stage with a clock that may start again."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
 
 
 def test_a_slow_picture_after_which_topics_come_one_by_one_ends_nothing(box) -> None:
-    """Three seconds of performers, and then of poses, arrive in one picture."""
+    """Three seconds of performers, and then of poses, arrive in one frame."""
     recorder = LiveRecorder()
     recorder.heard(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
     hear(recorder, 0)

@@ -1,4 +1,4 @@
-"""What ends a recording by itself: holding still, the end of its span, a word of a pedal or a voice."""
+"""Tests of automatic ends of a recording: holding still, the end of its span, a pedal or voice command."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_the_still_end_is_left_out() -> None:
 
 @pytest.fixture
 def session(tmp_path: Path):
-    """A session that follows a real edge, whose performer lifts a knee in a chair."""
+    """Starts a session that follows a real edge with a performer lifting a knee in a chair."""
     edge = subprocess.Popen(
         [sys.executable, str(EDGE), f"stage-{time.time_ns()}", str(tmp_path), "100"],
         stdout=subprocess.PIPE,
@@ -149,7 +149,7 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
 
 
 def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -> None:
-    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither gets a twin."""
+    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither is duplicated."""
     mesh, editor = load_sample("chair"), session.editor
 
     def scanned(project: Project) -> Project:
@@ -173,7 +173,7 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
 
 
 def test_what_waits_for_a_stage_goes_onto_it(session: PerformSession, tmp_path: Path) -> None:
-    """A sample that was opened before there was a stage, and one that was opened after."""
+    """A sample that was opened before the stage connected, and one that was opened afterwards."""
     later = Workspace.new(Editor(), tmp_path / "own")
     later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
     assert later.actions.do("sample.chair")

@@ -1,4 +1,4 @@
-"""A press of Possess is done at once, or as soon as it can be, or refused with what to do."""
+"""Tests that a press of Possess acts at once, or as soon as possible, or is refused with advice."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ class Sitting:
         self.count, self.present = 0, list[Body]()
 
     def connect(self) -> None:
-        """Follows the edge, and waits until its characters are here."""
+        """Follows the edge, and waits until its characters have arrived."""
         self.perform.connect(str(self.house.outlet.publisher.endpoint))
         self.until(lambda: len(self.perform.standing) == len(self.house.stage.actors))
 
     def poll(self) -> None:
-        """Lets the session go on, as each picture of the window does."""
+        """Advances the session, as each frame of the window does."""
         self.perform.advance(0.02)
 
     def until(self, done, what: str = "it") -> None:
-        """Shows the camera whoever is present until something has happened."""
+        """Shows the current people to the camera until a condition holds."""
 
         def after_a_frame() -> object:
             self.count += 1
@@ -55,18 +55,18 @@ class Sitting:
         self.house.until(after_a_frame, what)
 
     def pictures(self, count: int) -> None:
-        """Lets so many frames pass."""
+        """Runs ``count`` frames."""
         end = self.count + count
         self.until(lambda: self.count >= end)
 
     @property
     def held(self) -> set[str]:
-        """The characters that somebody holds."""
+        """Returns the characters with a performer attached."""
         return {one.character for one in self.perform.holders}
 
     @property
     def toasts(self) -> list[tuple[str, str]]:
-        """What was said, and what to do about it."""
+        """Returns the notifications and their advice."""
         return [(one.text, one.mend) for one in self.editor.toasts.shown]
 
 
@@ -165,7 +165,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     one = sitting(actor())
     one.perform.connect(str(one.house.outlet.publisher.endpoint))
-    one.perform.live.near = True  # a stage that this window has started
+    one.perform.live.near = True  # a stage that was started by this window
     one.perform.stepping_in.press()
     assert one.perform.stepping_in.words == one.perform.live.making
     one.present = [person()]
@@ -200,7 +200,7 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     one.perform.stepping_in.press()
     end = time.monotonic() + PATIENCE
     while not one.perform.stepping_in.words and time.monotonic() < end:
-        one.poll()  # the edge compiles meanwhile, and does nothing else
+        one.poll()  # the edge compiles meanwhile, and is otherwise idle
         time.sleep(0.01)
     assert one.perform.stepping_in.words.startswith("The stage is busy")
     one.until(lambda: one.held == {"chair"})

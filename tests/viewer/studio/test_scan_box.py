@@ -1,4 +1,6 @@
-"""The box of a scan: its sides follow the pointer, none passes another, and it begins round the thing."""
+"""Tests of the crop box of a scan: its sides follow the pointer, none crosses another, it encloses the
+object.
+"""
 
 import numpy as np
 import pytest
@@ -45,12 +47,12 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
     direction = np.eye(3)[axis]
     away = lens.view.eye - point
     if abs(away @ direction) > 0.98 * np.linalg.norm(away):
-        return  # it is looked at along the line on which it goes: no pixel tells how far
+        return  # viewed along the line of motion: no pixel determines the distance
     other = before[1 - end, axis]
     wanted = point + (share - 1.0) * (point[axis] - other) * direction
     assert box.press(pixel(lens, point), lens)
     if box._held != side:
-        return  # another handle lies before this one
+        return  # another handle occludes this one
     box.drag(pixel(lens, wanted), lens)
     box.release()
     expected = before.copy()
@@ -82,7 +84,7 @@ def test_it_never_turns_inside_out(drags, turn):
     moves=st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3), min_size=2, max_size=2),
 )
 def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(tilts, moves):
-    """Until then the scan's place on the stage changes, by as much as the camera was away from the thing."""
+    """Until then the scan's pose on the stage changes with the camera's offset from the object."""
     before, after = np.eye(4), np.eye(4)
     for place, (x, z), move in zip((before, after), tilts, moves, strict=True):
         place[:3, :3], place[:3, 3] = Rotation.from_euler("xz", [x, z]).as_matrix(), move
@@ -109,7 +111,7 @@ def test_it_begins_round_what_stands_in_the_middle():
 
 
 class Client:
-    """What the session asks the edge for."""
+    """Records the session's requests to the edge."""
 
     def __init__(self):
         self.asked = []
@@ -125,7 +127,7 @@ class Client:
 
 
 class Perform:
-    """A link to an edge that answers nothing."""
+    """A link to an edge that never answers."""
 
     def __init__(self):
         self.client, self.room = Client(), "Perform"

@@ -1,4 +1,4 @@
-"""Nothing that can be clicked moves while lists are filled: start page, Perform without a stage, scan."""
+"""Tests that no clickable widget moves while lists fill: start page, Perform without a stage, scan."""
 
 from __future__ import annotations
 

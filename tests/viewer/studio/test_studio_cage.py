@@ -1,4 +1,4 @@
-"""A rig that the studio does not know: it is played, chosen, posed, moved, cut and exported as all are."""
+"""Tests of a rig that the studio does not know: played, selected, posed, moved, cut and exported as usual."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven_viewer.studio.workspace import Workspace
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A post in a cage that swings to the right and back."""
+    """Returns a post in a cage that swings to the right and back."""
     ways = 0.3 * np.sin(np.linspace(0.0, np.pi, 31))[:, None, None] * np.ones((1, 4, 1)) * [1.0, 0.0, 0.0]
     stream = PoseStream("swing", np.tile(np.eye(3), (31, 4, 1, 1)), ways, 0.1)
     mesh = make_limb("post", 4, 1.2, (0.0, 0.1, 0.0)).mesh

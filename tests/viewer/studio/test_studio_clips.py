@@ -1,4 +1,4 @@
-"""Clips on the timeline, for all rigs: each handle is where it is drawn, and a drag of it is one edit."""
+"""Tests of clips on the timeline, for all rigs: handles are where they are drawn; a drag is one edit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 RIGS = ("bones", "graph", "points")
 rigs = pytest.mark.parametrize("rig", RIGS)
 FAR = 60.0
-"""Pixels: nothing sticks over so wide a gap."""
+"""Pixels: snapping does not reach over a gap this wide."""
 
 
 def all_rigs() -> tuple[Project, dict[str, str]]:

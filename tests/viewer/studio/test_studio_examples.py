@@ -1,4 +1,4 @@
-"""The example panel without a window: solving beside it, coverage, pairing, going to key poses."""
+"""Tests of the example panel without a window: background solving, coverage, pairing, going to key poses."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ NAMES = ("head", "left", "right", "foot")
 
 
 def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> Project:
-    """The star playing a take, with a key pose at each time."""
+    """Returns the star playing a take, with a key pose at each time."""
     project = project_with(*NAMES, take=take)
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):

@@ -1,4 +1,4 @@
-"""Meshes without a rig, takes and sessions are opened; puppets go out as GLB with their error said."""
+"""Tests that unrigged meshes, takes and sessions open, and puppets are exported as GLB with their error."""
 
 from __future__ import annotations
 

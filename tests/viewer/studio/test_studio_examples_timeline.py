@@ -1,4 +1,4 @@
-"""The lanes of puppets: what is drawn at a pixel is found there, and dragging it is one edit."""
+"""Tests of the lanes of puppets: hit-testing equals drawing, and a drag is one edit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
 
 
 def posed(times: tuple[float, ...], **changes) -> Project:
-    """The star with key poses at seconds of "sway", played by a layer."""
+    """Returns the star with key poses at seconds of "sway", played by a layer."""
     project = project_with(*NAMES, take="sway")
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):
@@ -55,7 +55,7 @@ def middle(row: Lane) -> float:
 @given(
     st.floats(-0.5, 2),
     st.floats(0.4, 3) | st.floats(-3, -0.4),
-    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose is there twice
+    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose occurs twice
     st.floats(500, 2000),
     st.floats(0, 60),
 )

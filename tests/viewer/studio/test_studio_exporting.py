@@ -1,4 +1,4 @@
-"""What an export holds, how far it is, and cancelling it; and large files that open in the background."""
+"""Tests of an export's contents, progress and cancelling; and of large files opened in the background."""
 
 from __future__ import annotations
 

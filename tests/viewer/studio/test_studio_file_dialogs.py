@@ -1,4 +1,4 @@
-"""The dialogue about files: places, recent folders, orders, new folders; and foreign projects."""
+"""Tests of the file dialog: places, recent folders, sorting, new folders; and files that are not projects."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ FOREIGN = {
     "data of no known kind": bytes(range(256)) * 4,
     "a file of zeros": bytes(500),
 }
-"""Files that are named as projects and are none, by what they are."""
+"""Files with a project's name that are not projects, by their real type."""
 
 
 @pytest.mark.parametrize("kind", FOREIGN)

@@ -1,4 +1,4 @@
-"""No work is lost: saving, opening, asking before discarding, recovery files; and the file browser."""
+"""Tests that no work is lost: saving, opening, asking before discarding, recovery files; the file browser."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ WINDOW_KILLED = Path(__file__).parents[1] / "studio_window_killed.py"
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A workspace with one edit that is not saved."""
+    """Returns a workspace with one unsaved edit."""
     made = Workspace.new(Editor(), tmp_path / "recovery")
     made.editor.edit("add", lambda project: project.with_characters(make_limb("limb", 3)))
     return made
 
 
 def finished_process() -> int:
-    """The number of a process that is no more."""
+    """Returns the id of a process that has ended."""
     done = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True
     )
@@ -282,17 +282,17 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
 
 
 def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
-    """One of them; `make test-long` kills 50."""
+    """A single one here; `make test-long` kills 50."""
     kills = os.environ.get("ENLIVEN_KILLS", "1")
     said = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
     assert all(one["lost_s"] <= 20.0 for one in said["results"]), said
-    # What was done before the last recovery files is never lost, however soon the kill came after.
+    # Edits before the last recovery files are never lost, however soon the kill follows.
     assert all(one["kept"] > 0 for one in said["results"] if one["worked_s"] > 6 * said["autosave"]), said
     assert all(one["kept"] <= one["told"] + 1 for one in said["results"]), said
 
 
 def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
-    """Writes a man with clips "clip 0", "clip 1" ..., those that loop or do not."""
+    """Writes a man with clips "clip 0", "clip 1" ..., looping or not."""
     random, skeleton = np.random.default_rng(seed), man()
     shape, made = meshed("man", skeleton), []
     for number, loop in enumerate(loops):
@@ -382,7 +382,7 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
 
 
 def depth_recording(folder, frames: int):
-    """The first images of the shipped recording of depth."""
+    """Writes the first images of the shipped depth recording."""
     from itertools import islice
 
     from enliven.recording import Recorder, Recording

@@ -1,4 +1,4 @@
-"""A thing of another size than the others: said where it is opened, and fitted by one action."""
+"""Tests of an object of another size than the others: reported on opening, and fitted by one action."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers that are typed: units and sums, places, sizes and turns, snapping, and camera bookmarks."""
+"""Tests of typed numbers: units and sums, positions, sizes and rotations, snapping, and camera bookmarks."""
 
 from __future__ import annotations
 

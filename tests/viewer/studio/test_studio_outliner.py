@@ -1,4 +1,4 @@
-"""The outliner: its tree and filter, names, order, eyes and locks; and choosing many."""
+"""Tests of the outliner: its tree and filter, names, order, visibility and locks; and multiple selection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Possessed meshes in the studio: chosen, moved, cut, merged, copied; and read from a recorded take."""
+"""Tests of possessed meshes in the studio: selected, moved, cut, merged, copied; read from a take."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NS = 1_000_000_000
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A workspace with two possessed posts that rock."""
+    """Returns a workspace with two possessed posts that rock."""
     project = Project()
     for name, x in (("post", 0.0), ("other", 0.8)):
         limb = make_limb(name, 4, 1.2, (x, 0.1, 0.0))
@@ -115,7 +115,7 @@ def test_with_shift_two_become_one(workspace: Workspace) -> None:
 
 
 def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(workspace: Workspace) -> None:
-    """Its own top is carried, over which nothing of the other is seen."""
+    """The pointer is over its own top, which hides the other one."""
     low = vertices(workspace)["other"][:, 0].min() - vertices(workspace)["post"][:, 0].max()
     drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
     do(workspace, Key("g"), drag)
@@ -183,7 +183,7 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
 
 
 def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp_path: Path) -> None:
-    """Also from a file that lost the motion: it is solved when it is opened."""
+    """Also for a file without the motion: it is solved when it is opened."""
     project, name = possessed_chair(frames=20)
     made = Workspace.new(Editor(), tmp_path)
     made.store.new(without_cache(project, name))
@@ -206,7 +206,7 @@ def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp
 
 
 def test_a_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
-    """Its performers step into the chosen mesh, beside the window; what was changed meanwhile stays."""
+    """Its performers step into the selected mesh in the background; later edits are kept."""
     editor = workspace.editor
     source, performed = possessed_chair(frames=15)
     stool = project_of_mesh(replace(make_chair(0.09), name="stool"), "stool")

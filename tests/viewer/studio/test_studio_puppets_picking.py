@@ -1,4 +1,4 @@
-"""Rays, the manipulator's handles, control points under the pointer, and mirror images."""
+"""Tests of rays, gizmo handles, control points under the pointer, and mirror images."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def editor_with(*names: str) -> Editor:
 
 @cache
 def seen() -> Editor:
-    """One whose camera may be turned."""
+    """A view with a camera that can be rotated."""
     return editor_with()
 
 
 @cache
 def five() -> Puppet:
-    """The star with a control point at each end, and its plane."""
+    """Returns the star with a control point at each end, and its symmetry plane."""
     names = ("left", "right", "head", "foot", "other")
     return set_symmetry(project_with(*names), "star", SIDES).puppets["star"]
 
@@ -51,7 +51,7 @@ def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
 
 
 def first_face(vertices, faces, eye, way):
-    """The nearest face on a ray and how far it is, all faces at once."""
+    """Returns the nearest face on a ray and its distance, with all faces at once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     side, other, arm = b - a, c - a, eye - a
     across, turned = np.cross(way, other), np.cross(arm, side)

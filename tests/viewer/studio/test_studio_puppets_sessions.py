@@ -1,4 +1,4 @@
-"""Puppets in an artist's hands: the studio's own tools and keys, without a window."""
+"""Tests of working with puppets: the studio's own tools and keys, without a window."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def tool_of(workspace: Workspace) -> PuppetTool:
 
 
 def two_poses(workspace: Workspace) -> None:
-    """The first two key poses of the chosen star: at rest, and bent to its left."""
+    """Returns the first two key poses of the selected star: at rest, and bent to its left."""
     rest = workspace.puppets.puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
     for time, places in ((0.0, rest), (0.8, bent)):
@@ -52,7 +52,7 @@ def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None
     workspace, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
     tool_of(workspace).suggested.of(workspace.puppets.puppet)
-    tool_of(workspace).suggested.wait()  # ends are on the silhouette: their rings can be clicked
+    tool_of(workspace).suggested.wait()  # ends are on the silhouette, so their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
     puppet = workspace.puppets.puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]

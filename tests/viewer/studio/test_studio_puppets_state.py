@@ -1,4 +1,4 @@
-"""What the pose tool and the example panel share: a finished change is one edit, and nothing gets lost."""
+"""Tests of the state that pose tool and example panel share: a finished change is one edit, none is lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def posing(*names: str, take: str = "sway") -> PuppetEditor:
 
 
 def steps(puppets: PuppetEditor) -> int:
-    """How many edits can be undone."""
+    """Returns the number of edits that can be undone."""
     editor, count = puppets.editor, 0
     while editor.history.undo_name is not None:
         editor.history.undo()
@@ -314,7 +314,7 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
         puppets.editor.advance(0.04)
         shown = puppets.standing[0]
         assert shown.surface.shape == star().vertices.shape and np.isfinite(shown.vertices).all()
-        # Two moments of one joint may look alike; the studio says so, and it is no fault.
+        # Two moments of one joint may look alike; the studio reports it, and it is not an error.
         wrong = [t.text for t in puppets.editor.toasts.shown if t.bad and "the same pose" not in t.text]
         assert not wrong
         if puppets.editor.project is not seen[-1]:

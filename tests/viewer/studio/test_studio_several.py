@@ -1,4 +1,4 @@
-"""Several characters at once: chosen by clicks and boxes, and each deed is one edit of all of them."""
+"""Tests of multiple selection: by clicks and boxes; each action is one edit of all selected characters."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_of_one_alone_they_are_the_edits_of_one(name, factor) -> None:
     turn = from_rotation_vector(np.array([0.1, factor, 0.3]))
     assert same(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
     assert same(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))
-    if name != "star":  # its surface would be solved
+    if name != "star":  # its surface would have to be solved
         one = mirror_character(PROJECT, name, np.eye(3)[0])
         many = mirror_characters(PROJECT, [name], np.eye(3)[0])
         assert np.allclose(seen(one, name), seen(many, name), atol=1e-9)

@@ -1,4 +1,4 @@
-"""What a slow picture or disk must not spoil: strokes, autosaving, and textures that are still decoded."""
+"""Tests of robustness to slow frames or disks: strokes, autosave, and textures still being decoded."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ spots = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)).map(lambda at: 
 
 @given(st.lists(spots, max_size=6))
 def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictures) -> None:
-    """Each picture ImGui is at the last place that was told before it, as without a change of a button."""
+    """After each frame ImGui has the last position before it, as without a button change."""
     path, taken, told = PointerPath(), [], []
     at = (-1.0, -1.0)
     for picture in pictures:
         for x, y in picture:
-            path.tell(x + 0.4, y)  # ImGui counts whole pixels
+            path.tell(x + 0.4, y)  # ImGui counts in whole pixels
             told.append((x, y))
         at = told[-1] if told else at
-        while True:  # a place that was passed twice ends a picture early, and the rest comes with the next
+        while True:  # a position that repeats ends a frame early, and the rest comes with the next
             some = path.take(at)
             assert some[-1] == at
             if some == [at] and len(taken) >= len(told):

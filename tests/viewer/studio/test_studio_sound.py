@@ -1,4 +1,4 @@
-"""Sounds that are performed along: read from files, mixed, heard in step, kept and undone."""
+"""Tests of sounds for a performance: read from files, mixed, played in sync, kept and undone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BEAT = 0.25
 
 
 def written(path: Path, rate: int = 44_100, channels: int = 2) -> Path:
-    """A second of silence with one click."""
+    """Writes a second of silence with one click."""
     samples = np.zeros((rate, channels), np.int16)
     samples[round(BEAT * rate) : round(BEAT * rate) + rate // 100] = 20_000
     with wave.open(str(path), "wb") as file:
@@ -78,7 +78,7 @@ def test_the_picture_of_a_sound_is_its_loudest_samples() -> None:
 
 
 class Device:
-    """What a sound card does: it asks for samples."""
+    """A sound card that asks for samples."""
 
     latency = 0.05
 

@@ -1,4 +1,4 @@
-"""The tools on a document without a window: what the pointer does, undo, and what cannot be done."""
+"""Tests of the tools on a document without a window: pointer actions, undo, and refusals."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Limb = Callable[..., Shape]
 
 @pytest.fixture
 def workspace(make_limb: Limb, tmp_path) -> Workspace:
-    """A workspace with two limbs and the library, seen from the front."""
+    """Returns a workspace with two limbs and the library, seen from the front."""
     made = Workspace.new(Editor(), tmp_path)
     shapes = make_limb("limb", 4), make_limb("arm", 2, 0.6, (0.7, 0.2, 0.0))
     made.store.new(made.editor.project.with_characters(*shapes))
@@ -308,7 +308,7 @@ def test_every_motion_of_the_library_can_be_looped_or_stays(workspace: Workspace
 
 
 def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
-    """Frame by frame and bone by bone, against all frames at once."""
+    """Frame by frame and bone by bone, compared with all frames at once."""
 
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
@@ -343,7 +343,7 @@ def test_a_take_of_another_build_says_what_to_do_or_maps_all(workspace: Workspac
 
 
 def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Workspace) -> None:
-    """As the command does it: on the floor, stepping, softened; what is edited meanwhile is kept."""
+    """As by the command: on the floor, stepping, smoothed; edits made meanwhile are kept."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
@@ -366,7 +366,7 @@ def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Worksp
 def test_a_whole_body_loops_where_the_box_says_so_and_is_mapped_again_in_its_own_place(
     workspace: Workspace,
 ) -> None:
-    """The box "loop" is honoured by the whole body too; a second mapping does not add to the first."""
+    """The box "loop" applies to the whole body too; a second retargeting replaces the first."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)

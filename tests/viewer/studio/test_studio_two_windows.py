@@ -1,4 +1,4 @@
-"""Two windows on one project: neither undoes what the other saved without being asked."""
+"""Tests of two windows on one project: neither overwrites the other's work without being asked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SESSION = Path(__file__).parents[1] / "studio_two_windows_session.py"
 
 @pytest.fixture
 def windows(make_limb, tmp_path: Path) -> tuple[Workspace, Workspace]:
-    """Two windows that opened the same file."""
+    """Returns two windows that opened the same file."""
     first, second = (Workspace.new(Editor(), tmp_path / name) for name in ("one", "two"))
     first.editor.edit("add", lambda project: project.with_characters(make_limb("shared", 3)))
     first.store.save(tmp_path / "work.enliven")
@@ -63,7 +63,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
     second.ask("save")
     assert second.asking == ""
-    # The name of the file that was changed is no way round it, nor is a link to it.
+    # Neither the changed file's own name nor a link to it circumvents the question.
     first.store.path, other = tmp_path / "work.enliven", tmp_path / name
     if not other.exists():
         other.symlink_to(tmp_path / "work.enliven")
@@ -117,7 +117,7 @@ def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
 
 
 def test_a_touched_copied_or_vanished_file_asks_nothing(windows, tmp_path: Path) -> None:
-    """What counts is the content, not the date."""
+    """Only the content counts, not the date."""
     second = windows[1]
     path = tmp_path / "work.enliven"
     os.utime(path, (1e9, 1e9))

@@ -1,4 +1,4 @@
-"""The studio's real window, where there is a display or Xvfb: ImGui's test engine works in it."""
+"""Tests of the studio's real window with ImGui's test engine, if there is a display or Xvfb."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The window speaks to artists: no counts of vertices, milliseconds, scores or names of settings."""
+"""Tests of the window's words for artists: no vertex counts, milliseconds, scores or setting names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ENGINEERS = re.compile(
 )
 """Words and units that do not help people make a film."""
 NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
-"""Modules with words of files and messages, which translate them."""
+"""Modules with texts for files and messages, which translate them."""
 
 
 def texts_of(path: Path) -> list[tuple[int, str]]:
@@ -79,14 +79,14 @@ def test_how_many_examples_are_enough_is_said_without_percents() -> None:
 
 
 def quality(**changes: object) -> MotionQuality:
-    """Returns a motion that is good in every way, with changes."""
+    """Returns a motion of good quality, with changes."""
     fields = {name: () for name in MotionQuality.__dataclass_fields__}
     good = {"stretch": 1.1, "sunk": 0.0, "afloat": 0.0, "slide": 0.0, "through": 0.0, "joints": ("knee",)}
     return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})  # type: ignore[arg-type]
 
 
 class _Plan:
-    """A mapping that moves no limb less."""
+    """A retargeting plan without reduced limbs."""
 
     chains = ()
 
