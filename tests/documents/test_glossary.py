@@ -30,7 +30,7 @@ def test_every_class_that_it_names_is_there():
     assert sorted(names - defined()) == []
 
 
-def test_it_is_in_the_order_of_the_alphabet_with_one_sentence_each():
+def test_entries_are_alphabetical_single_sentences():
     words = [row[0].lower() for row in ROWS]
     assert words == sorted(words)
     for word, said, _ in ROWS:

@@ -63,7 +63,7 @@ def test_joints_lie_on_what_the_picture_shows(mirrored) -> None:
     np.testing.assert_allclose(picture[places[:, 1], places[:, 0]], near, atol=30)
 
 
-def test_it_comes_now_and_then_and_not_from_nowhere() -> None:
+def test_preview_is_sent_every_other_frame_and_needs_a_pose() -> None:
     glance, frame = Glance(), lambda n: DepthFrame(np.full((240, 320), 2000, np.uint16), LENS, n * STEP, "s")
     told = [glance.of(frame(n), tilted()) is not None for n in range(7)]
     assert told == [True, False, True, False, True, False, True]

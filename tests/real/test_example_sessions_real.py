@@ -85,7 +85,7 @@ def test_hands_that_direct_traffic_are_followed_on_both_sides(mesh):
     "mesh", ["fish", "octopus", "spider", "cow", "cactus", "humanoid", "armadillo", "trex"]
 )
 @pytest.mark.parametrize("take", ["traffic", "waves", "strolls"])
-def test_it_is_where_its_performer_is_after_a_minute(mesh, take):
+def test_puppet_is_at_its_performer_after_a_minute(mesh, take):
     found = in_place(mesh, take)
     assert found.offset < 0.2
     if take == "strolls":

@@ -112,7 +112,7 @@ def test_two_people_keep_their_identities():
         assert apart < 45.0
 
 
-def test_what_one_kinect_loses_the_other_holds():
+def test_fused_kinects_see_second_person_longer_than_either():
     """The second person is visible for longer than in either Kinect alone."""
     _, both, alone = performed(24)
 

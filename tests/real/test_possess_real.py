@@ -58,9 +58,9 @@ def test_shells_stay_together(filmed) -> None:
     assert filmed[1].gap < 0.03
 
 
-def test_nothing_stands_in_the_floor(filmed) -> None:
+def test_mesh_does_not_penetrate_the_floor(filmed) -> None:
     assert filmed[1].lowest > -0.03
 
 
-def test_nothing_leaps_when_it_is_taken_hold_of(filmed) -> None:
+def test_mesh_does_not_jump_at_attachment(filmed) -> None:
     assert filmed[1].hold_push < 4.0

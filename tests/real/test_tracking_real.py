@@ -108,7 +108,7 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
 
 
 @pytest.mark.parametrize("start", [0, 27, 51, 54])
-def test_who_is_alone_before_a_hall_too_deep_for_the_sensor_is_found(start):
+def test_single_person_before_unmeasured_hall_is_detected(start):
     """Only the person has depth: a fringe of it learnt as background must not predict the rest."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / "1person_lift-both-legs-separate-MIN.json"
     if not path.exists():

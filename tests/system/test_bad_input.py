@@ -193,9 +193,7 @@ def test_settings_with_a_misspelt_key(tmp_path, enliven):
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_what_is_wrong_on_a_command_line_is_said_before_any_work(
-    tmp_path, monkeypatch, enliven, words, code, said
-):
+def test_command_line_errors_are_reported_before_any_work(tmp_path, monkeypatch, enliven, words, code, said):
     (tmp_path / "movies").mkdir()
     for name in ("x.glb", "x.enliven"):
         (tmp_path / name).touch()

@@ -66,7 +66,7 @@ def test_a_device_that_fails_is_named(hook, tmp_path, name, words) -> None:
     assert "fault of enliven" not in said and "Error:" not in said
 
 
-def test_what_a_failing_card_still_gives_is_recovered(hook, tmp_path) -> None:
+def test_readable_part_of_a_failing_card_is_recovered(hook, tmp_path) -> None:
     path, saved = tmp_path / "take.mcap", tmp_path / "saved.mcap"
     shutil.copyfile(CHAIR, path)
     code, said = run(hook, path, errno.EIO, path.stat().st_size // 2, "recover", path, "-o", saved)

@@ -64,7 +64,7 @@ def test_a_lock_installs_what_is_needed_and_nothing_else(kind, where) -> None:
         assert locked(kind, where) == wanted
 
 
-def test_what_is_installed_here_is_what_is_pinned() -> None:
+def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
     pins = lock.pins()
     for name in lock.needed(lock.wanted("dev"), here):

@@ -91,7 +91,7 @@ def test_other_parts_take_hold_of_the_recorded_mesh(take, tmp_path, capsys):
     assert "chair" in capsys.readouterr().out
 
 
-def test_what_cannot_be_done_is_said(take, tmp_path, capsys):
+def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
     out = str(tmp_path / "no.enliven")
     for asked, said in (
         ([str(take), "-c", "table", "-o", out], "Known: chair"),
@@ -112,7 +112,7 @@ def test_a_recording_of_before_has_its_motion_and_no_performers():
     assert all(part.possession is None for shape in project.graphs.values() for part in shape.parts)
 
 
-def test_who_joins_late_is_told_who_holds_and_a_removal_is_told(tmp_path):
+def test_late_viewer_receives_attachments_and_removals(tmp_path):
     wire = WireSettings(name=f"holds-{time.time_ns()}", port=0, control_port=0)
     with Outlet(wire, "performers", record=tmp_path / "take.mcap") as outlet:
         stage = Stage([chair_actor(ActorSettings()), chair_actor(ActorSettings(), name="twin")])

@@ -141,7 +141,7 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
     assert not house.live.possession.locked
 
 
-def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
+def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
     """The sensor falls silent: only requests are processed, as between two depth frames."""
     house.edge.tracker = Tracker()  # no frame has been read yet
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
@@ -153,7 +153,7 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
         assert house.live.possession.locked == wanted and tracker._people.roster.lock.ids == ids
 
 
-def test_what_is_refused_is_said(house: House) -> None:
+def test_refused_possession_is_reported(house: House) -> None:
     house.live.possession.body = 9
     house.live.possess()
     house.until(lambda: "performer 9 is not in view" in house.document.edge.message)

@@ -145,7 +145,7 @@ def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
     house.until(lambda: "no control point goes with" in house.document.edge.message)
 
 
-def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
+def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
     house.live.possess()
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)

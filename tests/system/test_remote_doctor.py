@@ -66,7 +66,7 @@ def test_an_edge_that_is_well(capsys):
         ({"health": [HealthMessage("sensor lost", 2, 0, "It was unplugged.", "Plug it in.")]}, "sensor lost"),
     ],
 )
-def test_what_is_wrong_there_is_told_with_what_to_do(change, wrong, capsys):
+def test_remote_problems_are_reported_with_advice(change, wrong, capsys):
     with published(pack_stream(replace(FINE, **change))) as address:
         code, checks = checked(address, capsys)
     assert code == LACKING and [name for name, check in checks.items() if not check["ok"]] == [wrong]

@@ -114,7 +114,7 @@ def test_a_thing_that_is_to_turn_is_scanned_in_fine_voxels(running, frames) -> N
     running.ask(Scan("cancel"))
 
 
-def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
+def test_scanned_character_is_placed_next_to_the_others(frames) -> None:
     chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
     running = ScanningEdge([chair])
     try:

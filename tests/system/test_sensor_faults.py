@@ -61,7 +61,7 @@ def test_the_edge_outlives_every_fault_and_says_it(tmp_path, installed):
     assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == 120
 
 
-def test_it_ends_at_the_first_where_asked_for(installed):
+def test_once_option_ends_the_program_at_first_fault(installed):
     options = ["--set", "faults=OSError", "--set", "frames=1000000", "--set", "pace=0.01"]
     done = subprocess.run(
         edge("once", *options, "--once"), env=installed, capture_output=True, text=True, timeout=PATIENCE

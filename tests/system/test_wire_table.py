@@ -145,14 +145,14 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
         ("fe80::1%eth0", "this machine", "own machine"),
     ],
 )
-def test_who_may_ask_is_said_where_the_handler_stands(address: str, who, told: str) -> None:
+def test_handler_declares_who_may_send_its_request(address: str, who, told: str) -> None:
     asked: list[Order] = []
     answer = carried_out({Lock: Handler(asked.append, who=who)}, Lock(True), address)
     assert told in answer.reason if told else answer == Done()
     assert len(asked) == (not told)
 
 
-def test_what_a_handler_refuses_is_said_and_an_end_is_an_end() -> None:
+def test_handler_error_and_ended_stream_are_refusals() -> None:
     def refuse(order: Order) -> None:
         raise InputError("it is bolted down", where="the chair", mend="Unscrew it.")
 

@@ -51,7 +51,7 @@ def seen_by(network, count: int, seed: int = 0):
     return [each.numpy() for each in made], image, told
 
 
-def test_it_says_what_it_promises():
+def test_network_outputs_have_the_documented_shapes():
     (joints, spread, facing, parts), _, _ = seen_by(PoseNetwork(), 3)
     assert joints.shape == (3, JOINTS, 3) and spread.shape == (3, JOINTS)
     assert facing.shape == (3, FACINGS + 1) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)

@@ -31,7 +31,7 @@ def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
     assert sighting.person == 1
 
 
-def test_whom_nobody_sees_is_still_supposed():
+def test_person_hidden_from_all_sensors_is_still_predicted():
     """Both sensors are covered: the known person is still predicted, without confidence."""
 
     def told(name, time):

@@ -139,7 +139,7 @@ def test_the_mesh_goes_with_the_bones() -> None:
     assert left == pytest.approx(person().joints[0, 0] + 0.7), "it stands beside the performer"
 
 
-def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
+def test_release_returns_to_choosing_and_limbs_to_rest() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="arms")

@@ -32,7 +32,7 @@ def with_puppet(**changes: object) -> Project:
     return CACTUS.with_characters(PUPPET.with_changes(**changes))
 
 
-def test_what_is_a_puppet() -> None:
+def test_puppet_names_are_recognised() -> None:
     assert all(
         is_puppet(name) for name in ("cactus", "a/b.toml", "show.enliven", "show.enliven#Bob", "x.TOML")
     )

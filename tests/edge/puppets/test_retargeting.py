@@ -72,7 +72,7 @@ def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
 
 @few
 @given(st.floats(-1.0, 2.5), st.floats(0.0, 1.5))
-def test_who_was_tracked_makes_their_own_poses(arm: float, knee: float) -> None:
+def test_recorded_performer_reproduces_their_own_poses(arm: float, knee: float) -> None:
     bodies = [person(), person(arm=arm, knee=knee)]
     clip = clip_of_bodies(bodies, np.array([0.0, 1.0]), "own", step=1.0)
     retargeting = Retargeting(clip.skeleton, PAIRED)

@@ -13,7 +13,7 @@ ELSEWHERE = 225
 """An image of another side, 2 m away on the path, that is also aligned from there."""
 
 
-def test_what_the_noise_of_a_floor_hides_is_found_where_it_is():
+def test_close_alignment_finds_pose_hidden_by_floor_noise():
     take, scanner = HandheldScan(THINGS["stool"](), load_profile("kinect1"), PATH), Scanner()
     for index in BEFORE:
         scanner.place(take.frame(index), take.pose(index))

@@ -61,7 +61,7 @@ def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     assert at_seam.sum() > 50 and np.isin(key, back)[at_seam].mean() > 0.9
 
 
-def test_what_was_seen_more_is_told_to_be_seen_better():
+def test_surface_observed_more_often_has_higher_confidence():
     once, often = fused_sphere(RADIUS, 4), fused_sphere(RADIUS, 12)
     known = [np.concatenate([one.seen for one in pieces(volume)]).mean() for volume in (once, often)]
     assert known[1] > 1.5 * known[0]

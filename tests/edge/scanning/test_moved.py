@@ -91,7 +91,7 @@ def scanned(tmp_path_factory):
     return Scanned(steps, truth, [index / 30.0 for index in indices], told, scanner, stood, made)
 
 
-def test_it_is_lost_while_it_is_carried_and_found_where_it_lies(scanned):
+def test_object_is_lost_while_carried_and_found_at_rest(scanned):
     states = {t: step.state for t, step in zip(scanned.times, scanned.steps, strict=True)}
     assert all(state is ObjectState.RESTING for t, state in states.items() if t < MOVE[0])
     carried = [state for t, state in states.items() if MOVE[0] + 0.6 < t < MOVE[1] - 0.3]
@@ -101,7 +101,7 @@ def test_it_is_lost_while_it_is_carried_and_found_where_it_lies(scanned):
     assert len(scanned.scanner.rests) >= 2 and scanned.steps[-1].rests == len(scanned.scanner.rests)
 
 
-def test_where_it_says_that_the_object_is_it_is(scanned):
+def test_reported_object_pose_is_accurate(scanned):
     off = [
         apart(step.object_from_camera, true)
         for step, true in zip(scanned.steps, scanned.truth, strict=True)
@@ -142,7 +142,7 @@ def test_the_surface_that_grows_lies_as_it_lies(scanned):
     assert np.linalg.norm((low + high)[[0, 2]]) < 0.2, "in the middle"
 
 
-def test_what_became_of_it_is_said(scanned):
+def test_summary_reports_places_and_losses_of_the_object(scanned):
     said = " ".join(said_of_things(scanned.scanner))
     assert f"It was found in {len(scanned.scanner.rests)} places" in said
     lost = [step.told.state is ScanState.LOST for step in scanned.steps]
@@ -150,7 +150,7 @@ def test_what_became_of_it_is_said(scanned):
 
 
 @pytest.mark.parametrize("other", [["--whole"], ["--within", "2"], ["--add", "x.glb"]])
-def test_what_does_not_go_together_is_refused(other, tmp_path):
+def test_incompatible_options_are_refused(other, tmp_path):
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command()(scan)
     words = ["--sensor", "none", "-o", str(tmp_path / "x.glb"), "--moved", *other]

@@ -57,7 +57,7 @@ def scanned(images):
     return made, [made.add(image).state for image in images]
 
 
-def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
+def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     made, states = scanned
     assert states.count(ScanState.SCANNING) >= IMAGES - 4
     turned = made.poses[-1][1][:3, :3] @ made.poses[0][1][:3, :3].T
@@ -75,7 +75,7 @@ def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
     assert made.advice(IMAGES) == []
 
 
-def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
+def test_still_person_with_hidden_feet_reaches_the_floor(half):
     seen = half.surface().vertices[:, 1].min()
     mesh = half.person().mesh
     assert seen > 0.05, "the floor ends what is seen of their feet"
@@ -126,7 +126,7 @@ def test_of_whom_a_part_was_in_view_that_part_is_as_large_as_they_are(scanned):
     assert actor.place[0] == pytest.approx(1.0, abs=0.01)
 
 
-def test_what_was_not_seen_of_a_person_is_as_of_one_who_stands(scanned):
+def test_unseen_joints_are_completed_from_a_standing_person(scanned):
     person = scanned[0].person()
     assert np.isfinite(person.joints[Joint.KNEE_LEFT]).all()
     hidden = person.joints.copy()
@@ -159,7 +159,7 @@ def test_nobody_in_view_is_said(scene, tmp_path):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person", "--within", 1.5)
 
 
-def test_who_leaves_the_view_or_moves_an_arm_is_told_so(scene):
+def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
     made = scanner()
     for n in range(8):
         made.add(scene.frame(n))

@@ -82,7 +82,7 @@ def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
         run("--recording", nothing, "-o", tmp_path / "no.glb")
 
 
-def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
+def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
     # The surfaces used for tracking are farther away than the kept range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
     made = tmp_path / "no.glb"

@@ -64,7 +64,7 @@ def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
     assert abs(np.median(mesh.vertices[mesh.faces[floor, 0], 1])) < 0.004
 
 
-def test_what_cannot_be_scanned_is_refused(carried, tmp_path):
+def test_invalid_scan_arguments_are_refused(carried, tmp_path):
     made = tmp_path / "made.glb"
     with pytest.raises(InputError, match="give a recording or a sensor"):
         run("-o", made)

@@ -68,12 +68,12 @@ def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
 
 
 @pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d,e,f", "0,0,0,1,-1,1", "0,0,0,1,nan,1"])
-def test_what_is_no_box_is_refused_before_the_scan(box, tmp_path):
+def test_invalid_box_is_refused_before_the_scan(box, tmp_path):
     with pytest.raises(InputError, match="is no box"):
         run("--recording", tmp_path / "none.mcap", "-o", tmp_path / "made.glb", f"--box={box}")
 
 
-def test_what_was_put_there_between_two_scans_is_the_thing(folder, tmp_path):
+def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
     made = tmp_path / "new.glb"
     said = run(
         "--recording", folder / "with.mcap", "--before", folder / "empty.mcap", "-o", made, "--voxel", 8

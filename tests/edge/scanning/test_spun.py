@@ -16,7 +16,7 @@ IMAGES, TURNING = 85, 70
 moving."""
 
 
-def test_it_is_followed_where_it_is_while_the_room_stands():
+def test_spun_object_is_tracked_and_room_stays_still():
     take = HandledScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
     frames = [take.frame(index) for index in range(IMAGES)]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
@@ -35,7 +35,7 @@ def test_it_is_followed_where_it_is_while_the_room_stands():
     assert not any("things stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
 
 
-def test_what_two_hands_take_up_is_followed():
+def test_object_picked_up_by_two_hands_is_tracked():
     """It stands for a second and a half, is picked up within the next second, and is then turned."""
     take = HandledScan(THING, InHandsWay(), load_profile("kinect1"), HELD, room=ROOM, width=320)
     scanner, off = MovedScanner(following(ScanSettings())), list[float]()
@@ -50,7 +50,7 @@ def test_what_two_hands_take_up_is_followed():
     assert scanner.followed >= len(off)
 
 
-def test_where_nothing_moved_it_is_said_how_it_would_be_seen():
+def test_unmoved_object_is_reported_with_advice():
     take = HandledScan(THING, TurntableWay(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160)
     scanner = MovedScanner(following(ScanSettings(volume=VolumeSettings(voxel=0.008))))
     steps = [scanner.add(take.frame(index)) for index in range(4)]

@@ -52,7 +52,7 @@ def frames():
     return take.pose(0), [take.frame(index, thing) for index, thing in enumerate(turned)]
 
 
-def test_what_turns_before_a_wall_is_scanned_from_all_sides(frames):
+def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     pose, images = frames
     volume = VolumeSettings(voxel=0.008, reach=2.2, far=2.2)
     scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
@@ -90,7 +90,7 @@ WITHIN = 1.8
 """Depth limit in metres: the object is nearer, the person is not."""
 
 
-def test_what_is_turned_in_two_hands_is_scanned_without_them():
+def test_object_turned_in_two_hands_is_scanned_without_hands():
     take = HandledScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
     scanner, steps = Scanner(alone_within(VolumeSettings(voxel=0.006), WITHIN)), []
     for index in range(0, 240, 3):

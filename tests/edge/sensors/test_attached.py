@@ -50,7 +50,7 @@ def test_each_camera_is_known_and_nothing_else_is(usb):
     assert [camera.kind.name for camera in usb.found()] == ["Kinect v2", "OAK", "OAK", "Orbbec", "RealSense"]
 
 
-def test_what_a_camera_lacks_is_said_with_what_to_type(usb, monkeypatch):
+def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatch):
     versions = {"depthai": "3.6.1"}
 
     def version(package: str) -> str:

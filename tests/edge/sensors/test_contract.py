@@ -247,7 +247,7 @@ IN_THE_EDGE = {
 
 
 @pytest.mark.parametrize("name", IN_THE_EDGE)
-def test_what_runs_in_the_edge_itself_keeps_to_its_part_of_it(name, takes, tmp_path):
+def test_sensors_inside_the_edge_fulfil_their_contract(name, takes, tmp_path):
     """Times increase, waiting uses no processor time, and a closed sensor has ended."""
     with open_sensor(name, **IN_THE_EDGE[name](takes, tmp_path)) as sensor:
         times = [next_frame(sensor).time_ns]

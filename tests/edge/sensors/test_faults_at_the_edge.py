@@ -70,7 +70,7 @@ def test_the_edge_goes_on_with_the_next_good_frame(outlet, tmp_path, fault):
 
 
 @pytest.mark.parametrize("fault", ["OSError", "another size", "focal length nan", "endless time"])
-def test_it_ends_at_the_first_fault_where_asked_for(outlet, fault):
+def test_once_option_ends_edge_at_first_fault(outlet, fault):
     with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0), once=True)
         with pytest.raises(ResourceError, match=r"troubled: .*without --once"):

@@ -195,7 +195,7 @@ def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_pa
     assert film.stat().st_size > 1000 and "9 images in 2 gaps" in capsys.readouterr().out
 
 
-def test_what_was_said_of_the_sensor_never_costs_a_frame(tmp_path):
+def test_damaged_sensor_reports_never_cost_a_frame(tmp_path):
     """Damaged messages next to the frames, and a device that measures NaN."""
     frame = Scripted([Step()]).read()
     with Recorder(tmp_path / "a.mcap") as recorder:

@@ -206,7 +206,7 @@ def test_closing_does_not_wait_for_a_read_that_hangs():
     until(lambda: Troubled.devices[0].closed)
 
 
-def test_nothing_is_read_ahead():
+def test_no_frame_is_read_ahead():
     """The device is read when the edge asks, so no frame waits and ages."""
     with ReopeningSensor(lambda: Troubled(20)) as sensor:
         for count in range(1, 6):

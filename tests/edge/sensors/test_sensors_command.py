@@ -24,7 +24,7 @@ def test_all_are_listed(capsys):
     assert code == 0 and "oak, orbbec, realsense, replay, synthetic, tof, webcam" in out
 
 
-def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monkeypatch):
+def test_connected_cameras_are_listed_with_install_commands(capsys, monkeypatch):
     kind = next(kind for kind in attached_cameras.KINDS if kind.sensor == "oak")
     camera = attached_cameras.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
     monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
@@ -79,7 +79,7 @@ def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, m
     assert "libcamera is not installed. Type: sudo apt install" in " ".join(said(capsys)[1].split())
 
 
-def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
+def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
     """Floor, tilt and size of the shipped recording are known: 1.15 m high, five degrees down."""
     path = f"path={shipped_recording()}"
     code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
@@ -110,6 +110,6 @@ def test_an_accelerometer_is_shown_beside_the_floor():
         (["webcam", "--set", "device=/dev/video99"], 4, "/dev/video99"),
     ],
 )
-def test_what_cannot_be_done_is_said(capsys, words, code, what):
+def test_invalid_sensor_arguments_are_reported(capsys, words, code, what):
     found, _, err = said(capsys, *words)
     assert found == code and what in err

@@ -110,7 +110,7 @@ def test_two_people_keep_their_numbers(film):
     assert max(seen[1]) < min(seen[2])
 
 
-def test_what_is_no_film_or_no_camera_is_said(tmp_path):
+def test_invalid_film_or_camera_is_reported(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"no film" * 100)
     with pytest.raises(InputError, match=r"a\.mp4"):
         open_sensor("webcam", device=str(tmp_path / "a.mp4"))

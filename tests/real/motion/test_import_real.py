@@ -164,7 +164,7 @@ def test_left_is_the_performers_own(pattern, reader, count, people):
         "scans/bodyscanner_kinect2/*.csv",
     ],
 )
-def test_who_faces_the_sensor_has_the_left_hand_at_positive_x(pattern):
+def test_left_side_of_person_facing_the_sensor_is_at_positive_x(pattern):
     frames = read(pattern)[1]
     joints = np.array([body.joints for frame in frames for body in frame.bodies])
     across = np.median(joints[:, Joint.SHOULDER_LEFT] - joints[:, Joint.SHOULDER_RIGHT], axis=0)

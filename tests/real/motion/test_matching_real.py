@@ -61,7 +61,7 @@ def stage_of(**settings):
 
 
 @pytest.mark.parametrize("pattern", CLIPS)
-def test_what_is_shown_looks_like_the_arms_and_does_not_flicker(pattern):
+def test_shown_match_resembles_the_arms_without_flicker(pattern):
     stage, _ = stage_of()
     frames = [frame for frame in frames_of(pattern) if frame.bodies][:400]
     changes, raw, last, last_raw, seconds = 0, 0, None, None, frames[-1].time_ns - frames[0].time_ns

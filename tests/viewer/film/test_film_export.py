@@ -61,7 +61,7 @@ def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, cl
     assert click_at(made) == pytest.approx(clicks, abs=CODED)
 
 
-def test_where_sound_cannot_be_encoded_the_film_is_silent_and_says_so(tmp_path, monkeypatch, caplog) -> None:
+def test_missing_sound_encoder_gives_silent_film_and_warning(tmp_path, monkeypatch, caplog) -> None:
     monkeypatch.setattr("enliven.film.writer._SOUND_CODEC", "no such encoder")
     path = tmp_path / "arm.mp4"
     loud = np.full(SOUND_RATE, 9_000, np.int16)

@@ -56,7 +56,7 @@ class Full:
             raise OSError("no space left")
 
 
-def test_what_the_encoder_cannot_do_is_raised():
+def test_encoder_errors_are_raised():
     full = Full()
     with pytest.raises(OSError, match="no space left"), FilmStrip(full, Tiles(3, 64)) as strip:
         for n in range(3 + 2 * WAITING):

@@ -81,7 +81,7 @@ def test_rows_mark_what_is_weak(balls):
         (["chair"], 2, "output"),
     ],
 )
-def test_what_cannot_be_drawn(arguments, code, told, tmp_path, monkeypatch, capsys):
+def test_invalid_graph_arguments_are_reported(arguments, code, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("points.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"

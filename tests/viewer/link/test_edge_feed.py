@@ -65,7 +65,7 @@ def test_how_frames_arrive_is_said_and_a_dead_edge_is_not_live(publisher, box, m
         feed.close()
 
 
-def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
+def test_published_messages_reach_the_timeline(publisher, box) -> None:
     publisher.set_character(box)
     feed, document = EdgeFeed(EdgeClient([publisher.endpoint])), Document()
 
@@ -105,7 +105,7 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
         feed.close()
 
 
-def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, monkeypatch) -> None:
+def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
     """Its first message may be about performers, which does not state its process."""
     monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
 
@@ -143,7 +143,7 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
     assert heard.count("restarted") == 1 and heard.index(5) < heard.index("restarted") < heard.index(6)
 
 
-def test_what_came_during_a_slow_picture_is_taken_in_the_order_of_time(publisher, box) -> None:
+def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None:
     """Ten seconds of poses and of performers: neither may look like a clock that started again."""
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()

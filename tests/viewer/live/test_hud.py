@@ -148,7 +148,7 @@ def ailing(*severities: Severity) -> EdgeState:
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
-def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
+def test_problems_are_shown_in_the_colour_of_their_severity(gl, size) -> None:
     plain, shown = canvas_of(gl, *size), canvas_of(gl, *size)
     draw(gl, plain, HudState(edge=ailing()))
     draw(gl, shown, HudState(edge=ailing(Severity.ERROR)))
@@ -159,7 +159,7 @@ def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
     assert (stripe[:, 0] > stripe[:, 2] + 90).mean() > 0.95, "the stripe of an error is red"
 
 
-def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> None:
+def test_problems_without_space_never_cover_the_timeline(gl) -> None:
     size = (640, 300)
     one, many = canvas_of(gl, *size), canvas_of(gl, *size)
     for target, count in ((one, 1), (many, 8)):

@@ -65,7 +65,7 @@ LOSSES = [
 
 
 @pytest.mark.parametrize(("change", "loss"), LOSSES)
-def test_what_was_last_performed_is_replayed_until_the_edge_is_back(shown, change, loss) -> None:
+def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss) -> None:
     feed, live, loop, camera = shown
     feed.edge, feed.performs = replace(feed.edge, **change), False
     advance(live, loop, camera, 1.0)
@@ -123,7 +123,7 @@ def test_performers_have_the_lowest_numbers_and_keep_them_while_they_are_there(s
         before = now
 
 
-def test_who_is_lost_and_found_again_is_performer_1_again() -> None:
+def test_person_who_returns_is_performer_1_again() -> None:
     numbers = PerformerNumbers()
     for body in (1, 17, 23):
         numbers.see([body])

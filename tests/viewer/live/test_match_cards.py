@@ -74,7 +74,7 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
     assert changed[int((1 - up) * 100), int((across + 1) * 150)] < 30, "that would be another match"
 
 
-def test_what_is_driven_is_thinner_and_without_cards() -> None:
+def test_driven_limbs_are_thinner_and_have_no_cards() -> None:
     playing = replace(BOARD, state="playing", rows=ROWS[:1])
     (rows, deep), (thin, shallow) = match_rows({"cross": BOARD}), match_rows({"cross": playing})
     assert len(rows) == len(thin) == 2 * 3

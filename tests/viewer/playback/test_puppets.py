@@ -197,7 +197,7 @@ def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
     assert surfaces.vertices(CHARACTER, pose(bent(), turn=0.5)) is not shown_last[-1]
 
 
-def test_who_shows_no_puppet_loads_no_solver() -> None:
+def test_viewer_without_puppets_loads_no_solver() -> None:
     """It is a third of everything that a viewer loads before its first frame."""
     heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
     look = f"import sys, enliven_viewer.film, enliven_viewer.live.stage; print(*{heavy} & set(sys.modules))"

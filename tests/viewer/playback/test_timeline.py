@@ -85,7 +85,7 @@ def test_scrubbing_shows_that_place_and_stays_there(fraction: float, seconds: fl
 
 @given(st.floats(0, 5), st.integers(1, 6))
 @settings(deadline=None, max_examples=60)
-def test_what_arrives_does_not_move_a_paused_picture(seconds: float, count: int) -> None:
+def test_new_poses_do_not_move_a_paused_playhead(seconds: float, count: int) -> None:
     timeline = filled()
     head = Playhead(timeline)
     head.toggle_pause()

@@ -160,7 +160,7 @@ def test_a_one_sided_board_is_not_seen_from_behind(gl) -> None:
     assert abs(double[32, 32] - empty[32, 32]).max() > abs(single[32, 32] - empty[32, 32]).max() + 0.05
 
 
-def test_what_glows_and_what_is_unlit_do_not_need_the_light(gl) -> None:
+def test_emissive_and_unlit_materials_ignore_the_light(gl) -> None:
     dark = replace(SMALL, brightness=0.1)
     lamp = {"emissiveFactor": [1, 0, 0], "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
     assert drawn(gl, board(lamp), of=dark)[32, 32, 0] > 0.7

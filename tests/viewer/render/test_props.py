@@ -51,7 +51,7 @@ def test_things_are_blended_by_their_ids() -> None:
     np.testing.assert_allclose(late.positions[:, 2], 0.15)
 
 
-def test_what_only_one_moment_has_is_the_nearers() -> None:
+def test_prop_in_one_moment_only_follows_the_nearer_moment() -> None:
     few, many = loose(ids=(1,)), loose(ids=(1, 2))
     assert len(blend_props(few, many, 0.4, 0)) == 1 and len(blend_props(few, many, 0.6, 0)) == 2
     assert blend_props(None, many, 0.1, 0) is many and blend_props(None, None, 0.1, 0) is None
@@ -149,7 +149,7 @@ def test_the_score_is_told_in_the_window() -> None:
     assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1
 
 
-def test_what_rolls_away_lets_go_of_the_camera_without_a_jerk(box: Character) -> None:
+def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:
     document = Document()
     document.add_character(box)
     rolled = loose(ids=(0,))

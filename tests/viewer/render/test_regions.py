@@ -101,7 +101,7 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
         assert (pixels >= [x, y]).all() and (pixels <= [x + width, y + height]).all()
 
 
-def test_what_is_beside_the_eye_may_be_anywhere() -> None:
+def test_points_behind_the_eye_need_the_full_region() -> None:
     view = side_view()
     before, behind = np.array([[0.0, 0.5, 0.0]]), view.eye[None] + [0.0, 0.0, 1.0]
     assert visible_region(before, view.clip_from_world, SIZE)[2] < 20
@@ -120,7 +120,7 @@ def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
     assert (count == 1).all()
 
 
-def test_what_is_drawn_over_a_picture_may_lie_beside_its_region(gl, box) -> None:
+def test_overlays_may_be_drawn_outside_the_region(gl, box) -> None:
     renderer, view = Renderer(gl, SIZE, SMALL), side_view()
     renderer.draw(Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(0, 0, 0)), view)
     before = renderer.pixels().astype(int)

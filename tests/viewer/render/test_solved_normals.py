@@ -69,7 +69,7 @@ def test_moved_they_are_what_the_slow_twin_says() -> None:
     np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 
 
-def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
+def test_nan_vertices_and_empty_faces_give_finite_normals() -> None:
     broken = VERTICES.copy()
     broken[:40], broken[40], broken[41] = 0.0, np.nan, np.inf
     rows = solved_rows(broken, FACES, SURFACE)

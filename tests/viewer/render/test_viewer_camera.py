@@ -29,7 +29,7 @@ def inner_points(box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
 
 @given(number, st.floats(0.5, 2), number, size, aspects, st.floats(-3, 3), st.floats(-1, 1))
 @settings(deadline=None, max_examples=80)
-def test_what_is_framed_is_in_the_picture(x, y, z, half, aspect, across, up) -> None:
+def test_framed_subject_is_in_view(x, y, z, half, aspect, across, up) -> None:
     camera = OrbitCamera()
     camera.orbit(across, up)
     box = box_at(np.array([x, y, z]), half)
@@ -124,7 +124,7 @@ def test_a_film_does_not_shake_with_its_subject() -> None:
 
 @given(st.floats(-4, 4), st.floats(-4, 4), st.floats(-3, 3), st.floats(0.05, 1.0), st.floats(1 / 120, 0.1))
 @settings(deadline=None, max_examples=60)
-def test_what_is_followed_stays_in_the_picture_from_the_side_that_was_chosen(x, z, across, up, step) -> None:
+def test_followed_subject_stays_in_view_from_the_same_side(x, z, across, up, step) -> None:
     camera, moves = OrbitCamera(), CameraMoves()
     camera.orbit(across, up)
     half = np.array([0.3, 0.9, 0.3])

@@ -81,7 +81,7 @@ def test_a_match_that_is_shown_is_looked_at_and_another_one_after_a_while(tower)
     assert goals[3] == goals[2], "a hand that trembles moves nothing"
 
 
-def test_who_turns_the_view_keeps_it(tower) -> None:
+def test_view_turned_by_the_user_is_kept(tower) -> None:
     editor = Editor()
     close = CloseUp(editor)
     close.toggle()

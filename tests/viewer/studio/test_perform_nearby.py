@@ -31,7 +31,7 @@ def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, sa
     assert said in toast.text and toast.mend and "enliven:" not in toast.text
 
 
-def test_what_stood_on_a_stage_of_this_machine_goes_onto_the_next(tmp_path):
+def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
     perform.connect_nearby("--sensor", "kinekt")

@@ -95,7 +95,7 @@ def sitting(tmp_path: Path, monkeypatch) -> Iterator:
         one.house.close()
 
 
-def test_whoever_is_in_view_steps_in_at_once(sitting) -> None:
+def test_person_in_view_steps_in_at_once(sitting) -> None:
     one = sitting(actor())
     one.connect()
     one.present = [person()]
@@ -138,7 +138,7 @@ def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) 
     assert one.toasts == [("Possess was given up", "Nobody is in view: step in front of the camera")]
 
 
-def test_what_the_edge_refuses_is_said_with_what_to_do(sitting) -> None:
+def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     one = sitting(actor(place="fixed"))
     one.connect()
     one.present = [person(z=-9.0)]
@@ -206,7 +206,7 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     one.until(lambda: one.held == {"chair"})
 
 
-def test_nothing_on_the_stage_and_no_stage_are_said(sitting) -> None:
+def test_empty_and_missing_stage_are_reported(sitting) -> None:
     one = sitting()
     one.connect()
     one.until(lambda: one.perform.connected)

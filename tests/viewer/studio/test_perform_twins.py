@@ -53,7 +53,7 @@ def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
     assert np.abs(shown.pose.linear[1] - rest.linear[1]).max() > 0.05, "the wave would be left out for it"
 
 
-def test_where_one_edits_the_projects_own_is_shown(editor: Editor) -> None:
+def test_project_character_is_shown_while_editing(editor: Editor) -> None:
     twins = Twins(editor)
     board = Board("arm", "choosing", 1, 5, 0, (), 0)
     scene = twins.shown(Scene((on_stage(),), boards={"arm": board}), Telling(performs=False))

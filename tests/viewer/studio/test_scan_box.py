@@ -67,7 +67,7 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
 @given(
     drags=st.lists(st.tuples(SIDES, st.floats(0, 800), st.floats(0, 500)), max_size=8), turn=st.floats(-3, 3)
 )
-def test_it_never_turns_inside_out(drags, turn):
+def test_box_never_turns_inside_out(drags, turn):
     box, lens = DraggedBox(), lens_from(turn)
     for side, x, y in drags:
         if box.press(pixel(lens, middle_of(box, side)), lens):
@@ -83,7 +83,7 @@ def test_it_never_turns_inside_out(drags, turn):
     tilts=st.lists(st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), min_size=2, max_size=2),
     moves=st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3), min_size=2, max_size=2),
 )
-def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(tilts, moves):
+def test_box_follows_the_object_when_the_scans_pose_changes(tilts, moves):
     """Until then the scan's pose on the stage changes with the camera's offset from the object."""
     before, after = np.eye(4), np.eye(4)
     for place, (x, z), move in zip((before, after), tilts, moves, strict=True):
@@ -100,7 +100,7 @@ def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(t
     assert box.corners[0, 1] == 0.0 and box.corners[1, 1] >= 0.02, "what stands on the floor stands on it"
 
 
-def test_it_begins_round_what_stands_in_the_middle():
+def test_initial_box_encloses_the_central_object():
     random = np.random.default_rng(0)
     thing = random.uniform([-0.3, 0.0, 0.1], [0.2, 0.9, 0.4], (4000, 3))
     floor = random.uniform([-3, -0.01, -3], [3, 0.01, 3], (4000, 3))

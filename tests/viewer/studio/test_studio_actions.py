@@ -83,7 +83,7 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
     assert same(editor.project, first)
 
 
-def test_what_cannot_be_done_says_why_and_does_nothing(stage: Workspace) -> None:
+def test_impossible_action_gives_a_reason_and_changes_nothing(stage: Workspace) -> None:
     stage.editor.select(character=None)
     before = stage.editor.project
     for action in stage.actions:
@@ -116,7 +116,7 @@ def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) 
     assert found("undo")[0] == "edit.undo" and found("no such thing") == []
 
 
-def test_what_was_done_last_is_offered_first(stage: Workspace) -> None:
+def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     stage.actions.do("view.bones")
     finding = Finding(stage.actions)

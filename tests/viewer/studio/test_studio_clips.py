@@ -104,7 +104,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
 
 
 @rigs
-def test_where_clips_meet_each_is_trimmed_and_a_blend_is_dragged(rig: str, tmp_path: Path) -> None:
+def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_path: Path) -> None:
     name, numbers = NAMES[rig], tuple(range(len(PROJECT.characters[NAMES[rig]].playing)))[:1]
     (clip,) = clips_of(PROJECT, name, 0)
     lasts = clip.end - clip.begin
@@ -122,7 +122,7 @@ def test_where_clips_meet_each_is_trimmed_and_a_blend_is_dragged(rig: str, tmp_p
     assert layout.handle_at(layout.x(after.begin), y).kind == "begin"
 
 
-def test_what_is_locked_stays_and_what_is_folded_has_one_row(tmp_path: Path) -> None:
+def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
     workspace = desk(tmp_path)
     timeline = workspace.timeline
     heads = [lane for lane in timeline.layout.lanes() if lane.kind == "head"]

@@ -62,7 +62,7 @@ def solved(solving: Solving, project: Project):
     return solving.settle(project, "star")
 
 
-def test_nothing_is_solved_that_lacks_something() -> None:
+def test_incomplete_puppets_are_not_solved() -> None:
     solving = Solving(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
         shown = solving.shown(project, "star")
@@ -88,7 +88,7 @@ def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_o
     solving.close()
 
 
-def test_what_only_moves_in_time_is_shown_at_once() -> None:
+def test_retimed_layer_is_shown_without_solving() -> None:
     solving, project = Solving(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
@@ -122,7 +122,7 @@ def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
     assert lefts == sorted(lefts, reverse=True)
 
 
-def test_who_never_moves_has_no_coverage() -> None:
+def test_still_take_has_no_coverage() -> None:
     project = posed()
     clip = project.takes["sway"]
     still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
@@ -229,7 +229,7 @@ def test_switches_go_on_taking_turns_whatever_is_done_to_them(switches, frame, d
     assert moved[-1].frame < 120
 
 
-def test_what_is_held_is_held_once_for_a_frame_and_can_be_let_go() -> None:
+def test_constraint_is_unique_per_frame_and_removable() -> None:
     project = posed()
     first, second = Position("left", 10, (0.0, 0.5, 0.0)), Position("left", 10, (0.1, 0.5, 0.0))
     level = Coupling("left", "right", 5)

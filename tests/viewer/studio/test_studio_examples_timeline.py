@@ -59,7 +59,7 @@ def middle(row: Lane) -> float:
     st.floats(500, 2000),
     st.floats(0, 60),
 )
-def test_what_is_drawn_at_a_pixel_is_found_there(offset, speed, frames, width, scrolled) -> None:
+def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width, scrolled) -> None:
     times = tuple(3 * frame / 30 for frame in frames)
     held = (Position("left", 45, (0.0, 0.5, 0.0)),)
     project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=held)

@@ -55,7 +55,7 @@ def said(workspace: Workspace) -> str:
     return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
 
 
-def test_what_is_saved_is_opened_bit_for_bit(workspace: Workspace, tmp_path) -> None:
+def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None:
     path = tmp_path / "work.enliven"
     assert workspace.store.dirty
     workspace.store.save(path)
@@ -88,7 +88,7 @@ def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(
 
 
 @pytest.mark.parametrize("wish", ["new", "quit"])
-def test_nothing_is_thrown_away_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
+def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
     before = workspace.editor.project
     workspace.ask(wish)
     assert workspace.asking == "unsaved" and workspace.editor.project is before and not workspace.ended
@@ -140,7 +140,7 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
     assert list(store.folder.iterdir()) == []
 
 
-def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp_path) -> None:
+def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace, tmp_path) -> None:
     store = workspace.store
     store.autosave(store._since + 60.0)
     store.settle()

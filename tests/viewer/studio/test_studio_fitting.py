@@ -46,9 +46,7 @@ def test_the_chosen_one_is_as_tall_as_the_others_and_stands_where_it_stood(stage
     np.testing.assert_allclose(((now_low + now_high) / 2)[[0, 2]], ((low + high) / 2)[[0, 2]], atol=5e-3)
 
 
-def test_what_is_opened_at_another_size_is_said_and_of_the_same_is_not(
-    stage: Workspace, tmp_path: Path
-) -> None:
+def test_only_a_differing_size_is_reported_on_opening(stage: Workspace, tmp_path: Path) -> None:
     editor = stage.editor
     editor.go_to(0)
     chair = load_sample("chair")

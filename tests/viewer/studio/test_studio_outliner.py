@@ -81,7 +81,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
     assert outliner.is_chosen(row(outliner, "handle limb 1"))
 
 
-def test_what_is_hidden_is_neither_picked_nor_framed_but_exported(workspace) -> None:
+def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
     editor, before = workspace.editor, len(exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.box()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
@@ -96,7 +96,7 @@ def test_what_is_hidden_is_neither_picked_nor_framed_but_exported(workspace) -> 
     assert len(editor.seen) == 3, "an eye is undone as every edit"
 
 
-def test_what_is_locked_is_not_picked_and_an_edit_of_it_says_why(workspace) -> None:
+def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
     editor, stage = workspace.editor, HeadlessStage(workspace)
     joint = JointPlace("limb", 1)
     play([Click(joint)], stage)

@@ -114,7 +114,7 @@ def test_the_stroke_is_seen_while_it_is_drawn_and_dropped_by_escape(workspace):
     assert soft < -100 < abs(even) < 20 < 100 < stiff, "blue, grey and orange"
 
 
-def test_what_is_painted_is_saved_and_reaches_the_stage_where_it_swings(workspace, tmp_path):
+def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     workspace.actions.do("paint.softer")
     before = workspace.editor.project.character("man")
     for _ in range(2):

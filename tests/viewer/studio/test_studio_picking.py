@@ -136,7 +136,7 @@ def test_the_nearer_of_two_surfaces_is_picked(make_limb) -> None:
     assert surface_at(stage, lens, (3.0, 3.0)) is None
 
 
-def test_what_is_behind_the_camera_is_not_picked(make_limb) -> None:
+def test_points_behind_the_camera_are_not_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     shape = make_limb()
     behind = np.add(shape.skeleton.positions, [0.0, 0.0, 60.0])

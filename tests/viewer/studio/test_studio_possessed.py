@@ -74,14 +74,14 @@ def test_a_click_chooses_it_and_another_forgets_it(workspace: Workspace) -> None
     assert workspace.editor.selection.character is None
 
 
-def test_it_plays_as_long_as_it_was_recorded(workspace: Workspace) -> None:
+def test_possessed_mesh_plays_its_recording(workspace: Workspace) -> None:
     assert workspace.editor.length == workspace.editor.settings.shortest
     before = vertices(workspace)["post"]
     workspace.editor.scrub(0.5)
     assert np.abs(vertices(workspace)["post"] - before).max() > 0.01
 
 
-def test_it_is_moved_at_every_time(workspace: Workspace) -> None:
+def test_possessed_mesh_is_moved_at_every_time(workspace: Workspace) -> None:
     before = vertices(workspace)["post"]
     do(workspace, Key("g"), Drag((Spot(0.0, 0.7), Spot(0.0, 1.1))))
     assert workspace.editor.history.names == ("move post",)
@@ -144,7 +144,7 @@ def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(worksp
     assert workspace.editor.toasts.shown[-1].text == "There is no other shape to merge with"
 
 
-def test_it_is_copied_and_deleted(workspace: Workspace) -> None:
+def test_possessed_mesh_is_copied_and_deleted(workspace: Workspace) -> None:
     first = workspace.editor.project
     do(workspace, Click(Spot(0.0, 0.7)), Key("ctrl+d"))
     assert len(workspace.editor.project.graphs) == 3

@@ -222,7 +222,7 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     assert "No shape" in workspace.editor.toasts.shown[-1].text
 
 
-def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> None:
+def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
     workspace.editor.solving.settle(workspace.editor.project, "star")
@@ -334,7 +334,7 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 
 
-def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
+def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
     workspace.commands.puppets.bake()
     workspace.editor.beside.finish()

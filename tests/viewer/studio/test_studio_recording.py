@@ -153,7 +153,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
     assert not workspace.editor.toasts.shown or not workspace.editor.toasts.shown[-1].bad
 
 
-def test_what_is_written_does_not_change_while_the_performer_goes_on(workspace: Workspace) -> None:
+def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:
     change, took = workspace.perform.recording.so_far(), []
     assert change is not None
     thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))

@@ -176,7 +176,7 @@ def test_a_drag_of_one_moves_all_that_are_chosen(workspace) -> None:
     assert editor.history.names[-1] == "move 2 shapes" and editor.selection.several
 
 
-def test_what_needs_one_shape_alone_says_so(workspace) -> None:
+def test_single_shape_actions_refuse_multiple_selection(workspace) -> None:
     editor = workspace.editor
     editor.choose_all("post", "limb")
     for deed in ("shape.puppet", "motion.clear", "view.best", "shape.up"):

@@ -46,7 +46,7 @@ def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictu
     assert taken == told
 
 
-def test_what_lies_beyond_a_button_waits_and_a_jump_forgets_the_rest() -> None:
+def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
     path = PointerPath()
     for x in range(6):
         path.tell(float(x), 0.0)

@@ -41,7 +41,7 @@ def test_a_file_is_read_at_one_rate_and_clicks_when_it_did(tmp_path, rate, chann
     assert first / SOUND_RATE == pytest.approx(BEAT, abs=0.003)
 
 
-def test_what_is_no_sound_is_refused_and_half_of_one_is_read(tmp_path) -> None:
+def test_invalid_sound_is_refused_and_truncated_sound_is_read(tmp_path) -> None:
     (tmp_path / "no.wav").write_bytes(b"no sound at all")
     with pytest.raises(InputError, match="cannot be read as sound"):
         read_sound(tmp_path / "no.wav")
@@ -94,7 +94,7 @@ class Device:
         self.closed = True
 
 
-def test_it_is_heard_where_the_playhead_is_and_only_while_it_plays() -> None:
+def test_sound_follows_the_playhead_and_plays_only_with_it() -> None:
     devices: list[Device] = []
     editor = Editor()
     player = SoundPlayer(editor, lambda fill: devices.append(Device(fill)) or devices[-1])
@@ -138,7 +138,7 @@ def test_without_a_device_it_is_said_once_and_the_project_plays_on(tmp_path) -> 
     ]
 
 
-def test_it_is_opened_at_the_playhead_kept_in_the_file_and_undone(tmp_path) -> None:
+def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     editor = workspace.editor
     before = editor.project

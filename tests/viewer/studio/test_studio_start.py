@@ -189,7 +189,7 @@ def limb_there(workspace: Workspace) -> np.ndarray:
 
 @pytest.mark.parametrize("tool", ["cut", "carry"])
 @pytest.mark.parametrize("was_playing", [True, False])
-def test_what_plays_holds_still_during_a_stroke_and_goes_on(
+def test_playback_pauses_during_a_stroke_and_resumes(
     workspace: Workspace, limb_there: np.ndarray, tool: str, was_playing: bool
 ) -> None:
     editor, hands = workspace.editor, workspace.input

@@ -51,7 +51,7 @@ speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
 
 @given(times, st.data(), st.floats(400, 2000))
 @settings(max_examples=40, deadline=None)
-def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
+def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> None:
     project = project_of(offsets, [data.draw(speeds) for _ in offsets])
     layout = TimelineLayout(project, length_of(project, 2.0), width)
     bars = layout.bars()

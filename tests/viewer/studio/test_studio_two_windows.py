@@ -94,7 +94,7 @@ def test_both_are_compared_and_brought_together(windows, tmp_path: Path) -> None
     assert "first" not in second.editor.project.characters, "it is one edit"
 
 
-def test_what_waits_for_the_save_goes_on_after_the_answer(windows) -> None:
+def test_quit_waiting_for_the_save_continues_after_the_answer(windows) -> None:
     first, second = windows
     first.ask("save")
     second.ask("quit")

@@ -120,7 +120,7 @@ def test_the_list_of_phrases_says_what_each_command_does() -> None:
     assert command_words("hop") == "hop", "a word of a newer edge is shown unchanged"
 
 
-def test_what_was_heard_stands_below_the_advice_of_a_scan() -> None:
+def test_heard_words_are_below_the_advice_of_a_scan() -> None:
     top = live.heard_below(is_scanned=True) - live._LARGE - live._AROUND
     assert top >= scan.ADVICE, "the words lie on each other"
     assert live.heard_below(is_scanned=False) < live.heard_below(is_scanned=True)

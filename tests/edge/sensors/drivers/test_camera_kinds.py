@@ -99,7 +99,7 @@ def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, r
     ("options", "words"),
     [({"range": 3}, "no range of 3 m"), ({"near": 3.0, "far": 1.0, "rehearse": "x"}, "near is 3.0 m")],
 )
-def test_what_the_time_of_flight_camera_has_not(options, words):
+def test_unsupported_time_of_flight_options_are_refused(options, words):
     with pytest.raises(InputError, match=words):
         TofSensor(**options)
 

@@ -62,7 +62,7 @@ MESSAGES = [
 
 
 @pytest.mark.parametrize(("sensor", "message", "words"), MESSAGES)
-def test_what_a_library_says_becomes_a_sentence(sensor, message, words):
+def test_library_message_becomes_an_error_with_advice(sensor, message, words):
     error = refused(sensor, RuntimeError(message), "left camera")
     assert words in str(error) and str(error).startswith("left camera: ")
     assert error.exit_code == 4 and error.mend
@@ -213,7 +213,7 @@ def test_a_camera_without_its_lens(said):
     assert width == 320 and 180 < focal < 260 and calibrated is False
 
 
-def test_what_only_librealsense_can_be_made_to_say(said):
+def test_librealsense_reports_open_stream_and_usb2(said):
     sensor, told = said
     if sensor != "realsense":
         pytest.skip("depthai has no device of software")
@@ -226,7 +226,7 @@ def test_what_only_librealsense_can_be_made_to_say(said):
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("options", [{"rehearse": "nothing.mcap"}, {"widht": 640}])
-def test_what_cannot_be_used_is_said(sensor, options):
+def test_unusable_driver_options_are_refused(sensor, options):
     if "rehearse" in options:
         usable(LIBRARIES[sensor])
     with pytest.raises(InputError, match=r"nothing\.mcap|Did you mean width"):

@@ -36,7 +36,7 @@ def test_the_frames_after_it_come(damaged):
     assert times == [i * STEP for i in range(1, 11) if i != 5]
 
 
-def test_it_is_told_again_in_every_round_of_a_loop(damaged):
+def test_damaged_message_is_reported_in_every_loop(damaged):
     times, faults = [], 0
     with ReplaySensor(damaged, speed=0, loop=True) as sensor:
         while len(times) < 27:

@@ -199,7 +199,7 @@ def test_the_error_that_is_told_is_not_smaller_than_the_true_one(seed, noise):
         ({"count": LEAST_PAIRS - 1}, f"Take {LEAST_PAIRS} pairs or more"),
     ],
 )
-def test_what_is_not_good_enough_says_what_to_do(of, sentence):
+def test_insufficient_calibration_gives_advice(of, sentence):
     judgement = judge(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
     assert not judgement.usable and any(sentence in each for each in judgement.advice), judgement
 
@@ -246,7 +246,7 @@ def test_too_few_pairs_leave_the_old_file_as_it_was(pairs, tmp_path, capsys):
         (["--print", "board.pdf", "--square", "200"], "no sheet"),
     ],
 )
-def test_what_cannot_be_done_is_said(words, what, tmp_path, monkeypatch, capsys):
+def test_invalid_calibration_input_is_reported(words, what, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.run(["calibrate-stereo", *words]) == 3
     assert what in capsys.readouterr().err

@@ -116,7 +116,7 @@ def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
         ({"view": 500.0}, "view is 500.0 degrees"),
     ],
 )
-def test_what_cannot_be_used_is_said(options, what):
+def test_unusable_libcamera_options_are_refused(options, what):
     with pytest.raises(InputError, match=re.escape(what)):
         LibcameraSensor(**options)
 

@@ -75,7 +75,7 @@ def test_a_person_is_where_they_are_for_two_exposures(performance):
     assert np.median(off) < 0.25 and (off < 1.0).mean() > 0.93
 
 
-def test_what_the_right_camera_does_not_see_is_not_told(performance):
+def test_points_hidden_from_the_right_camera_get_no_depth(performance):
     left, right, truth = performance
     photographer = Photographer(PERFORMANCE)
     eye, looks = TRUE.rays(*(each.ravel().astype(float) for each in np.meshgrid(range(WIDTH), range(HEIGHT))))
@@ -118,7 +118,7 @@ def test_the_table_is_the_formula(focal_baseline, near, far):
         assert told == 0 if not near <= metres <= far else abs(told - 1e3 * metres) <= 0.5 + 1e-6
 
 
-def test_nothing_is_told_outside_the_range(wall):
+def test_no_depth_is_reported_outside_the_range(wall):
     left, right, _ = wall
     told = StereoMatcher(RECTIFIED, 1.7, 8.0).depth(left, right)
     assert (told[20:-20, 40:-20] > 0).mean() < 0.05 and told[told > 0].min() >= 1700

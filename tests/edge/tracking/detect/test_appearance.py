@@ -156,7 +156,7 @@ def test_facing_is_measured_from_the_sensor_anticlockwise_from_above():
 
 @given(YAWS)
 @settings(max_examples=30, deadline=None)
-def test_who_faces_as_is_seen_is_the_likeliest(yaw):
+def test_posture_with_the_observed_facing_scores_best(yaw):
     seen = seen_as(estimate_of(standing().joints(), ways=ways_of(standing(yaw), 4.0)))
     scores = [facing_score(seen, standing(yaw + off), EYE) for off in (0.0, 1.0, 2.0, np.pi)]
     assert scores == sorted(scores, reverse=True)

@@ -97,7 +97,7 @@ def test_a_forearm_is_placed_along_what_stands_out():
         assert moved[other].max() < 0.05, "only the arm moves"
 
 
-def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
+def test_unexplained_points_are_measured_from_the_nearest_capsule():
     """Compared with every point and capsule, sampled densely along its axis."""
     dice = np.random.default_rng(3)
     ends, radii = TRUTH.capsules()

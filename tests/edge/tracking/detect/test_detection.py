@@ -73,7 +73,7 @@ def test_the_network_finds_more_than_the_bank_alone():
     assert share[False] > ALONE
 
 
-def test_what_is_supposed_is_near_the_truth_for_most():
+def test_best_network_posture_is_near_the_truth_for_most():
     best, lengths = [], model.lengths_for_height(1.72)
     for name in CLASSES:
         for seed in SEEDS:
@@ -83,7 +83,7 @@ def test_what_is_supposed_is_near_the_truth_for_most():
     assert np.median(best) < SUPPOSED
 
 
-def test_it_is_supposed_that_people_face_as_they_likely_do_or_the_other_way():
+def test_network_postures_cover_likely_facings_and_the_opposite():
     observation, _ = seen_person("side", SEEDS[0])
     seen, by_facing = seen_in(observation)
     likeliest = np.argsort(-seen.estimate.facing)[:3]

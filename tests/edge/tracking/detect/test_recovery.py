@@ -139,7 +139,7 @@ def test_thinning_keeps_the_landmarks(step):
 
 
 @pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._LOSES, True)])
-def test_what_is_seen_is_not_left_for_what_the_network_does_not_know(loses, kept, monkeypatch):
+def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypatch):
     """The network is so certain of a hanging arm that its energy is lower, but points stay unexplained."""
     monkeypatch.setattr(recovery, "_LOSES", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))

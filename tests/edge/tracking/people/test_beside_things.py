@@ -108,7 +108,7 @@ def beside(pixels, share):
     return more
 
 
-def test_who_fits_badly_is_looked_for_once_more_in_what_lies_on_them(monkeypatch, somebody):
+def test_bad_fit_is_searched_again_in_pixels_near_the_body(monkeypatch, somebody):
     view, alone, posture = somebody
     pixels = beside(alone, 0.7)
     asked, none = detections(monkeypatch, view, pixels, posture)

@@ -70,7 +70,7 @@ def test_something_large_beside_somebody_is_not_held():
     assert not held(drawn(BENCH), 0.3).any()
 
 
-def test_nothing_is_held_in_a_room_that_is_known():
+def test_no_fragment_is_held_once_background_is_known():
     assert not held(drawn(SHANK), 0.1, age=YOUNG).any()
 
 

@@ -179,9 +179,7 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     ("plain_frames", "later", "frames", "vague"),
     [(0, 0.3, 30, True), (0, 0.3, 10, False), (0, 0.5, 30, False), (10, 0.1, 30, False)],
 )
-def test_what_was_never_plainly_a_person_is_let_go_even_where_it_moves(
-    plain_frames, later, frames, vague, scene
-):
+def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, later, frames, vague, scene):
     """A fit to the strip of wall next to a person slides along it; after half a second it is recognised."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.travelled = someone.shapely = True

@@ -108,7 +108,7 @@ def test_the_wall_behind_somebody_who_left_is_the_room():
     assert in_front(room, np.full((20, 20), 2.0), guess=True).all()
 
 
-def test_what_may_become_somebody_is_not_learnt_at_once():
+def test_possible_person_is_not_learnt_at_once():
     room, hold = RoomModel((8, 8)), np.zeros((8, 8), bool)
     hold[:, :4] = True
     room.learn(picture(2.0), NOBODY, 0, hold)
@@ -118,7 +118,7 @@ def test_what_may_become_somebody_is_not_learnt_at_once():
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(1.0, 3.5), st.floats(0.6, 1.2))
-def test_what_keeps_its_depth_on_a_person_where_no_room_is_known_is_furniture(seed, metres, speed):
+def test_constant_depth_on_a_person_before_unknown_background_is_furniture(seed, metres, speed):
     """The left half of a person's pixels only has noise; the right half moves."""
     room, random, mine = RoomModel((8, 8)), np.random.default_rng(seed), np.ones((8, 8), bool)
     for i in range(24):
@@ -132,7 +132,7 @@ def test_what_keeps_its_depth_on_a_person_where_no_room_is_known_is_furniture(se
     np.testing.assert_allclose(known, metres, atol=0.01 * metres)
 
 
-def test_what_is_given_up_is_the_room_as_deep_as_it_is():
+def test_dropped_blob_becomes_background_at_its_depth():
     room, mine, given = RoomModel((8, 8)), np.ones((8, 8), bool), np.zeros((8, 8), bool)
     given[:, :3] = True
     room.learn(picture(2.0), mine)
@@ -157,7 +157,7 @@ def dark_hall(seconds=0.2):
     return room, learn(room, np.zeros(HALL), seconds, person=np.zeros(HALL, bool))
 
 
-def test_what_moves_before_a_hall_that_is_not_measured_never_becomes_room():
+def test_moving_object_before_unmeasured_hall_is_never_learnt():
     """To and fro: the traces of successive passes do not add up."""
     room, now = dark_hall()
     for i, left in enumerate([*range(0, 56, 2), *range(54, 0, -2)] * 4):
@@ -166,7 +166,7 @@ def test_what_moves_before_a_hall_that_is_not_measured_never_becomes_room():
 
 
 @pytest.mark.parametrize("rate", [10, 30])
-def test_what_stays_before_a_hall_that_is_not_measured_becomes_room_within_a_moment(rate):
+def test_still_object_before_unmeasured_hall_is_learnt_quickly(rate):
     room, now = dark_hall()
     now = learn(room, with_blob(20), 0.2, now, np.zeros(HALL, bool), rate=rate)
     assert not room.z.any()
@@ -174,7 +174,7 @@ def test_what_stays_before_a_hall_that_is_not_measured_becomes_room_within_a_mom
     np.testing.assert_array_equal(room.z, with_blob(20))
 
 
-def test_what_changes_before_a_hall_that_is_not_measured_is_not_learnt_until_it_is_still():
+def test_approaching_object_before_unmeasured_hall_is_learnt_once_still():
     """It comes nearer, on the same pixels."""
     room, now = dark_hall()
     for i in range(30):
@@ -192,7 +192,7 @@ def with_dark(columns, metres=3.0):
 
 
 @pytest.mark.parametrize("rate", [5, 30])
-def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(rate):
+def test_background_without_depth_is_forgotten_after_a_while(rate):
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0, rate=rate)
     now = learn(room, with_dark(3), 1.8, now, rate=rate)

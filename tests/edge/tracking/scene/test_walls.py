@@ -24,7 +24,7 @@ def standing(*places, wall=3.4):
     return FrameView(0, z + noise, world_points(z + noise, CAMERA.ray, MOUNT), CAMERA, MOUNT), z < wall
 
 
-def test_who_stands_before_a_wall_is_left_and_the_wall_is_not():
+def test_wall_is_removed_and_people_before_it_are_kept():
     view, people = standing((-0.6, 3.0, 0.2), (0.5, 3.1, 0.2))
     rest = without_walls(view, np.ones(people.shape, bool))
     assert rest[people].mean() > 0.9

@@ -60,14 +60,14 @@ def test_a_piece_of_a_wall_is_not_free():
     assert not shape(view, mask).possible
 
 
-def test_what_stands_behind_something_is_not_whole():
+def test_occluded_shape_is_not_whole():
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.9, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
     assert shape(view, mask).behind > 0.2
     assert not shape(view, mask).whole
 
 
-def test_what_is_surrounded_by_unknown_depth_is_free():
+def test_shape_surrounded_by_unknown_depth_is_free():
     view = drawn(*PERSON, wall=0.0)
     z = drawn(*PERSON).z
     z[z > 3.0] = 0.0
@@ -90,14 +90,14 @@ def beside_a_wall(measured):
     return z, mask
 
 
-def test_what_all_is_measured_around_is_free_as_far_as_it_is_farther_there():
+def test_measured_surroundings_are_free_where_farther_away():
     free, behind, border, cut = outline(*beside_a_wall(1.0))
     assert free == pytest.approx(2 / 3)
     assert (behind, border, cut) == (0.0, 0.0, False)
 
 
 @pytest.mark.parametrize(("measured", "free"), [(0.1, 1.0), (0.25, 1.0), (0.35, 2 / 3), (0.8, 2 / 3)])
-def test_what_little_is_measured_around_is_free(measured, free):
+def test_shape_with_few_measured_surroundings_is_free(measured, free):
     """The surroundings count if at least three tenths are measured."""
     z, mask = beside_a_wall(measured)
     assert outline(z, mask)[0] == pytest.approx(free)

@@ -128,7 +128,7 @@ def test_single_person_keeps_all_pixels(seed):
 
 @given(SCENES)
 @settings(max_examples=30, deadline=None)
-def test_who_touches_nobody_on_their_surface_keeps_all(seed):
+def test_person_without_surface_contact_keeps_all_pixels(seed):
     owner, z = scene(seed)
     z = z + 5.0 * owner
     np.testing.assert_array_equal(after(owner, z)[0], owner)
@@ -161,7 +161,7 @@ def test_an_arm_that_hangs_together_with_the_other_goes_to_them(touch, mirrored)
     assert counts.tolist() == [200, 300 + arm.sum()]
 
 
-def test_who_hardly_touches_the_other_stays():
+def test_arm_with_little_contact_keeps_its_owner():
     owner, z, _ = two_with_an_arm(2)
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
 
@@ -177,7 +177,7 @@ def test_an_arm_that_hangs_together_with_its_owner_stays():
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
 
 
-def test_what_is_nearly_as_large_as_the_other_is_no_part_of_them():
+def test_large_piece_is_not_given_to_the_other_person():
     """A piece that large may be a person, even if another person's fit has captured a part of it."""
     owner, z, arm = two_with_an_arm(18)
     assert 0.4 * (owner == 1).sum() <= arm.sum()
@@ -245,7 +245,7 @@ def test_pixels_grow_to_whom_is_nearest_along_the_surface(seed):
 
 @given(SCENES)
 @settings(deadline=None, max_examples=60)
-def test_what_is_plainly_somebodys_stays_theirs_and_nobodys_nobodys(seed):
+def test_clear_and_unowned_pixels_keep_their_owner(seed):
     owner, distance, _, made = contested(seed)
     plain = (owner >= 0) & (distance <= PLAIN)
     np.testing.assert_array_equal(made[plain], owner[plain])

@@ -43,7 +43,7 @@ def surface_distance(points, postures):
 @given(st.integers(0, 1000), st.floats(0.03, 0.3), st.floats(-0.1, 1.0), st.integers(1, 3))
 @example(3, 0.28515625, 0.0, 3)  # a limb at the image's border has a larger reach there
 @settings(max_examples=20, deadline=None)
-def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, reach, above, people):
+def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above, people):
     random = np.random.default_rng(seed)
     z = np.clip(2.4 + 0.2 * random.standard_normal((60, 80)), 1.0, 4.0)
     z[random.random(z.shape) < 0.2] = 0.0
@@ -57,7 +57,7 @@ def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, 
     assert found.any()
 
 
-def test_what_is_not_measured_lies_on_nobody_though_they_stand_at_the_lens():
+def test_unmeasured_pixels_belong_to_no_body():
     view = view_of(np.zeros((60, 80)))
     at_the_lens = Posture(MOUNT[:3, 3].copy(), standing(), lengths_for_height(1.75))
     assert (surface_distance(view.points, [at_the_lens]) < 0.05).all()
@@ -92,7 +92,7 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
     ("choreography", "holed", "high"),
     [("idle", 3, (0.3, 0.45)), ("idle", 12, (0.35, 0.5)), ("wave", 6, (0.38, 0.55))],
 )
-def test_who_stood_there_when_the_room_was_first_seen_gets_their_legs_back(choreography, holed, high):
+def test_person_present_at_the_start_gets_their_legs_back(choreography, holed, high):
     """The legs below the hole are connected with no person, so the background model learns them at once."""
     tracker, made = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
     for n, (frame, _) in enumerate(made):
