@@ -123,7 +123,7 @@ ELSEWHERE = {
 """Documents that have a test of their own, which runs their code and also checks its output."""
 
 
-def test_the_tests_of_their_own_are_there():
+def test_separate_tests_mention_their_pages():
     for page, test in ELSEWHERE.items():
         assert page in (ROOT / test).read_text()
 

@@ -54,7 +54,7 @@ def test_its_images_and_joints_are_those_of_the_studio() -> None:
         assert np.allclose(truth.bodies[0].joints, studio.body(frame.time_ns).joints, atol=1e-6), AGAIN
 
 
-def test_the_command_makes_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_reproduces_the_shipped_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320)).frames == WHOLE, AGAIN
     monkeypatch.setattr(SyntheticStudio, "frames", MADE_AGAIN)
     synthesize(

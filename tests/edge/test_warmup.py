@@ -69,5 +69,5 @@ def test_warm_up_compiles_all_kernels():
 
 
 @pytest.mark.timeout(700)
-def test_without_it_the_first_frames_load_their_kernels():
+def test_first_frames_without_warmup_load_kernels():
     assert {"minimise", "_solid"} <= set(kernels_of(warm=False)["live"])

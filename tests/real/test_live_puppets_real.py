@@ -71,7 +71,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
 
 @pytest.mark.parametrize("size", [0.65, 1.0])
 @pytest.mark.parametrize(("name", "goes"), [("cactus", False), ("trex", True)])
-def test_live_is_as_the_take(name: str, goes: bool, size: float, monkeypatch) -> None:
+def test_live_puppet_matches_the_take(name: str, goes: bool, size: float, monkeypatch) -> None:
     monkeypatch.setenv("ENLIVEN_DATA", str(DATA))
     session = read_session(SESSIONS / f"{name}.toml")
     puppet = session.project.puppet(session.puppet)

@@ -119,7 +119,7 @@ def test_the_exact_place_is_found(space):
     assert abs(offset * 1e-9 - (CLOCKS["left"] - CLOCKS["right"])) < 0.008
 
 
-def test_two_see_better_than_one(takes, space, found):
+def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     both = performed(takes, space, {"left": "left", "right": "right"}, found)
     alone = [errors(space, performed(takes, space, {n: n}, found)) for n in ("left", "right")]
     fused = errors(space, both)

@@ -202,7 +202,7 @@ def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> Non
     link.close()
 
 
-def test_silence_and_the_end_are_told(
+def test_silence_and_end_of_the_edge_are_reported(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)

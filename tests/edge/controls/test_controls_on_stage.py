@@ -254,7 +254,7 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
 
-def test_all_words_are_known_to_somebody():
+def test_there_are_14_control_words():
     assert len(set(WORDS)) == 14
 
 

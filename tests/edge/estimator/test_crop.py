@@ -96,7 +96,7 @@ def test_up_in_the_world_is_up_in_the_crop(seed):
 
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_to_the_camera_and_back_is_where_one_was(seed):
+def test_crop_and_camera_frames_are_inverse(seed):
     crop = crop_person(*scene(seed))
     points = np.random.default_rng(seed).normal([0, 0, 2], [1, 1, 0.5], (30, 3))
     points = points[points[:, 2] > 0.2]

@@ -99,7 +99,7 @@ def test_joints_that_are_all_as_sure_as_usual_weigh_one_together():
 
 
 @pytest.mark.parametrize("spread", [0.01, 0.03, 0.05, 0.2])
-def test_beside_depth_no_joint_is_surer_than_usual(spread):
+def test_guide_weights_are_capped_at_the_usual_confidence(spread):
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, spread))
     capped = dataclasses.replace(estimate, spread=np.full(20, max(spread, 0.05)))
     np.testing.assert_allclose(estimate.guides, capped.landmarks)
@@ -133,7 +133,7 @@ def test_a_landmark_is_weighed_by_its_spread(seed):
 
 @given(SEEDS, st.integers(0, 19))
 @settings(max_examples=25, deadline=None)
-def test_a_joint_is_elsewhere_beyond_what_it_may_be_off(seed, joint):
+def test_joint_counts_as_apart_beyond_its_expected_error(seed, joint):
     estimate = made_up(seed)
     assert estimate.count_apart(estimate.joints) == 0
     way = np.random.default_rng(seed).normal(size=3)

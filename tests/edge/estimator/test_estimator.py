@@ -55,7 +55,7 @@ def test_joints_are_found_in_fresh_pictures(told, least):
     assert np.mean(off < 0.1) > least
 
 
-def test_a_joint_that_is_said_to_be_off_is_off():
+def test_estimated_joint_error_matches_the_true_error():
     off, said = judged(False)
     assert spearmanr(off.ravel(), said.ravel()).statistic > RANKED
     for some in (said < SURE, (said >= SURE) & (said < UNSURE)):
@@ -63,7 +63,7 @@ def test_a_joint_that_is_said_to_be_off_is_off():
         assert SAID[0] < off[some].mean() / said[some].mean() < SAID[1]
 
 
-def test_the_way_to_face_is_told():
+def test_facing_is_estimated_correctly():
     wrong = []
     for n in range(PICTURES):
         told = int(fresh(n).estimate(False).facing.argmax())
@@ -72,7 +72,7 @@ def test_the_way_to_face_is_told():
     assert np.mean(np.isin(wrong, (0, 1, FACINGS - 1))) > FACING_NEARLY_RIGHT
 
 
-def test_people_are_told_from_things():
+def test_people_are_distinguished_from_objects():
     """Measured on new images of people and objects, at the probability above which the tracker accepts a
     person.
     """
@@ -89,14 +89,14 @@ def test_people_are_told_from_things():
     assert np.mean(np.array(things) > BELIEVED) < THINGS_BELIEVED
 
 
-def test_the_ways_to_face_are_probabilities_and_not_what_was_told():
+def test_facings_are_probabilities_independent_of_the_input():
     for n in range(10):
         estimate = fresh(n).estimate(False)
         assert np.exp(estimate.facing).sum() == pytest.approx(1.0)
         np.testing.assert_allclose(fresh(n).estimate(True).facing, estimate.facing, atol=1e-4)
 
 
-def test_the_parts_are_told():
+def test_body_parts_are_estimated_correctly():
     right = []
     for n in range(PICTURES):
         case = fresh(n)
@@ -156,7 +156,7 @@ def test_several_facings_at_once_are_as_one_by_one():
                 np.testing.assert_allclose(getattr(made, name), getattr(alone, name), atol=2e-3)
 
 
-def test_several_threads_see_what_one_sees():
+def test_several_threads_give_the_same_estimates():
     one = [fresh(n).estimate(True) for n in range(12)]
     with ThreadPoolExecutor(4) as pool:
         several = list(pool.map(lambda n: fresh(n % 12).estimate(True), range(36)))
@@ -170,13 +170,13 @@ def test_the_file_is_small():
     assert ESTIMATOR.stat().st_size < 10e6
 
 
-def test_a_missing_file_is_said_to_be_missing_and_what_to_do(tmp_path):
+def test_missing_network_file_is_reported_with_advice(tmp_path):
     with pytest.raises(InputError, match=r"none\.onnx: the network cannot be read.*tracker\.estimator"):
         PoseEstimator(tmp_path / "none.onnx")
 
 
 @pytest.mark.parametrize("keep", [0, 10, 4000, -30])
-def test_a_damaged_file_is_refused_and_said_what_to_do(tmp_path, keep):
+def test_damaged_network_file_is_refused_with_advice(tmp_path, keep):
     (tmp_path / "cut.onnx").write_bytes(ESTIMATOR.read_bytes()[:keep])
     with pytest.raises(InputError, match=r"cut\.onnx: the network cannot be read.*Install enliven again"):
         PoseEstimator(tmp_path / "cut.onnx")
@@ -188,6 +188,6 @@ def test_a_file_of_something_else_is_refused(tmp_path):
         PoseEstimator(tmp_path / "other.onnx")
 
 
-def test_the_shipped_file_names_no_folder_of_whoever_trained_it():
+def test_shipped_network_contains_no_source_paths():
     held = ESTIMATOR.read_bytes()
     assert re.search(rb"\.py\b", held) is None and b"enliven_edge" not in held

@@ -104,7 +104,7 @@ def test_a_joint_lies_where_its_own_part_is_seen(lessons):
     assert other < 0.06
 
 
-def test_a_lesson_is_of_somebody_and_its_numbers_are_sound(lessons):
+def test_lessons_contain_a_person_and_valid_numbers(lessons):
     for made in lessons:
         person, depth, height, unknown = made.image
         assert np.isfinite(made.image).all() and np.isfinite(made.joints).all()

@@ -73,7 +73,7 @@ def test_a_joint_is_where_its_heat_is():
     np.testing.assert_allclose(spread[0].numpy(), -0.2 * np.arange(JOINTS), atol=1e-5)
 
 
-def test_the_ways_to_face_do_not_depend_on_what_is_told():
+def test_facing_output_does_not_depend_on_the_input_facing():
     network = PoseNetwork()
     (_, _, facing, _), image, told = seen_by(network, 2)
     with torch.no_grad():
@@ -81,7 +81,7 @@ def test_the_ways_to_face_do_not_depend_on_what_is_told():
     assert_alike(facing, other)
 
 
-def test_the_exported_network_says_what_it_said_before(tmp_path):
+def test_exported_network_gives_the_same_outputs(tmp_path):
     """For any number of crops, and through the estimator."""
     network = PoseNetwork()
     export(network, tmp_path / "made.onnx")
@@ -148,7 +148,7 @@ def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
     assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))
 
 
-def test_in_eight_bits_it_says_nearly_the_same_in_a_third_of_the_size(album, tmp_path, few_kept_back):
+def test_8_bit_network_is_smaller_and_nearly_equal(album, tmp_path, few_kept_back):
     """Joints agree to millimetres, facing and parts in most cases, for a network trained a little."""
     network = train(album, TrainingSettings(steps=25, batch=16, seed=0))
     whole, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"

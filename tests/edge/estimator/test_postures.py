@@ -65,7 +65,7 @@ def test_either_leg_is_the_high_one_and_the_trunk_leans_away_from_it():
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_nobody_is_in_the_floor_or_above_it(family):
+def test_lowest_joint_of_random_figures_is_at_the_floor(family):
     for figure in figures(family, 12):
         assert -0.06 < figure.joints[:, 1].min() < 0.2
 

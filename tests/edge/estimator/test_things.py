@@ -60,7 +60,7 @@ def test_a_ray_enters_where_its_first_point_inside_is(seed):
 
 @given(SEEDS, st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
+def test_axis_aligned_rays_hit_solids_in_front_only(seed, is_round):
     """Tests rays that are level with faces, and rays that start next to objects."""
     dice = np.random.default_rng(seed)
     half, beside = dice.uniform(0.1, 1.0, 3), dice.uniform(-1.5, 1.5, 2)
@@ -78,7 +78,7 @@ def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
 
 @given(SEEDS, st.floats(-3, 3), st.floats(-5, 1))
 @settings(max_examples=200, deadline=None)
-def test_a_thing_stands_at_its_place(seed, x, z):
+def test_clutter_is_near_its_position(seed, x, z):
     """The centre of every part is above the floor and within 1.5 m."""
     made = random_clutter(np.array([x, z]), np.random.default_rng(seed))
     assert made
@@ -113,7 +113,7 @@ def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
+def test_clutter_picture_contains_no_person(studio, seed):
     made = studio.render_clutter(np.random.default_rng(seed))
     assert np.count_nonzero(made.z) >= 60
     assert made.figure is None
@@ -135,7 +135,7 @@ def lessons(studio):
     return [training_sample(studio, dice, 0.5) for _ in range(150)]
 
 
-def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
+def test_clutter_lessons_have_no_person_labels(lessons):
     about = [made for made in lessons if np.isnan(made.facing)]
     assert about
     for made in about:
@@ -144,12 +144,12 @@ def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
         assert made.image[0].any() and np.isfinite(made.image).all() and made.cell > 0
 
 
-def test_a_lesson_about_somebody_says_where_they_are(lessons):
+def test_person_lessons_have_joint_labels(lessons):
     for made in lessons:
         if np.isfinite(made.facing):
             assert np.ptp(made.joints, axis=0).max() > 0.1
 
 
-def test_so_many_lessons_are_about_things(lessons):
+def test_fraction_of_clutter_lessons_is_as_configured(lessons):
     share = np.mean([np.isnan(made.facing) for made in lessons])
     assert 0.4 * _CLUTTER < share < 1.8 * _CLUTTER

@@ -93,7 +93,7 @@ def test_steady_weights_give_the_weighted_mean_without_lag(seed):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_outliers_are_doubted_as_their_slow_twin_says(seed):
+def test_outlier_weights_match_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(3, 20, 3)), random.normal(size=(20, 3))
     w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.3)

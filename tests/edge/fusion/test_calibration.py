@@ -157,7 +157,7 @@ def test_a_short_look_is_not_enough():
     assert not made.good
 
 
-def test_different_people_are_not_one():
+def test_different_people_fail_calibration():
     """Each sensor sees another person on another path: calibration must fail with an error."""
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
     other = Walker(WalkPath(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
@@ -202,7 +202,7 @@ def test_one_sensor_or_one_name_twice_is_refused():
         calibrate([a, dataclasses.replace(b, sensor="a")])
 
 
-def test_nobody_in_view_says_so():
+def test_sensor_that_saw_nobody_is_reported():
     a, _ = seen_by_both()
     made = calibrate([a, stream_of("b", [])])
     assert made.pairs[0].fit is None and not made.good

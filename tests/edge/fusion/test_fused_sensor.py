@@ -113,7 +113,7 @@ def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
     assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.health_states)
 
 
-def test_when_all_are_lost_it_is_an_error():
+def test_losing_all_sensors_is_an_error():
     streams = seen()
     reels = {name: Reel(name, told, breaks=5) for name, told in streams.items()}
     with pytest.raises(ResourceError, match=r"every sensor was lost.*unplugged"):

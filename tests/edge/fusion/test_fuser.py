@@ -186,7 +186,7 @@ def test_left_right_swap_is_corrected_by_majority():
             assert np.abs(bodies[0].joints - walker.joints(time)).max() < 1e-6
 
 
-def test_the_walk_decides_between_two_who_are_at_odds():
+def test_walking_direction_decides_between_swapped_sides():
     """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
     made, _ = last(
@@ -195,7 +195,7 @@ def test_the_walk_decides_between_two_who_are_at_odds():
     assert np.abs(made[0].joints - walker.joints(6.0 - STEP)).max() < 0.02
 
 
-def test_when_all_say_so_for_long_the_sides_are_exchanged():
+def test_lasting_agreement_of_all_sensors_swaps_the_sides():
     walker = Walker()
     wrong = [
         np.abs(b[0].joints - walker.joints(t)).max() > 0.05
@@ -266,7 +266,7 @@ def test_person_back_late_gets_the_sensors_identity():
         assert {b.id for _, bodies, _ in run(told, 12.0) for b in bodies} == expected
 
 
-def test_a_heap_of_joints_is_nobody():
+def test_implausible_joints_are_not_a_person():
     heap = STANDING.copy()
     heap[3] += [0, -0.7, 1.1]
 
@@ -276,7 +276,7 @@ def test_a_heap_of_joints_is_nobody():
     assert {b.id for _, bodies, _ in run(told, 2.0) for b in bodies} == {1}
 
 
-def test_half_a_body_beside_a_whole_one_is_nobody():
+def test_half_a_body_next_to_a_whole_one_is_not_a_person():
     """Sensor a detects the legs as a second person; sensor b, which covers the same area, sees one person."""
     half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
 
@@ -299,7 +299,7 @@ def test_two_who_stand_close_and_hide_each_other_stay_two():
     assert counts == [[1, 2]] * len(counts)
 
 
-def test_a_sensor_that_dies_is_told_of_and_missed_by_nobody():
+def test_silent_sensor_is_reported_and_bodies_continue():
     def told(name, time):
         return None if name == "a" and time >= 1.0 else [body(STANDING, 3)]
 
@@ -347,7 +347,7 @@ def test_frames_out_of_order_are_left_out():
     assert np.allclose(fuser.views[0].sightings[1].body.joints, STANDING)
 
 
-def test_a_sensor_that_was_moved_is_told_of():
+def test_moved_sensor_is_reported():
     """The moved one of three sensors is identified, and people stay where the other two see them."""
 
     def told(name, time):
@@ -358,7 +358,7 @@ def test_a_sensor_that_was_moved_is_told_of():
     assert np.abs(bodies[0].joints - STANDING).max() < 0.02
 
 
-def test_a_sensor_that_ended_says_so():
+def test_ended_sensor_is_reported_as_lost():
     fuser = Fuser({n: EYES[n] for n in "ab"})
     last(run(lambda n, t: [body(STANDING)], 1.0, fuser=fuser))
     fuser.end("a", SensorState.LOST, ns(1.0))
@@ -394,7 +394,7 @@ def test_an_orientation_that_one_sensor_has_is_kept():
     assert made.stature == pytest.approx(1.8)
 
 
-def test_exchanging_twice_is_nothing_and_once_turns_the_front():
+def test_swapping_sides_twice_is_identity_and_once_turns_the_front():
     turns = from_rotation_vector(np.random.default_rng(2).normal(size=(20, 3)))
     whole = body(STANDING, orientations=turns, contacts=np.array([0.2, 0.9]))
     once, twice = exchanged(whole), exchanged(exchanged(whole))
@@ -428,7 +428,7 @@ def test_after_the_warm_up_nothing_is_left_to_compile():
     assert [len(kernel.signatures) for kernel in kernels] == before
 
 
-def test_settings_have_their_say():
+def test_sure_after_setting_delays_new_bodies():
     quick = FusionSettings(sure_after=1)
     fuser = Fuser({"a": EYES["a"]}, quick)
     fuser.update("a", [body(STANDING)], 0)

@@ -16,7 +16,7 @@ def jacobian_of(arm: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1))
-def test_they_are_those_of_the_slow_twin(frames, seed):
+def test_normal_equations_match_the_slow_reference(frames, seed):
     dice = np.random.default_rng(seed)
     arm, velocity, error = dice.normal(size=(3, frames, 20, 3))
     weights = dice.random((frames, 20)) * (dice.random((frames, 20)) < 0.7)

@@ -23,7 +23,7 @@ def test_predicted_body_keeps_its_identity():
     assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05
 
 
-def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
+def test_return_from_a_predicted_position_has_no_velocity():
     """The first frame after the occlusion shows no motion at 20 m/s and no new person."""
     *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
     sighting = fuser.views[0].sightings[1]

@@ -93,7 +93,7 @@ def test_a_failed_import_leaves_nothing_behind_and_loses_nothing(folder, tmp_pat
         (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "there is no folder"),
     ],
 )
-def test_import_says_what_is_wrong(folder, tmp_path, words, expected):
+def test_import_errors_are_reported(folder, tmp_path, words, expected):
     words = [word.format(folder=folder, out=tmp_path / "out.mcap") for word in words]
     with pytest.raises(EnlivenError, match=expected):
         run("import", *words)

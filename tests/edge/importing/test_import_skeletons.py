@@ -312,7 +312,7 @@ def test_damaged_labanotation_says_where(tmp_path, name, damage, expected):
     assert str(path) in str(caught.value)
 
 
-def test_other_damage_says_where(tmp_path):
+def test_damaged_skeleton_files_are_reported_with_the_place(tmp_path):
     cases = {
         "msr-action3d": (msr_rows(person(), False)[:-60], "not 80 for each frame"),
         "kinect-gait": ("Head;0;1;2\nTail;0;1;2\n", "line 2 names the joint 'Tail'"),

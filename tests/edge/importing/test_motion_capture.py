@@ -66,13 +66,13 @@ def test_orientations_lie_along_the_bones(tmp_path) -> None:
             assert turned[joint, :, 1] @ bone == pytest.approx(-np.linalg.norm(bone), rel=1e-6)
 
 
-def test_times_may_be_told(tmp_path) -> None:
+def test_frame_rate_and_device_can_be_given(tmp_path) -> None:
     frames = read(write_bvh(tmp_path / "a.bvh", danced()), fps=50.0, device="studio")
     assert frames[1].time_ns == 20_000_000
     assert frames[0].sensor == "studio"
 
 
-def test_a_take_of_it_is_what_was_danced(tmp_path) -> None:
+def test_imported_motion_capture_equals_the_read_frames(tmp_path) -> None:
     joints = danced("chair", seconds=1.0)
     write_bvh(tmp_path / "walk.bvh", joints)
     app = typer.Typer(pretty_exceptions_enable=False)

@@ -36,7 +36,7 @@ MOUNT = world_from_level_camera(1.1, 0.05)
 JOINTS = Performer().pose(choreography("idle").posture(0.0)).joints
 
 
-def test_near_is_bright_and_nothing_is_dark() -> None:
+def test_near_depth_is_bright_and_missing_depth_is_dark() -> None:
     depth = np.array([[0, 1000, 2000, 3000, 9000]], np.uint16)
     grey = depth_picture(depth, 1.0, 3.0)[0, :, 0].astype(int)
     assert grey[0] < grey[4] and grey[1] > grey[2] > grey[3] == grey[4]

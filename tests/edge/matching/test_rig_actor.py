@@ -312,7 +312,7 @@ def test_a_board_survives_the_wire() -> None:
             np.testing.assert_allclose(a, b, atol=3e-4)
 
 
-def test_a_body_that_is_not_a_number_is_nobody() -> None:
+def test_nan_body_is_ignored() -> None:
     show = Show()
     show.actor.preview(None, "arms")
     lost = replace(person(), joints=np.full((20, 3), np.nan))
@@ -325,7 +325,7 @@ def test_a_body_that_is_not_a_number_is_nobody() -> None:
     assert np.isfinite(show.pose.linear).all()
 
 
-def test_nobody_there_and_nothing_to_choose() -> None:
+def test_missing_performer_and_character_are_refused() -> None:
     show = Show()
     assert show.play().state == "off"
     with pytest.raises(InputError, match="nobody is in view"):

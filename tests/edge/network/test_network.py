@@ -175,7 +175,7 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
     assert sorted(waited)[-2] <= 4
 
 
-def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(stage: Stage, peers) -> None:
+def test_superseded_requests_are_skipped_and_answered(stage: Stage, peers) -> None:
     viewer = peers(stage.outlet.publisher)
     looks = [requests.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
     viewer.send(requests.Ping("v", 0))
@@ -199,7 +199,7 @@ def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
     assert {type(reply.body) for reply in viewer.replies} == {requests.Done} and len(stage.done) == 23
 
 
-def test_a_rate_is_kept_and_said(peers, caplog: pytest.LogCaptureFixture) -> None:
+def test_rate_limit_is_enforced_and_logged(peers, caplog: pytest.LogCaptureFixture) -> None:
     with Publisher(name=unique(), pose_port=0, control_port=0, rate=20.0) as publisher:
         greedy, good = peers(publisher), peers(publisher)
         greedy.send(*[requests.Ping("greedy", i) for i in range(2000)])
@@ -323,7 +323,7 @@ def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
 @pytest.mark.parametrize(
     ("host", "is_open"), [("localhost", False), ("127.0.0.1", False), ("127.8.8.8", False), ("0.0.0.0", True)]
 )
-def test_this_machine_and_what_was_opened_are_listened_on(host: str, is_open: bool) -> None:
+def test_local_and_opened_hosts_can_be_bound(host: str, is_open: bool) -> None:
     Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=is_open).close()
 
 

@@ -179,7 +179,7 @@ def test_a_ping_is_answered_with_the_edges_clock(publisher: Publisher, peer: Pee
     assert pong.sent_ns == 77 and before <= pong.edge_ns <= time.time_ns()
 
 
-def test_another_version_is_told_so(publisher: Publisher, peer: Peer) -> None:
+def test_request_of_another_version_is_refused(publisher: Publisher, peer: Peer) -> None:
     peer.dealer.send(b"\x63" + pack_control(requests.Request(1, requests.Hello("v")))[1:])
     refused = unpack_control(peer.raw_reply(), topics.REPLY).body
     assert "version 99" in refused.reason
@@ -214,7 +214,7 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
     assert isinstance(peer.ask(requests.Ping("v", 1), 2), requests.Pong)
 
 
-def test_a_subscriber_that_never_reads_slows_nobody(publisher: Publisher, peer: Peer) -> None:
+def test_subscriber_that_never_reads_blocks_no_other(publisher: Publisher, peer: Peer) -> None:
     """More bytes than all buffers hold: a publisher that blocked would never finish."""
     thing = character(count=64)
     publisher.set_character(thing)
@@ -258,7 +258,7 @@ def test_bad_transforms_are_counted_and_said_once(
     assert publisher.clamped == 3 and len(caplog.records) == 1
 
 
-def test_a_character_that_cannot_go_leaves_what_was_there(publisher: Publisher) -> None:
+def test_invalid_character_keeps_the_current_one(publisher: Publisher) -> None:
     publisher.set_character(character())
     with pytest.raises(InputError):
         publisher.set_character(character("x" * 65))

@@ -106,7 +106,7 @@ def test_no_box_of_the_towers_flies_before_anybody_takes_hold(name: str, tower: 
 
 
 @given(st.integers(0, 10**6), st.integers(0, 60), st.integers(1, 3))
-def test_a_tower_is_where_nothing_is_and_else_where_it_was_meant(seed, count, wide):
+def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
     rng = np.random.default_rng(seed)
     settings = BoxesSettings(wide=wide)
     spheres, radii = rng.uniform((-1.2, 0, -1.2), (1.2, 2, 1.2), (count, 3)), rng.uniform(0.01, 0.2, count)
@@ -175,7 +175,7 @@ def test_character_appearing_among_boxes_does_not_fling_them():
     assert highest < 4.0 and made.resets == 0
 
 
-def test_characters_scale_leave_and_come_as_they_like():
+def test_boxes_stay_while_characters_scale_leave_and_return():
     made = playground()
     made.introduce(block("second"))
     poses = [
@@ -206,7 +206,7 @@ def test_a_replay_that_begins_again_begins_with_new_towers():
     assert np.allclose(again.positions, places[0], atol=1e-6)
 
 
-def test_a_world_that_lost_its_way_begins_anew(caplog):
+def test_playground_with_nan_velocity_restarts(caplog):
     made = playground()
     performed(made, lambda k: (-2.0, 0.0, 0.0), 3)
     made.world.velocities[0, 0] = np.nan

@@ -113,7 +113,7 @@ def test_box_is_pushed_at_the_spheres_speed(speed):
     assert 0.9 * speed < fastest < 1.35 * speed
 
 
-def test_without_the_spheres_speed_a_fast_one_goes_through():
+def test_teleported_sphere_does_not_push_the_box_at_its_speed():
     """The reason for correcting contacts: the engine treats mocap bodies as having no velocity."""
     world = World(boxes(), UNBOUND)
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
@@ -182,7 +182,7 @@ def test_five_minutes_of_rampage_stay_in_the_room():
     assert farthest < 40
 
 
-def test_a_world_gone_wrong_says_so_and_begins_anew():
+def test_broken_world_is_reported_and_can_restart():
     world = tower()
     world.velocities[1, 2] = np.nan
     assert "no longer a number" in world.advance(FRAME)
@@ -255,7 +255,7 @@ def test_corrected_contacts_are_those_of_the_plain_rule():
     np.testing.assert_allclose(approach, closing, atol=1e-12)
 
 
-def test_speeds_are_limited_and_what_is_no_number_is_told():
+def test_speeds_are_limited_and_nan_is_reported():
     speeds = np.array([[3.0, 4.0, 0, 0, 0, 50.0], [1, 0, 0, 0, 0, 0]])
     assert limit_speeds(speeds, 2.5, 10.0)
     np.testing.assert_allclose(speeds, [[1.5, 2.0, 0, 0, 0, 10.0], [1, 0, 0, 0, 0, 0]])

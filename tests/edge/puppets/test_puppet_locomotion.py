@@ -57,7 +57,7 @@ def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tupl
     return np.array(roots), np.array(anchors)
 
 
-def test_the_anchor_stays_where_it_is_and_the_puppet_goes_ahead() -> None:
+def test_anchor_foot_does_not_slide_while_puppet_advances() -> None:
     places = walked()
     roots, anchors = gone(places)
     world = places + roots[:, None]
@@ -68,7 +68,7 @@ def test_the_anchor_stays_where_it_is_and_the_puppet_goes_ahead() -> None:
     np.testing.assert_allclose(world[:, list(FEET), 1].min(1), 0.02, atol=1e-9)
 
 
-def test_frame_by_frame_is_the_whole_take_where_it_stands() -> None:
+def test_live_locomotion_equals_the_whole_take_on_the_ground() -> None:
     places, yaw = walked(), np.linspace(0.0, 1.5, 120)
     roots, anchors = gone(places, yaw)
     whole = locate(places, yaw, STEP, (Switch(0, "contact"),), FEET)
@@ -79,9 +79,7 @@ def test_frame_by_frame_is_the_whole_take_where_it_stands() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.5), st.floats(0.0, 0.3), st.integers(5, 40))
-def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_performers(
-    stride: float, lift: float, frames: int
-) -> None:
+def test_flight_keeps_take_off_velocity_and_performer_height(stride: float, lift: float, frames: int) -> None:
     places = walked(60 + frames, stride)
     footings = [Footing()] * 60 + [Footing(False, lift)] * frames
     roots, anchors = gone(places, footings=footings, size=2.0)
@@ -131,7 +129,7 @@ def test_a_foot_that_stands_stays_where_it_is_while_the_puppet_is_drawn_back() -
     assert roots[-1][2] < gone(places)[0][-1, 2] - 0.02
 
 
-def test_on_its_spot_it_stays_and_without_feet_it_goes_along() -> None:
+def test_fixed_root_stays_and_footless_puppet_follows() -> None:
     still = Locomotion(REST, (), STEP, LocomotionSettings())
     still.begin(np.array([1.0, 0.0, 2.0]), 0j)
     assert not still.goes
@@ -146,7 +144,7 @@ def test_on_its_spot_it_stays_and_without_feet_it_goes_along() -> None:
     assert_alike(swims.stands(State(at, 0.0, root)), root)
 
 
-def test_only_who_is_seen_off_the_floor_is_in_the_air() -> None:
+def test_only_visibly_lifted_feet_count_as_airborne() -> None:
     feet = Feet()
     assert feet.see(person(), 0.0).touches
     assert feet.see(person(up=0.02), STEP).touches
@@ -217,7 +215,7 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
 
 
 @pytest.mark.parametrize("contact", [(0.0, 0.0), (1.0, 1.0)])
-def test_contacts_of_the_tracker_alone_do_not_lift_it(contact: tuple[float, float]) -> None:
+def test_tracker_contacts_alone_never_lift_the_puppet(contact: tuple[float, float]) -> None:
     feet = Feet()
     body = replace(person(), contacts=np.array(contact))
     assert all(feet.see(body, STEP).touches for _ in range(10))

@@ -151,7 +151,7 @@ def test_turning_round_and_round_is_a_yaw_that_goes_on() -> None:
     np.testing.assert_allclose(np.diff(yaws), 4 * np.pi / 89, atol=0.02)
 
 
-def test_the_chest_says_where_who_stands_too_near_looks() -> None:
+def test_facing_comes_from_the_chest_if_legs_are_hidden() -> None:
     near = person(yaw=0.8)
     for joint in Joint:
         if joint.name.split("_")[0] in ("HIP", "KNEE", "ANKLE", "FOOT"):
@@ -159,7 +159,7 @@ def test_the_chest_says_where_who_stands_too_near_looks() -> None:
     assert Bones(0.3).see(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
 
 
-def test_joints_that_a_person_has_nothing_like_are_named() -> None:
+def test_unmappable_joints_are_reported_by_name() -> None:
     with pytest.raises(InputError, match="'Tentacle'"):
         Retargeting(OTHER, ("LeftHand", "Tentacle"))
     tail = Skeleton(

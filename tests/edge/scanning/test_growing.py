@@ -95,7 +95,7 @@ def test_a_piece_goes_over_the_wire(sphere):
 
 
 @given(st.lists(st.floats(0.05, 3.0), min_size=1, max_size=40))
-def test_going_back_goes_to_a_state_of_before_and_never_twice_to_one(steps):
+def test_checkpoints_step_back_through_distinct_earlier_states(steps):
     kept, now, states = Checkpoints(), 0, []
     for n, step in enumerate(steps):
         now += round(step * 1e9)

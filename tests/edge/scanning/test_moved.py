@@ -119,7 +119,7 @@ def seconds_of(message):
     return (message.time_ns - LATER) * 1e-9
 
 
-def test_the_window_says_what_goes_on(scanned):
+def test_window_texts_follow_the_object_state(scanned):
     words = [text for _, text in scanned.told]
     assert any(text.startswith("Taken up, or lost: lay it down") for text in words)
     assert any(text.startswith("It is looked for, ") for text in words)
@@ -134,7 +134,7 @@ def test_the_window_says_what_goes_on(scanned):
     assert said[-1].thing == "stands"
 
 
-def test_the_surface_that_grows_lies_as_it_lies(scanned):
+def test_incremental_surface_has_the_objects_final_pose(scanned):
     lies = CHAIR.vertices @ BACK[:3, :3].T
     low, high = np.quantile(scanned.grown, [0.002, 0.998], axis=0)
     assert abs(high[1] - low[1] - np.ptp(lies[:, 1])) < 0.06, "on its back, and the floor that it had is gone"

@@ -115,7 +115,7 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, o
     assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
 
 
-def test_of_whom_a_part_was_in_view_that_part_is_as_large_as_they_are(scanned):
+def test_partial_scan_of_a_person_keeps_its_size(scanned):
     person = scanned[0].person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
     upper = submesh(person.mesh, high)
@@ -151,7 +151,7 @@ def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     assert load_mesh(tmp_path / "me.glb").mesh.bounds[1, 1] == pytest.approx(1.73, abs=0.06)
 
 
-def test_nobody_in_view_is_said(scene, tmp_path):
+def test_recording_without_a_person_is_refused(scene, tmp_path):
     empty = write((scene.frame(n, seen=False) for n in range(6)), tmp_path / "empty.mcap")
     with pytest.raises(InputError, match=r"no person was seen.* Stand"):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person")

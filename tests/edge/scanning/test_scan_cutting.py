@@ -104,7 +104,7 @@ def test_a_bare_floor_is_no_place_before(folder, tmp_path):
         run("--recording", folder / "with.mcap", "--before", bare, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_scan_is_added_to_and_what_it_lacked_is_there(tmp_path):
+def test_added_scan_completes_the_earlier_one(tmp_path):
     front = recorded(tmp_path / "front.mcap", last=70)
     back = recorded(tmp_path / "back.mcap", first=50)
     made = tmp_path / "box.glb"

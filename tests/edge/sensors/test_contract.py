@@ -143,9 +143,7 @@ def test_another_size_in_the_middle_of_the_stream(live, takes):
     assert spent < LOAD * max(waited, PAUSE * STEP * 1e-9)
 
 
-def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(
-    live, takes, monkeypatch, request
-):
+def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, monkeypatch, request):
     """An image of garbage is reported and skipped; the other sensor is not affected.
 
     Finally its library hangs for ever: neither closing nor the reader waits for it.

@@ -91,7 +91,7 @@ def test_a_clock_that_goes_on_is_left_alone():
 
 
 @pytest.mark.parametrize("place", [4, 5, 6])
-def test_one_wrong_time_beside_a_failure_does_no_harm(place):
+def test_one_wrong_time_next_to_a_failure_is_harmless(place):
     """The last time before it, or the first one after it."""
 
     class Wild(Troubled):
@@ -157,7 +157,7 @@ def test_a_frame_that_cannot_be_used_costs_itself_only():
     assert all(type(error) is InputError for error in errors) and len(errors) == 3
 
 
-def test_a_device_of_nothing_but_such_frames_is_opened_anew():
+def test_device_with_only_bad_frames_is_reopened():
     class Blind(Troubled):
         def read(self, timeout=None):
             return self._fault("focal length zero") if self is Troubled.devices[0] else super().read(timeout)

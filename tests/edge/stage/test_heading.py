@@ -81,7 +81,7 @@ def test_hips_of_the_mesh_keep_their_performers_heading(woman, how, seed, noise_
 
 
 @pytest.mark.parametrize("name", ["sitting", "robot", "teddy", "holed scan"])
-def test_other_bodies_keep_it_too(name):
+def test_other_bodies_keep_their_performers_heading(name):
     actor = cast_mesh(BODIES[name]().mesh, "it", 128, ActorSettings(how="mapped"))
     gaps, _ = headings_on_stage(actor, spinning_people(7, 6.0, 0.004), 60)
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG

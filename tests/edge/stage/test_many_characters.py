@@ -89,7 +89,7 @@ def test_a_stage_of_all_kinds_moves_each_by_its_own_performer(graph):
     assert not stage.holders
 
 
-def test_they_wait_side_by_side_and_the_nearest_is_meant(graph):
+def test_characters_wait_side_by_side_and_the_nearest_is_attached(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     poses = after(stage, [person(x=0.0, id=1)], 0)
     low, high = (poses[name].positions[:, 0] for name in "ab")
@@ -223,7 +223,7 @@ def test_the_command_line_names_any_number_and_ids_are_unique():
         characters_of(["a"], ["skelton"], [], {})
 
 
-def test_a_wish_without_names_is_as_small_and_an_old_one_is_read():
+def test_possession_requests_round_trip_without_names():
     for body in (Possess(), Release(), Browse(), Possess("chair", 3, "legs", "join")):
         assert unpack_control(pack_control(Request(1, body)), REQUEST).body == body
     assert Possess().character is None and Release("x").body is None

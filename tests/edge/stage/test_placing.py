@@ -132,7 +132,7 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
 
 
 @pytest.mark.parametrize("how", ["beside", "mapped"])
-def test_beside_it_the_mesh_stays_where_it_is(chair, how):
+def test_mesh_next_to_its_performer_stays_at_attachment(chair, how):
     house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
     before = house.perform([person()], 0)[0]
     assert before.positions[:, 0].mean() == pytest.approx(1.5, abs=0.1)
@@ -152,7 +152,7 @@ def test_beside_it_the_mesh_stays_where_it_is(chair, how):
     st.sampled_from([0.0, 0.5, 1.0]),
 )
 @settings(max_examples=8, deadline=None)
-def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
+def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how, travel):
     """The performer's rigid rotation rotates the mesh equally; walking moves it by the set fraction of the
     way."""
     house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])

@@ -144,7 +144,7 @@ EVENTS = st.lists(
 
 @given(EVENTS, st.floats(-0.5, 0.5))
 @settings(max_examples=12, deadline=None)
-def test_whatever_happens_when_nothing_jumps(chair, events, apart):
+def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
     """The shown mesh moves no faster than the computed one plus the speed at which gaps are blended out.
 
     The performers only sway slowly, so the computed mesh may jump only if a performer is attached, lost,
@@ -351,7 +351,7 @@ def test_the_play_opens_with_each_performer_as_they_come(chair):
     assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
 
 
-def test_an_opening_that_cannot_be_is_said_once(chair, caplog):
+def test_impossible_opening_is_logged_once(chair, caplog):
     house = stage(chair)
     opening = Opening(house, 0.0, "tail")
     house.perform([person()], 0)

@@ -208,14 +208,14 @@ def test_impossible_order_is_reported_and_changes_nothing(chair, asked):
     assert farthest(house.perform([person()], FRAME)[0], before) < 1e-6
 
 
-def test_nobody_in_view_is_said(chair):
+def test_possession_with_nobody_in_view_is_refused(chair):
     house = stage(chair)
     house.perform([], 0)
     with pytest.raises(InputError, match="nobody is in view"):
         house.possess("chair")
 
 
-def test_out_of_reach_is_said(chair):
+def test_possession_out_of_reach_is_refused(chair):
     house = stage(chair, place="fixed")
     house.perform([person(z=-9.0)], 0)
     with pytest.raises(InputError, match="no part of the mesh is within"):

@@ -25,7 +25,7 @@ def moved(name: str, seed: int, build: Proportions | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [0, 7])
 @pytest.mark.parametrize("name", close_limb_names())
-def test_a_body_does_it(name: str, seed: int) -> None:
+def test_close_limb_motions_are_physically_possible(name: str, seed: int) -> None:
     joints = moved(name, seed, Proportions(1.62, 1.1))
     lengths = np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in BONES], -1)
     assert np.ptp(lengths, axis=0).max() < 1e-6

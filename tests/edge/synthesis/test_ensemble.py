@@ -68,7 +68,7 @@ def test_visibility_agrees_with_a_slow_ray(frame: int) -> None:
     assert np.mean(agree) >= 0.9
 
 
-def test_the_one_behind_is_hidden() -> None:
+def test_performer_behind_another_is_occluded() -> None:
     cast = (
         appearance("still", Proportions(1.9, 1.3), place=(0.0, -2.2)),
         appearance("still", place=(0.0, -3.2)),

@@ -21,7 +21,7 @@ def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.n
 
 @pytest.mark.parametrize("seed", [0, 5])
 @pytest.mark.parametrize("name", exercise_names())
-def test_a_body_does_it(name: str, seed: int) -> None:
+def test_exercises_are_physically_possible(name: str, seed: int) -> None:
     joints, soles = danced(name, seed)
     lengths = np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in BONES], -1)
     assert np.ptp(lengths, axis=0).max() < 1e-6
@@ -30,7 +30,7 @@ def test_a_body_does_it(name: str, seed: int) -> None:
     assert (np.linalg.norm(np.diff(joints, axis=0), axis=-1) * 60).max() < 9.0
 
 
-def test_they_are_as_hard_as_they_say() -> None:
+def test_exercises_reach_their_extreme_poses() -> None:
     head = lambda joints: joints[:, Joint.HEAD, 1]  # noqa: E731
     joints, _ = danced("overhead", 0)
     assert joints[:, Joint.HAND_LEFT, 1].max() > head(joints).max() + 0.3

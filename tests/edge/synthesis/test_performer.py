@@ -172,7 +172,7 @@ def test_left_is_the_performers_own_left() -> None:
 
 
 @pytest.mark.parametrize("height", [1.0, 1.6, 1.9])
-def test_the_stature_is_as_asked(height: float) -> None:
+def test_performer_has_the_requested_height(height: float) -> None:
     performer = Performer(Proportions(height=height))
     figure = performer.pose(PerformerPosture(FootPose(0.08, 0.0), FootPose(-0.08, 0.0)))
     crown = figure.joints[Joint.HEAD, 1] + 0.12 * height / 1.75

@@ -89,7 +89,7 @@ def test_in_real_time_a_frame_is_not_due_at_once() -> None:
     assert sensor.read() is None
 
 
-def test_the_registry_opens_it() -> None:
+def test_registry_opens_the_synthetic_sensor() -> None:
     sensor = open_sensor(
         "synthetic", profile="realsense-d415", choreography="idle", width=160, realtime=False
     )

@@ -124,7 +124,7 @@ ANSWERS = {"kitty": b"\x1b_Gi=31;OK\x1b\\\x1b[?62;c", "sixel": b"\x1b[?62;4;22c"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no terminals of this kind here")
-def test_a_terminal_is_asked_and_a_deaf_one_is_not_waited_for():
+def test_terminal_query_times_out_without_an_answer():
     code = (
         "import sys, termios\n"
         "from enliven_edge.terminal import image_protocol\n"

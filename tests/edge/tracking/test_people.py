@@ -156,7 +156,7 @@ def curtain(box, phase):
 
 
 @pytest.mark.parametrize("thing", ["chair put down", "chair pushed", "table", "door", "curtain"])
-def test_things_that_move_are_nobody(stagecraft, thing):
+def test_moving_furniture_is_not_a_person(stagecraft, thing):
     s = stagecraft
     table = (s.Box((0.0, 0.7, -3.0), (0.7, 0.74, -2.3)), s.Box((0.3, 0.0, -2.7), (0.4, 0.7, -2.6)))
     boxes = {

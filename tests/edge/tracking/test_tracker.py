@@ -159,7 +159,7 @@ def room_alone(frame: DepthFrame) -> DepthFrame:
 
 
 @pytest.mark.parametrize("value", [0, 65535, 1, 2000])
-def test_frames_with_nobody_give_nobody(value):
+def test_empty_frames_give_no_bodies(value):
     """Zeros, all 65535, a hand on the lens, a wall."""
     tracker = Tracker()
     intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)

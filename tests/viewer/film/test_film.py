@@ -123,7 +123,7 @@ def test_memory_is_let_go_while_filming(gl, box, tmp_path) -> None:
     assert len(document.timeline) <= 8
 
 
-def test_no_edge_is_said_with_its_address_and_leaves_no_file(gl, box, tmp_path) -> None:
+def test_missing_edge_is_reported_and_leaves_no_file(gl, box, tmp_path) -> None:
     with pytest.raises(ResourceError, match=r"no edge appeared.*enliven edge"):
         filmed(Silence(box, 0), tmp_path / "film.mp4")
     assert not (tmp_path / "film.mp4").exists()
@@ -162,7 +162,7 @@ def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatc
     assert abs(decoded(tmp_path / "old.mp4")[0].mean() - 200) < 8
 
 
-def test_without_any_encoder_that_is_said(monkeypatch) -> None:
+def test_missing_encoders_are_reported(monkeypatch) -> None:
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", ())
     with pytest.raises(ResourceError, match="no film encoder"):
         choose_encoder(av)

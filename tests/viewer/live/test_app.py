@@ -71,7 +71,7 @@ def test_without_a_display_the_command_tells_of_films(monkeypatch) -> None:
     assert isinstance(done.exception, ResourceError) and "--film" in str(done.exception)
 
 
-def test_a_missing_take_is_said(tmp_path) -> None:
+def test_missing_take_is_reported(tmp_path) -> None:
     done = CliRunner().invoke(command(), [str(tmp_path / "none.mcap"), "--film", str(tmp_path / "f.mp4")])
     assert isinstance(done.exception, InputError) and "none.mcap" in str(done.exception)
 
@@ -82,7 +82,7 @@ def test_help_has_worked_examples() -> None:
 
 
 @pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
-def test_a_size_that_is_none_is_said(text: str) -> None:
+def test_invalid_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="no size"):
         sized(ViewerSettings(), text)
 

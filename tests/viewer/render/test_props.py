@@ -66,7 +66,7 @@ def test_things_stay_while_their_own_message_is_on_its_way(box: Character) -> No
     assert timeline.at(3 * NS).props is None, "long without a word: they are gone"
 
 
-def test_a_take_brings_them_back(tmp_path, box: Character) -> None:
+def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
     codec = PoseCodec(box)
     with Recorder(tmp_path / "take.mcap") as recorder:
 

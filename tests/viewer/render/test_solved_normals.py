@@ -58,13 +58,13 @@ def view() -> CameraView:
     return camera.view(SIZE[0] / SIZE[1])
 
 
-def test_at_rest_they_are_as_a_skinned_mesh_has_them() -> None:
+def test_normals_at_rest_equal_the_skinned_mesh() -> None:
     rows = solved_rows(VERTICES, FACES, SURFACE)
     np.testing.assert_array_equal(rows[:, :3], VERTICES[SURFACE.source])
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
-def test_moved_they_are_what_the_slow_twin_says() -> None:
+def test_moved_normals_match_the_slow_reference() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
     np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 

@@ -67,7 +67,7 @@ def vertices(workspace: Workspace) -> dict[str, np.ndarray]:
     return {one.id: one.vertices for one in workspace.editor.standing}
 
 
-def test_a_click_chooses_it_and_another_forgets_it(workspace: Workspace) -> None:
+def test_click_selects_the_mesh_and_click_outside_deselects(workspace: Workspace) -> None:
     do(workspace, Click(Spot(0.0, 0.7)))
     assert workspace.editor.selection.character == "post" and workspace.editor.selection.handle is None
     do(workspace, Click(Pixel(0.04, 0.2)))
@@ -100,13 +100,13 @@ def test_a_stroke_cuts_it_and_both_parts_move_as_before(workspace: Workspace) ->
     assert away.max() < 1e-6, "every vertex is where it was"
 
 
-def test_a_stroke_beside_it_says_so_and_changes_nothing(workspace: Workspace) -> None:
+def test_stroke_outside_the_mesh_is_refused(workspace: Workspace) -> None:
     before = workspace.editor.project
     do(workspace, Click(Spot(0.0, 0.7)), Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.4))))
     assert workspace.editor.project is before and workspace.editor.toasts.shown[-1].bad
 
 
-def test_with_shift_two_become_one(workspace: Workspace) -> None:
+def test_shift_drag_merges_two_meshes(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.03, 0.9)), shift=True))
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
     assert workspace.editor.selection.character == "post"

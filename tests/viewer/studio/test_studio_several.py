@@ -70,7 +70,7 @@ def test_several_are_changed_as_if_they_were_one_body(factor, axis, side) -> Non
 
 @settings(max_examples=15)
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 4.0))
-def test_of_one_alone_they_are_the_edits_of_one(name, factor) -> None:
+def test_edits_of_several_equal_single_edits_for_one_character(name, factor) -> None:
     turn = from_rotation_vector(np.array([0.1, factor, 0.3]))
     assert same(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
     assert same(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))

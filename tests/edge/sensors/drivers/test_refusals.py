@@ -82,7 +82,7 @@ def test_the_system_s_own_words():
 
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
-def test_the_libraries_still_say_it_so(driver):
+def test_library_messages_still_exist(driver):
     """Every message part occurs in the installed library, so an update that rewords it is noticed here."""
     module = importlib.util.find_spec(usable(driver).needs[0])
     near = Path(module.origin).parent
@@ -200,7 +200,7 @@ def test_another_camera_than_was_asked_for(said):
     assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
 
 
-def test_one_that_the_system_shows_and_the_library_does_not(said):
+def test_forbidden_and_hidden_cameras_are_reported(said):
     _, told = said
     assert "S7: your user may not open it. Type: sudo cp" in told["forbidden"][1]
     assert "S7 is plugged in, but its library does not find it. Close what else uses it" in told["hidden"][1]

@@ -27,7 +27,7 @@ def damaged(tmp_path):
     return path
 
 
-def test_the_frames_after_it_come(damaged):
+def test_frames_after_damage_are_replayed(damaged):
     with ReplaySensor(damaged, speed=0) as sensor:
         times = [sensor.read().time_ns for _ in range(4)]
         with pytest.raises(InputError, match="focal length"):

@@ -166,7 +166,7 @@ def test_a_pair_that_does_not_fit_is_left_out_by_name():
     assert solution.calibration.epipolar < 0.25
 
 
-def test_a_good_one_is_called_good_and_its_error_told():
+def test_good_calibration_is_judged_good_with_its_error():
     judgement = judge(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
     assert judgement.verdict == "good" and judgement.usable and not judgement.advice
     facts = dict(judgement.facts)
@@ -176,7 +176,7 @@ def test_a_good_one_is_called_good_and_its_error_told():
 
 
 @pytest.mark.parametrize(("seed", "noise"), [(0, 0.1), (2, 0.1), (1, 0.3), (3, 0.5)])
-def test_the_error_that_is_told_is_not_smaller_than_the_true_one(seed, noise):
+def test_reported_disparity_error_covers_the_true_error(seed, noise):
     """At 2 m, over the whole image, with known cameras; boards were at most 0.8 m away."""
     lenses = rig()
     solution = solve(BOARD, sightings(lenses, noise=noise, seed=seed), (640, 400))
@@ -204,7 +204,7 @@ def test_insufficient_calibration_gives_advice(of, sentence):
     assert not judgement.usable and any(sentence in each for each in judgement.advice), judgement
 
 
-def test_exchanged_cameras_are_said():
+def test_exchanged_cameras_are_reported():
     judgement = judge(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
     assert not judgement.usable and "exchanged" in judgement.advice[0]
 

@@ -38,7 +38,7 @@ def disparity_error(depth, truth):
 
 @settings(max_examples=2)
 @given(st.floats(1.0, 2.5), st.floats(0.1, 0.5), st.floats(-0.4, 0.4), st.integers(0, 99))
-def test_a_slanted_plane_is_where_it_is(distance, across, down, seed):
+def test_depth_of_a_slanted_plane_is_accurate(distance, across, down, seed):
     left, right, truth = pair([Plane((0, 0, distance), (across, down, -1))], seed)
     depth = StereoMatcher(RECTIFIED, 0.5, 8.0).depth(left, right)
     assert depth.dtype == np.uint16 and depth.shape == (HEIGHT, WIDTH)
@@ -66,7 +66,7 @@ def wall():
     return pair([Plane((0, 0, 1.5), (0, 0, -1))])
 
 
-def test_a_person_is_where_they_are_for_two_exposures(performance):
+def test_depth_of_a_person_is_accurate_at_two_exposures(performance):
     left, right, truth = performance
     depth = StereoMatcher(RECTIFIED).depth(left, right)
     body = (truth > 0.9) & (truth < 1.35)
@@ -100,7 +100,7 @@ def test_the_left_edge_is_seen_as_far_as_both_cameras_see_it(wall):
     assert np.median(disparity_error(edge, truth[20:-20, own + 4 : own + 30])) < 0.3
 
 
-def test_two_images_of_nothing_in_common_tell_nothing():
+def test_unrelated_images_give_no_depth():
     left, right = (
         np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8) for seed in (0, 1)
     )

@@ -73,7 +73,7 @@ def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
     assert off(posture) < FOUND
 
 
-def test_a_frame_that_costs_what_frames_cost_is_left_alone():
+def test_usual_frame_gets_no_extra_arm_fit():
     """A confident arm in its visible place, with a usual fit error: no extra fit is made."""
     fitter, observation = Fitter(FitSettings()), observed(TRUTH)
     posture, report = fitter.fit(observation, TRUTH)
@@ -134,7 +134,7 @@ def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near,
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
-def test_thefullest_ball_is_that_about_the_point_with_most_others_near(seed, count):
+def test_fullest_ball_is_around_the_point_with_most_neighbours(seed, count):
     # Multiples of a sixteenth: squares and sums are exact, and none equals the radius.
     points = (np.random.default_rng(seed).integers(-24, 24, (count, 3)) / 16).astype(np.float32)
     near = np.linalg.norm(points[:, None] - points[None], axis=2) < 0.7

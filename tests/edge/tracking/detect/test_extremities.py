@@ -65,6 +65,6 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     assert (np.diff(found.far) <= 1e-9).all(), "the farthest come first"
 
 
-def test_nobody_has_no_extremities():
+def test_empty_mask_has_no_extremities():
     z = np.zeros((20, 20))
     assert len(extremities(z, z > 0, np.array([100.0, 100, 10, 10]), np.eye(4)).points) == 0

@@ -92,7 +92,7 @@ def test_person_lying_on_the_back_does_not_lean():
     assert backward(bent(-1.5).rotations) == 0.0
 
 
-def test_a_slight_doubt_turns_nobody():
+def test_weak_facing_evidence_does_not_flip():
     assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
 
 

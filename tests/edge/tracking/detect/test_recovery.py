@@ -81,7 +81,7 @@ def test_a_limb_is_not_brought_to_where_depth_shows_that_it_is_not():
     assert off(made, standing(), LEFT_ARM) < 0.08
 
 
-def test_nobody_is_turned_about_by_an_idea_of_the_whole_body():
+def test_whole_body_candidate_keeps_the_facing():
     """An estimate with the opposite facing is turned round first."""
     observation = observed(standing())
     idea = next(whole_bodies(observation, standing(), seen_of(turned_about(standing()), observation)))

@@ -75,7 +75,7 @@ def test_smoothing_is_independent_of_world_axes(seed):
 
 
 @pytest.mark.parametrize("gap", [0, -STEP, 10_000_000_000])
-def test_a_clock_that_jumps_resets_it(gap):
+def test_clock_jump_resets_the_filter(gap):
     one_euro = OneEuro(SmoothingSettings())
     one_euro(np.zeros((20, 3)), 10 * STEP)
     np.testing.assert_array_equal(one_euro(np.ones((20, 3)), 10 * STEP + gap), np.ones((20, 3)))
@@ -100,7 +100,7 @@ def test_zero_is_off_for_turns():
     np.testing.assert_array_equal(turned(0.0, values), values)
 
 
-def test_switched_on_it_starts_from_where_things_are():
+def test_filter_switched_on_again_starts_from_current_values():
     """State from before it was switched off must not be mixed in."""
     one_euro = OneEuro(SmoothingSettings(amount=1.0))
     one_euro(np.zeros((20, 3)), 0)

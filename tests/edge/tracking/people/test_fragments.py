@@ -74,7 +74,7 @@ def test_no_fragment_is_held_once_background_is_known():
     assert not held(drawn(SHANK), 0.1, age=YOUNG).any()
 
 
-def test_a_shank_beside_who_is_yet_to_be_found_is_held():
+def test_shank_next_to_an_undetected_person_is_held():
     view = drawn(SOMEBODY, SHANK)
     np.testing.assert_array_equal(held(view, None), view.z > 0)
     assert not held(drawn(SOMEBODY, (1.0, 1.12, 0.25, 0.6)), None)[:, 65:].any()

@@ -62,14 +62,14 @@ def test_two_who_come_back_together_are_told_apart():
     assert (first.id, second.id) == (2, 1)
 
 
-def test_somebody_who_never_was_there_is_nobody_known():
+def test_unknown_person_is_not_reidentified():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.6), HERE, 0)
     assert register.matched([(looks(1.85), HERE)], SECOND) == [(None, True)]
     assert Register(PeopleSettings()).matched([(looks(1.85), HERE)], 0) == [(None, True)]
 
 
-def test_between_two_who_look_alike_it_is_not_sure():
+def test_reidentification_between_similar_people_is_unsure():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.75), HERE, 0)
     register.leave(2, looks(1.76), HERE, 0)
@@ -77,7 +77,7 @@ def test_between_two_who_look_alike_it_is_not_sure():
     assert not sure
 
 
-def test_of_two_who_look_alike_it_is_who_left_here():
+def test_position_decides_between_people_who_look_alike():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.75), HERE + np.array([6.0, 0.0, 0.0]), 0)
     register.leave(2, looks(1.75), HERE, 0)
@@ -114,7 +114,7 @@ def test_a_hollow_in_a_zone_is_outside():
     assert not shape.holds(np.array([2.0, 1.0, 3.0]))
 
 
-def test_a_lock_admits_who_was_named():
+def test_lock_admits_only_the_named_people():
     lock = ZoneLock()
     assert lock.admits(5)
     assert not lock.closed

@@ -75,7 +75,7 @@ def looking() -> Search:
     return Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
 
 
-def test_both_halves_of_somebody_are_one(scene):
+def test_two_halves_of_a_person_become_one(scene):
     view, mask = scene
     parts = halves(view, mask)
     two = [newcomer(view, part) for part in parts]
@@ -89,7 +89,7 @@ def test_both_halves_of_somebody_are_one(scene):
     assert abs(float(found[0][1].posture.position[0])) < 0.1
 
 
-def test_two_who_hold_hands_are_two():
+def test_two_people_holding_hands_stay_two():
     """One body does not explain both of them, so the pixels stay separate."""
     z, mask = picture(posture_of(standing(arm_raise=0.5)))
     parts = [np.roll(mask, shift, 1) for shift in (-23, 23)]
@@ -121,7 +121,7 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
     assert _unions(part.copy(), parts) == [], "of what is none of the parts"
 
 
-def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
+def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
     view, mask = scene
     looks = looking()
     assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
