@@ -47,7 +47,7 @@ def named(pages: list[Path]):
     return pytest.mark.parametrize("page", pages, ids=[str(page.relative_to(ROOT)) for page in pages])
 
 
-def test_every_block_is_run_or_says_why_not():
+def test_every_block_is_run_or_states_a_reason():
     assert [
         str(b) for b in BLOCKS if b.kind not in ("shell", "python", "toml", "mermaid") and not b.reason
     ] == []

@@ -106,7 +106,7 @@ def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path
     assert body.height == pytest.approx(1.75, abs=0.25)
 
 
-def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
+def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(3)]
     said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)

@@ -129,7 +129,7 @@ def test_fusion_adds_little_jitter(study):
     assert jitter_mm(both) < 1.35 * max(jitter_mm(frames) for frames in alone.values())
 
 
-def test_somebody_who_stands_is_not_enough_to_place_a_sensor():
+def test_standing_person_is_not_enough_to_place_a_sensor():
     """Study_1, 12 s nearly on the spot, and Study_14, under a second, are never accepted."""
     for study, overlap in ((1, 4.0), (14, 0.5)):
         made = placed(seen(study), overlap)

@@ -106,7 +106,7 @@ def test_people_keep_the_heading_of_who_turns_in_them(mesh, motion, how):
     assert deviations_deg(gaps).max() < 10.0
 
 
-def test_recorded_motions_turn_as_far_as_is_said():
+def test_recorded_motions_turn_at_least_as_stated():
     for motion, degrees in TURNS.items():
         yaw = np.unwrap([hip_heading(body.joints) for body in recorded(motion)])
         assert np.degrees(np.ptp(yaw)) > degrees

@@ -63,7 +63,7 @@ def test_a_real_person_who_turns_once_is_scanned_all_round():
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
 
 
-def test_a_real_person_is_told_from_the_room_and_has_joints():
+def test_real_person_is_separated_from_the_room_and_has_joints():
     """The wall is left in the image; the tracker has to find the person."""
     frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
     volume = VolumeSettings(voxel=0.01, reach=3.5, far=3.5)

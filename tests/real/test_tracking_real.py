@@ -74,7 +74,7 @@ def test_arms_are_found_at_first_sight():
     assert np.mean(np.array(wrists) < 15) >= 0.9
 
 
-def test_somebody_who_sits_still_before_a_realsense_stays():
+def test_still_seated_person_before_a_realsense_stays():
     """Two single frames of a room with many holes, a second each: unknown background did not move."""
     folder = DATA / "depth" / "vcl3d_realsense_d415"
     if not folder.is_dir():

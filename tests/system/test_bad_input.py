@@ -142,7 +142,7 @@ def test_two_edges_of_one_name(tmp_path, enliven):
     assert first.returncode == 0
 
 
-def test_an_edge_that_is_not_listened_to_any_more_goes_on_and_ends_well(tmp_path):
+def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
     """The reader of its log disappears; only later messages are lost."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
     ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]

@@ -90,7 +90,7 @@ def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(ho
     artist.close()
 
 
-def test_an_artist_goes_on_with_an_edge_that_was_started_again(house: House) -> None:
+def test_artist_continues_with_a_restarted_edge(house: House) -> None:
     """The artist counted to 200; the new edge counts from 1 and refuses such a jump."""
     artist = EdgeClient([house.outlet.publisher.endpoint])
     house.until(lambda: artist.status is not None, artist.poll)

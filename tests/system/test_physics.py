@@ -84,7 +84,7 @@ def greens(picture: np.ndarray) -> int:
     return int(((green > 1.15 * red) & (green > 1.1 * blue)).sum())
 
 
-def test_without_the_engine_it_says_what_to_install(tmp_path):
+def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
     """As on a machine without the extra: the engine is not installed."""
     blind = "import importlib.util as u, sys; find = u.find_spec\n"
     blind += "u.find_spec = lambda name, *more: None if name == 'mujoco' else find(name, *more)\n"

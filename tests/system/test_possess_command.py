@@ -76,7 +76,7 @@ def test_another_mesh_performs_the_recording(take, tmp_path, monkeypatch):
     assert read_gltf(tmp_path / "cactus.glb").clips[0].duration == pytest.approx(44 / 30, abs=0.04)
 
 
-def test_other_parts_take_hold_of_the_recorded_mesh(take, tmp_path, capsys):
+def test_other_parts_are_attached_to_the_recorded_mesh(take, tmp_path, capsys):
     out = tmp_path / "again.enliven"
     assert cli.run(["possess", str(take), "-o", str(out)]) == 0
     whole = read_project(out)

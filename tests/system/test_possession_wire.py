@@ -100,7 +100,7 @@ def house() -> Iterator[House]:
         made.feed.close()
 
 
-def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -> None:
+def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     assert house.cues.state == "preview" and not house.cues.firm.any()
     house.live.choose_parts(2)
     whole = set(house.cues.nodes)

@@ -130,7 +130,7 @@ def test_the_viewer_solves_what_performers_do(house: House) -> None:
     assert set(cues.owners.tolist()) == {1}
 
 
-def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
+def test_second_performer_joins_with_parts_and_releases(house: House) -> None:
     house.live.possess()
     house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
     house.live.possession.body, house.live.possession.parts = 2, "right arm"

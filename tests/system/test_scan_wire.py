@@ -81,7 +81,7 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     assert running.said().fused > before and list(running.stage.characters) == ["box"]
 
 
-def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_gone(running, frames) -> None:
+def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016))
     running.until(lambda: running.said().phase == "scanning", "the beginning")

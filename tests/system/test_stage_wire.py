@@ -141,7 +141,7 @@ def test_a_large_one_arrives_in_spite_of_the_limit_of_requests_and_only_the_newe
     assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.busy
 
 
-def test_the_command_lists_puts_and_removes_and_says_what_is_wrong(edge: StagedEdge, tmp_path: Path) -> None:
+def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, tmp_path: Path) -> None:
     def run(*words: str) -> str:
         found = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])
         return found.output if found.exit_code == 0 else str(found.exception)

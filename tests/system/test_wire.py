@@ -288,7 +288,7 @@ def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) 
 
 
 @pytest.mark.parametrize("way", ["stream", "reply"])
-def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> None:
+def test_another_version_is_reported_once(fake: FakeEdge, way: str) -> None:
     link = EdgeClient([fake.endpoint])
     status = streams.StatusMessage("fake", 1, 0, time.time_ns())
     theirs = pack_stream(status).replace(b"status\0\1", b"status\0\7")
@@ -313,7 +313,7 @@ def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> N
     link.close()
 
 
-def test_two_edges_of_one_name_are_told(fake: FakeEdge) -> None:
+def test_two_edges_of_one_name_are_reported(fake: FakeEdge) -> None:
     other = FakeEdge()
     link = EdgeClient([fake.endpoint, other.endpoint])
 

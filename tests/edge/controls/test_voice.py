@@ -208,7 +208,7 @@ def test_another_kind_of_wav_is_refused(tmp_path):
         SoundRecording(path).open(960)
 
 
-def test_a_microphone_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):
+def test_missing_microphone_is_searched_while_the_edge_continues(caplog):
     try:
         import sounddevice  # noqa: F401
     except (ImportError, OSError) as error:

@@ -150,7 +150,7 @@ def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
         Dataset(tmp_path)
 
 
-def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth():
+def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
     studio, dice = PersonRenderer(), np.random.default_rng(3)
     added = 0
     for _ in range(12):
@@ -167,7 +167,7 @@ def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth
     assert added > 6
 
 
-def test_the_wall_that_is_left_beside_a_person_is_none_of_the_person_and_is_labelled_nobody(monkeypatch):
+def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
     studio, dice = PersonRenderer(), np.random.default_rng(5)
     made = studio.render_person(dice, frontal=0.5)
     mask = made.z > 0

@@ -48,7 +48,7 @@ def slow_blend(x, w, predicted, known, before, d, share):
 
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 4), st.booleans(), st.floats(0, 1), st.sampled_from([3, 4]))
-def test_blend_is_its_slow_twin(seed, count, known, share, width):
+def test_blend_matches_the_slow_reference(seed, count, known, share, width):
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(count, 20, width)), random.normal(size=(20, width))
     w = random.uniform(size=(count, 20)) * (random.uniform(size=(count, 20)) > 0.3)
@@ -107,7 +107,7 @@ def test_outlier_weights_match_the_slow_reference(seed):
     assert np.allclose(w, expected)
 
 
-def test_distances_and_sides_are_their_slow_twins():
+def test_distances_and_sides_match_the_slow_reference():
     random = np.random.default_rng(1)
     a, b = random.normal(size=(3, 20, 3)), random.normal(size=(2, 20, 3))
     sa, sb = random.uniform(size=(3, 20)), random.uniform(size=(2, 20))
@@ -126,7 +126,7 @@ def test_distances_and_sides_are_their_slow_twins():
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_confidence_is_its_slow_twin(seed):
+def test_confidence_matches_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     x, joints = 0.1 * random.normal(size=(3, 20, 3)), 0.1 * random.normal(size=(20, 3))
     w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.4)
@@ -144,7 +144,7 @@ def test_confidence_is_its_slow_twin(seed):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_bones_are_measured_as_their_slow_twin_does(seed):
+def test_bone_lengths_match_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     joints, bones = random.uniform(size=(20, 3)), random.integers(0, 20, (2, 2))
     shortest, longest = random.uniform(0, 0.5, 2), random.uniform(0.4, 1.2, 2)

@@ -142,7 +142,7 @@ def test_joints_that_lie_do_not_matter():
     assert errors(calibrate([a, b]), [A, B])[1] == pytest.approx([0, 0], abs=0.01)
 
 
-def test_a_straight_line_is_not_enough_and_says_where_to_go():
+def test_straight_walk_is_not_enough_and_gives_advice():
     made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
     assert not made.good
     assert made.pairs[0].quality.verdict is Verdict.WALK_ON

@@ -102,7 +102,7 @@ def test_fused_body_is_at_the_persons_position():
         assert frame.read_ns > 0
 
 
-def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
+def test_unplugged_sensor_is_reported_and_the_other_continues():
     streams = seen()
     frames, sensor = watched({"a": Reel("a", streams["a"], breaks=30), "b": Reel("b", streams["b"])})
     assert sensor.states == {"a": SensorState.LOST, "b": SensorState.ENDED}
@@ -144,7 +144,7 @@ def test_live_sensors_do_not_wait_for_a_silent_one():
     assert SensorState.SILENT in states
 
 
-def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
+def test_restarted_live_clock_is_aligned_by_arrival(caplog):
     """The file states an offset of 7 s. Then sensor b was reconnected, and counts from 1000 s."""
     walker = Walker()
     streams = seen(walker)
@@ -168,7 +168,7 @@ def test_clocks_that_drift_are_kept_together():
             assert abs(clocks.shift("b") * 1e-9 + 3600 * hour * 4e-5) < 0.008
 
 
-def test_a_read_that_waits_too_long_says_so():
+def test_read_timeout_is_reported():
     streams = seen()
     reels = {name: Reel(name, told, live=0.001) for name, told in streams.items()}
     with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
@@ -190,7 +190,7 @@ def test_a_collector_keeps_everything_and_stops_in_time():
     assert alike(track.joints[10], streams["a"][10].bodies[0].joints)
 
 
-def test_a_collector_that_fails_says_why():
+def test_failed_collector_gives_the_reason():
     collector = Collector("a", Reel("a", seen()["a"], breaks=4), Tracker())
     collector.start()
     collector.stop()

@@ -302,7 +302,7 @@ def test_mirroring_swaps_sides(tmp_path):
         ("wave.csv", lambda text: text.replace("\n", "\n1,2,3,\n", 1), "line 2 has 3 values"),
     ],
 )
-def test_damaged_labanotation_says_where(tmp_path, name, damage, expected):
+def test_damaged_labanotation_is_reported_with_the_place(tmp_path, name, damage, expected):
     row = labanotation_row(5, np.full((25, 1), 2))
     path = tmp_path / name
     path.write_text(damage(row * 3))

@@ -201,7 +201,7 @@ def test_a_match_far_down_the_ranking_is_told_as_well() -> None:
     assert board.shown == 3
 
 
-def test_two_performers_drive_and_one_lets_go() -> None:
+def test_one_of_two_driving_performers_releases() -> None:
     show = Show()
     one, two = person(id=1), person(left=(0.6, -0.8, 0.0), right=(-0.6, -0.8, 0.0), id=2, at=(1.0, 0, -2.5))
     show.play(one, two)
@@ -224,7 +224,7 @@ def test_two_performers_drive_and_one_lets_go() -> None:
         show.stage.release("star", 2)
 
 
-def test_somebody_lost_and_found_again_goes_on_under_another_number() -> None:
+def test_lost_performer_continues_under_another_id() -> None:
     show = Show(hand_over=1.0)
     show.play(person())
     show.stage.possess("star", parts="arms")

@@ -247,7 +247,7 @@ def test_a_vanished_subscriber_is_forgotten(publisher: Publisher) -> None:
     assert not publisher.poll()
 
 
-def test_bad_transforms_are_counted_and_said_once(
+def test_bad_transforms_are_counted_and_reported_once(
     publisher: Publisher, caplog: pytest.LogCaptureFixture
 ) -> None:
     publisher.set_character(character())

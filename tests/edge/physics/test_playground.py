@@ -90,7 +90,7 @@ def test_towers_are_not_built_into_a_character():
 
 
 @pytest.mark.parametrize(("name", "tower"), [("chair", 0), ("lamp", 1)])
-def test_no_box_of_the_towers_flies_before_anybody_takes_hold(name: str, tower: int) -> None:
+def test_no_tower_box_flies_before_attachment(name: str, tower: int) -> None:
     """A shipped mesh stands at the place of a default tower; 43 of the 48 boxes once flew off."""
     mesh, boxes = load_sample(name), BoxesSettings()
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))

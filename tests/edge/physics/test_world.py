@@ -262,7 +262,7 @@ def test_speeds_are_limited_and_nan_is_reported():
     assert not limit_speeds(np.full((1, 6), np.nan), 1.0, 1.0)
 
 
-def test_a_missing_engine_says_what_to_install(monkeypatch):
+def test_missing_engine_is_reported_with_the_install_command(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "mujoco" in sys.modules
     with pytest.raises(ResourceError, match=r"enliven-edge\[physics\]"):

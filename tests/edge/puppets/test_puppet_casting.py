@@ -90,7 +90,7 @@ def test_a_project_without_a_puppet_and_a_file_that_is_none(tmp_path: Path) -> N
         cast_puppet(str(tmp_path / "odd.toml"))
 
 
-def test_a_mesh_that_no_viewer_can_be_sent_is_said_at_once(tmp_path: Path) -> None:
+def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
     count = 2_000_100
     vertices = np.zeros((count, 3))
     vertices[:, 0] = np.arange(count) * 1e-6

@@ -36,6 +36,6 @@ def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
     np.testing.assert_allclose(at_rest, CHARACTER.vertices, atol=1e-5)
 
 
-def test_other_characters_stay_as_they_are() -> None:
+def test_other_characters_stay_unchanged() -> None:
     bones = roughly_skinned(CHARACTER)
     assert roughly_skinned(bones) is bones

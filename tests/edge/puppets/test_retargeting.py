@@ -145,7 +145,7 @@ def test_never_tracked_performer_stands_with_hanging_arms() -> None:
     assert pose[3, 1] < -0.6
 
 
-def test_turning_round_and_round_is_a_yaw_that_goes_on() -> None:
+def test_repeated_turns_give_a_continuous_yaw() -> None:
     bones = Bones(0.3)
     yaws = [bones.see(person(yaw=yaw), 1 / 30).yaw for yaw in np.linspace(0.0, 4 * np.pi, 90)]
     np.testing.assert_allclose(np.diff(yaws), 4 * np.pi / 89, atol=0.02)

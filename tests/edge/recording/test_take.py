@@ -52,7 +52,7 @@ def test_a_character_is_written_again_every_minute_and_at_the_end(tmp_path, char
     assert all(copy == read[0] for copy in read)
 
 
-def test_a_clock_below_zero_leaves_gaps_in_the_take_and_is_said(tmp_path):
+def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
     """A sensor's clock starts at -1 s: frames before 0 are not written, later ones are."""
 
     class Clock:

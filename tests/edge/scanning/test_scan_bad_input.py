@@ -43,7 +43,7 @@ def test_a_camera_that_is_flung_about_is_told_to_be_slow(tmp_path):
         run("--recording", flung, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried, tmp_path):
+def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
     """In the second half every image is from somewhere else."""
     take, frames = take_of(), []
     for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
@@ -121,7 +121,7 @@ def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_c
         run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
 
 
-def test_a_recording_without_colours_makes_a_mesh_without_and_says_so(carried, tmp_path):
+def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_path):
     said = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
     assert "The camera gave no colours, so the mesh has none" in said
     assert load_mesh(tmp_path / "plain.glb").mesh.colours is None

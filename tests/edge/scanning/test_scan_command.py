@@ -86,7 +86,7 @@ def step(state, place=0.0, room=True):
     return ScanStep(state, pose, Alignment(pose, 1.0, 1.0, 0.0, np.eye(6)), room)
 
 
-def test_the_diary_counts_the_way_and_says_what_to_do_better():
+def test_scan_log_measures_the_path_and_gives_advice():
     diary = ScanDiary()
     for n in range(10):
         diary.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)

@@ -76,7 +76,7 @@ def live(kept):
     return kept.awake()
 
 
-def test_images_arrive_as_they_are_and_gaps_are_told(live):
+def test_images_arrive_unchanged_and_gaps_are_reported(live):
     """Compared by clock and count: on a loaded machine some frames are skipped, as with a camera."""
     seen = []
     for _ in range(FRAMES):
@@ -197,7 +197,7 @@ def rooms(tmp_path_factory):
 
 
 @pytest.mark.skipif(not FULL, reason="15 s of tracking: make test-devices")
-def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(rooms, live):
+def test_only_a_camera_moved_while_absent_is_reported_as_moved(rooms, live):
     tracker = Tracker()
 
     def moved(name: str, frames: int) -> bool:

@@ -30,7 +30,7 @@ def crashed(folder) -> None:
                 sensor.read(1.0)
 
 
-def test_a_library_that_crashes_says_where_and_the_same_crash_is_counted(tmp_path):
+def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
     assert doctor._crashes().detail == "none kept"
     for name in ("first", "second"):
         crashed(tmp_path / name)

@@ -57,7 +57,7 @@ def serve(edge: Edge) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_edge_goes_on_with_the_next_good_frame(outlet, tmp_path, fault):
+def test_edge_continues_with_the_next_good_frame(outlet, tmp_path, fault):
     with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
         said = serve(edge)

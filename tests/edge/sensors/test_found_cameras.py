@@ -36,7 +36,7 @@ def camera(name: str, title: str, mbit: float = 5000.0, tmp: object = "/") -> At
     return Attached(kind, title, mbit, tmp)
 
 
-def test_webcams_and_time_of_flight_are_told_from_other_video_devices(video, monkeypatch):
+def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: object())
     video("HD Pro Webcam C920")
     video("HD Pro Webcam C920", 1)

@@ -143,7 +143,7 @@ def test_whatever_a_sensor_goes_through_its_recording_goes_through(tmp_path_fact
     assert len(frames) == sum(not step.error for step in script)
 
 
-def test_a_loss_is_said_at_the_same_frames_and_looped(tmp_path):
+def test_replayed_loss_is_reported_at_the_same_frames_and_loops(tmp_path):
     hot = Condition("USB 2", True, 95.0, 90.0)
     script = [Step(condition=hot), *[Step()] * 20, Step(error="lost"), *[Step()] * 160]
     with recorded(tmp_path / "a.mcap", Scripted(script)) as replayed:

@@ -53,7 +53,7 @@ def stream(sensor) -> tuple[list, list[Exception]]:
     raise AssertionError("the stream never ends")
 
 
-def test_a_device_that_fails_is_closed_and_another_one_goes_on():
+def test_failed_device_is_closed_and_replaced():
     with ReopeningSensor(lambda: Troubled(30, "OSError,RuntimeError")) as sensor:
         frames, errors = stream(sensor)
     assert len(frames) == 30
@@ -72,7 +72,7 @@ def test_times_rise_although_every_device_counts_from_0():
     assert sum(step == STEP for step in steps) == 27, "but for the two gaps they are the device's"
 
 
-def test_a_clock_that_goes_on_is_left_alone():
+def test_continuing_clock_is_not_shifted():
     """A device with the host's clock continues it after it is reopened."""
 
     class Host(Troubled):
@@ -131,7 +131,7 @@ def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arriv
     assert told == sorted(set(told))
 
 
-def test_attempts_become_rarer_and_go_on_for_ever():
+def test_attempts_become_rarer_and_never_stop():
     opened: list[float] = []
 
     def open_device():
@@ -168,7 +168,7 @@ def test_device_with_only_bad_frames_is_reopened():
     assert [type(error) for error in errors] == [InputError] * reopening.BAD_FRAMES + [SensorFault]
 
 
-def test_a_read_that_hangs_is_left_to_itself_and_a_fresh_device_goes_on(monkeypatch):
+def test_hanging_read_is_abandoned_for_a_new_device(monkeypatch):
     monkeypatch.setitem(reopening._LONGEST, "read", 0.3)
     let_go = threading.Event()
 

@@ -91,7 +91,7 @@ def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
     assert picture.shape[:2] == (240, 320) and picture.std() > 10
 
 
-def test_an_accelerometer_is_shown_beside_the_floor():
+def test_accelerometer_is_shown_next_to_the_floor():
     from enliven_edge.commands.sensors import _condition_facts
     from enliven_edge.sensors.base import Condition
 

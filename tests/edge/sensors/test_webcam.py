@@ -93,7 +93,7 @@ def test_an_image_that_is_not_due_yet_is_kept_for_the_next_call(film):
         assert sensor.read().time_ns == pytest.approx(1e9 / 12, abs=1e6)
 
 
-def test_two_people_keep_their_numbers(film):
+def test_two_people_keep_their_ids(film):
     class Two(Truth):
         def find(self, colour, time_ns):
             (one,) = super().find(colour, time_ns)

@@ -82,7 +82,7 @@ def test_performers_back_is_in_the_meshs_back(known):
     assert across[0] > 0.95 * np.linalg.norm(across[[0, 2]])
 
 
-def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
+def test_known_bones_follow_the_fitted_mesh():
     """Each bone is given as the centre of some vertices, so it is correct wherever the mesh stands."""
     turned = t_woman()
     vertices = turned.mesh.vertices @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]

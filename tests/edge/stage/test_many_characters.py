@@ -182,7 +182,7 @@ def test_a_hold_is_not_handed_to_a_performer_of_another_character(graph):
     assert stage.holders == {1, 3}, "3 has none"
 
 
-def test_characters_come_change_and_go_while_others_go_on(graph):
+def test_characters_come_change_and_go_while_others_continue(graph):
     stage = Stage([chair(graph, "a")])
     body = person(id=1)
     after(stage, [body], 0)

@@ -110,7 +110,7 @@ def test_unnamed_join_selects_a_free_performer(chair):
     assert house.actors["chair"].state == "free"
 
 
-def test_a_limb_that_was_lost_when_taking_hold_takes_hold_later(chair):
+def test_limb_lost_at_attachment_is_attached_later(chair):
     house = stage(chair)
     hidden = person()
     hidden.joints[[Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]] = np.nan
@@ -195,7 +195,7 @@ def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
     assert not easing.under_way
 
 
-def test_taking_hold_in_the_middle_of_a_fade_goes_on_from_what_is_shown(chair):
+def test_attachment_during_a_fade_continues_from_the_shown_pose(chair):
     house, poses = stage(chair), []
     poses.append(house.perform([person()], 0)[0])
     house.possess("chair")
@@ -284,7 +284,7 @@ def test_performer_below_the_floor_counts_as_lost(chair):
     assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 
-def test_a_newcomer_goes_on_for_who_was_away_longest(chair):
+def test_newcomer_takes_over_from_the_longest_absent(chair):
     house = stage(chair, hand_over=1.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -297,7 +297,7 @@ def test_a_newcomer_goes_on_for_who_was_away_longest(chair):
 @pytest.mark.parametrize("mode", ["alone", "join"])
 @pytest.mark.parametrize("how", ["inside", "beside"])
 @pytest.mark.parametrize("parts", ["all", "legs + head"])
-def test_the_preview_is_what_then_takes_hold(chair, mode, how, parts):
+def test_preview_equals_the_attachment(chair, mode, how, parts):
     """In the same frame, the previewed nodes and strengths equal the attached ones."""
     house = stage(chair, how=how)
     house.preview("chair", parts=parts)

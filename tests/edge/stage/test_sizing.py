@@ -161,7 +161,7 @@ def test_rigid_mesh_refuses_follow_through():
         play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.0))
 
 
-def test_the_word_scale_begins_and_ends_it_and_what_cannot_be_is_said():
+def test_word_scale_starts_and_ends_scaling_and_refusals_are_reported():
     play = Play()
     assert orders("scale", play.stage) == [Resize("hands")]
     with pytest.raises(InputError, match="nobody is in view"):

@@ -93,7 +93,7 @@ def test_feet_that_stand_do_not_slide_while_the_performer_sways(chair):
     assert slides["stand"] < 0.012 and slides["stand"] < 0.4 * slides["off"]
 
 
-def test_feet_let_go_of_the_floor_when_the_performer_walks_off(chair):
+def test_feet_release_the_floor_when_the_performer_walks_off(chair):
     bodies = [person() for _ in range(15)] + [person(ahead=0.03 * min(i, 30)) for i in range(60)]
     vertices, _ = played(chair, bodies, floor=FloorSettings(use="stand"))
     moved = (vertices[-1] - vertices[14])[:, 2]
@@ -180,7 +180,7 @@ def depth_in_each_other(trousers, states, contact):
     return worst
 
 
-def test_legs_driven_through_each_other_stay_beside_each_other(trousers):
+def test_legs_driven_through_each_other_stay_side_by_side(trousers):
     off, on = (depth_in_each_other(trousers, *crossing(trousers, 0.25, use)) for use in (False, True))
     assert off > 0.03 and on < 0.35 * off
 

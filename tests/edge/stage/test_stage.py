@@ -51,7 +51,7 @@ def test_a_free_character_meets_the_first_performer(chair):
     assert -2.3 < centre[2] < -1.6
 
 
-def test_taking_hold_does_not_jump(chair):
+def test_attachment_does_not_jump(chair):
     house = stage(chair)
     before = house.perform([person()], 0)[0]
     house.possess("chair")
@@ -95,7 +95,7 @@ def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, ya
     assert np.linalg.norm(pose.positions - expected, axis=1).max() < 0.01
 
 
-def test_letting_go_eases_back_to_rest_where_it_is(chair):
+def test_release_blends_back_to_rest_in_place(chair):
     house = stage(chair)
     house.perform([person()], 0)
     house.possess("chair")
@@ -137,7 +137,7 @@ def test_another_never_steals_a_character(chair):
     assert again.positions[:, 0].mean() < held.positions[:, 0].mean() - 0.3
 
 
-def test_after_the_stated_time_who_is_alone_goes_on_without_a_jump(chair):
+def test_single_free_performer_takes_over_without_a_jump(chair):
     house = stage(chair, hand_over=2.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -175,7 +175,7 @@ def test_nan_joints_leave_the_pose_finite(chair):
         assert np.abs(pose.positions).max() < 10
 
 
-def test_only_the_named_part_takes_hold(chair):
+def test_only_the_named_part_is_attached(chair):
     house = stage(chair)
     house.perform([person()], 0)
     house.possess("chair", parts="legs")

@@ -37,7 +37,7 @@ def test_close_limb_motions_are_physically_possible(name: str, seed: int) -> Non
 
 
 @pytest.mark.parametrize("build", [Proportions(1.75), Proportions(1.7, 1.28, hips=1.1)])
-def test_hanging_hands_are_beside_the_hips_and_not_in_them(build: Proportions) -> None:
+def test_hanging_hands_are_next_to_the_hips_and_not_in_them(build: Proportions) -> None:
     """The wrists are farther to the side than a hip joint by more than half a thigh."""
     start = CloseLimbs(Performer(build), "folded").figure(0.0).joints
     hips, wrists = start[[Joint.HIP_LEFT, Joint.HIP_RIGHT]], start[WRISTS]

@@ -89,7 +89,7 @@ def test_any_posture_has_the_performers_bones(made: PerformerPosture, height: fl
 
 @settings(deadline=None, max_examples=100)
 @given(_posture)
-def test_a_posture_is_that_of_the_slow_twin(made: PerformerPosture) -> None:
+def test_posture_matches_the_slow_reference(made: PerformerPosture) -> None:
     build = Proportions(height=1.6, shoulders=1.2, hips=0.8, arms=0.9, legs=1.1)
     figure, slow = Performer(build).pose(made), SlowPerformer(build).pose(made)
     np.testing.assert_allclose(figure.joints, slow.joints, rtol=0, atol=STEPS)

@@ -151,7 +151,7 @@ _size = st.tuples(*[st.sampled_from([0.5, 1.0]) | st.floats(0.05, 2)] * 3)
 @given(
     st.lists(st.tuples(_corner, _size), min_size=1, max_size=5), _corner, st.sampled_from([0.0, 0.4, -1.9])
 )
-def test_a_room_is_that_of_the_slow_twin(boxes: list, at: tuple, yaw: float) -> None:
+def test_room_matches_the_slow_reference(boxes: list, at: tuple, yaw: float) -> None:
     """Corners, cameras and rays are often coplanar: axis-aligned parts are cast without a rotation."""
     camera = Intrinsics(24, 18, 20.0, 20.0, 12.0, 9.0)
     room = tuple(Box(low, tuple(np.add(low, size)), i % 3) for i, (low, size) in enumerate(boxes))

@@ -82,7 +82,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_is_said_and_the_person_is_tracked_again(frames, kind):
+def test_fault_is_reported_and_tracking_resumes(frames, kind):
     said, errors, _ = run(faulty(frames, FAULTS[kind]))
     assert kind not in said[GOOD - 1]
     assert kind in set().union(*said[GOOD:-AFTER])
@@ -93,7 +93,7 @@ def test_a_fault_is_said_and_the_person_is_tracked_again(frames, kind):
 
 
 @pytest.mark.parametrize("good", [20, 35, GOOD])
-def test_a_frozen_sensor_is_said_and_its_last_picture_does_no_harm(frames, good):
+def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
     """Two seconds later the person is half a metre nearer and hides that place, or is behind it."""
     still = frames[good - 1][0].depth
     frozen = lambda i, frame: [dataclasses.replace(frame, depth=still)]  # noqa: E731
@@ -103,7 +103,7 @@ def test_a_frozen_sensor_is_said_and_its_last_picture_does_no_harm(frames, good)
     assert [person.id for person in tracker.performers] == [1], "it is the same person, and no other is left"
 
 
-def test_a_clock_that_stands_still_is_said_and_nothing_is_tracked_twice(frames):
+def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
     stuck = frames[GOOD - 1][0].time_ns
     said, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))
     assert HealthKind.FROZEN in said[GOOD + BAD - 1] and HealthKind.FROZEN not in said[-1]
@@ -111,7 +111,7 @@ def test_a_clock_that_stands_still_is_said_and_nothing_is_tracked_twice(frames):
     assert np.mean(errors[-20:]) < 0.07
 
 
-def test_frames_out_of_order_change_nothing_of_what_is_reported(frames):
+def test_frames_out_of_order_do_not_change_the_bodies(frames):
     """Late frames are dropped: the bodies equal those of the stream without them."""
 
     def late(i, frame):
@@ -144,7 +144,7 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
 
 
 @pytest.mark.parametrize(("tilt", "height"), [(30, 2.2), (20, 1.6), (10, 1.15)])
-def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person_again(frames, tilt, height):
+def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height):
     """It stands elsewhere from one frame to the next: the background changes, the person does not."""
     with SyntheticSensor(
         choreography="walk", width=WIDTH, realtime=False, camera_tilt=tilt, camera_height=height
@@ -164,7 +164,7 @@ def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person
     assert np.mean(errors[-20:]) < 0.09
 
 
-def test_a_sensor_that_changes_its_mode_is_learnt_anew_and_the_person_found_again(frames):
+def test_changed_sensor_mode_relearns_background_and_finds_person(frames):
     """A single frame of another size is dropped; a lasting change of size counts as another camera."""
     with SyntheticSensor(choreography="walk", width=128, realtime=False) as sensor:
         smaller = []

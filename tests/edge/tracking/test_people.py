@@ -170,7 +170,7 @@ def test_moving_furniture_is_not_a_person(stagecraft, thing):
     assert most(log) == 0
 
 
-def test_a_chair_put_beside_somebody_is_absorbed_and_they_are_not(stagecraft):
+def test_chair_next_to_a_person_is_absorbed_and_the_person_is_not(stagecraft):
     """At five frames per second, to save time: a person that stands still for over a minute stays."""
     s = stagecraft
     boxes = lambda t: chair(s.Box, 0.7, -2.4) if t > 2.0 else ()  # noqa: E731
@@ -214,7 +214,7 @@ def test_a_sensor_that_is_knocked_over_finds_the_floor_and_everybody_again(stage
     assert tracker.world_from_camera[1, 3] == pytest.approx(0.8, abs=0.05)
 
 
-def test_somebody_who_steps_before_the_sensor_is_not_a_sensor_that_was_moved(stagecraft):
+def test_person_close_to_the_sensor_does_not_count_as_moved_sensor(stagecraft):
     s = stagecraft
     performer = s.Player(s.still(-0.4, -2.6))
     visitor = s.Player(s.during(s.line((0.9, -0.75), (-0.9, -0.75), 0.5, 1.5), (0.5, 1.5)))

@@ -120,7 +120,7 @@ def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second()
     assert body.confidence[Joint.ANKLE_LEFT] > 0.5
 
 
-def test_a_sensor_that_was_moved_learns_the_room_anew():
+def test_moved_sensor_relearns_the_background():
     """The nearer person would be hidden by the old background, or the new one turned into people."""
     made = recorded("idle", 20)
     near, far = (world_from_level_camera(1.15, np.deg2rad(5)) for _ in range(2))
@@ -189,7 +189,7 @@ def test_a_bad_frame_between_good_ones_does_not_lose_the_person():
             assert bodies
 
 
-def test_another_resolution_in_mid_stream_starts_anew():
+def test_changed_resolution_still_gives_bodies():
     made = recorded("idle", 2 * APPEARS + 1)
     tracker = Tracker()
     for frame, _ in made[:APPEARS]:

@@ -117,7 +117,7 @@ def test_the_film_follows_what_walks_away(gl, box, tmp_path) -> None:
     assert min(clay) > 0.02
 
 
-def test_memory_is_let_go_while_filming(gl, box, tmp_path) -> None:
+def test_memory_is_released_while_filming(gl, box, tmp_path) -> None:
     feed, document = Walk(box, 60), Document(Timeline(bounded=False))
     make_film(feed, document, tmp_path / "film.mp4", None, SMALL, console=Console(quiet=True))
     assert len(document.timeline) <= 8
@@ -135,12 +135,12 @@ def test_an_edge_that_is_killed_ends_the_film(gl, box, tmp_path, monkeypatch) ->
     assert len(decoded(tmp_path / "film.mp4")) == 12
 
 
-def test_an_edge_without_a_pose_is_said(gl, box, tmp_path) -> None:
+def test_edge_without_a_pose_is_reported(gl, box, tmp_path) -> None:
     with pytest.raises(ResourceError, match="sent no pose"):
         filmed(Walk(box, 0), tmp_path / "film.mp4")
 
 
-def test_a_place_that_cannot_be_written_is_said(gl, box, tmp_path) -> None:
+def test_unwritable_film_path_is_reported(gl, box, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResourceError, match="cannot be written"):
         filmed(Walk(box, 5), tmp_path / "file" / "film.mp4")
@@ -153,7 +153,7 @@ def test_an_odd_size_becomes_even(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("name", ["libvpx-vp9", "mpeg4"])
-def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatch, caplog) -> None:
+def test_film_without_h264_uses_another_codec_and_reports_it(name, tmp_path, monkeypatch, caplog) -> None:
     only = tuple(one for one in ENCODERS if one.name == name)
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:

@@ -37,7 +37,7 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
         time.sleep(0.005)
 
 
-def test_how_frames_arrive_is_said_and_a_dead_edge_is_not_live(publisher, box, monkeypatch) -> None:
+def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
     for module in ("topic_health", "one_edge"):
         monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
@@ -93,7 +93,7 @@ def test_published_messages_reach_the_timeline(publisher, box) -> None:
         feed.close()
 
 
-def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
+def test_document_without_an_edge_names_the_address() -> None:
     feed, document = EdgeFeed(EdgeClient([Endpoint("127.0.0.1", 9, 10)])), Document()
     try:
         assert feed.poll(document) == 0

@@ -88,13 +88,13 @@ def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
     assert not document.timeline._moments[5].poses
 
 
-def test_a_recording_without_a_performance_is_said(tmp_path, box) -> None:
+def test_recording_without_a_performance_is_reported(tmp_path, box) -> None:
     write(tmp_path / "take.mcap", box, poses=False)
     with pytest.raises(InputError, match=r"no performance.*enliven run"):
         TakeFeed(tmp_path / "take.mcap")
 
 
-def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
+def test_invalid_recording_is_reported(tmp_path) -> None:
     (tmp_path / "foreign.mcap").write_bytes(b"not at all")
     for name in ("foreign.mcap", "missing.mcap"):
         with pytest.raises(InputError):
@@ -135,7 +135,7 @@ def test_poses_are_read_by_any_copy_of_their_character(tmp_path, box, damaged) -
     assert all("box" in moment.poses for moment in document.timeline._moments)
 
 
-def test_a_take_without_any_copy_says_so_once_and_ends(tmp_path, box, caplog) -> None:
+def test_take_without_its_character_is_reported_once_and_ends(tmp_path, box, caplog) -> None:
     path = tmp_path / "take.mcap"
     with_copies(path, box)
     refs = sorted(Recording(path)._container.chunks, key=lambda ref: ref.offset)

@@ -37,7 +37,7 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
     assert said["over"], "Escape ends a window that was opened to watch"
 
 
-def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
+def test_window_without_an_edge_names_the_address(tmp_path: Path) -> None:
     said = in_a_window(SESSION, str(tmp_path), "empty")
     assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert said["spread"] > 3 and said["errors"] == []

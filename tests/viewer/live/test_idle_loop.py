@@ -85,7 +85,7 @@ def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss
     assert live.playhead.time_ns == live.document.timeline.end_ns
 
 
-def test_an_edge_that_never_came_is_said_and_the_view_turns() -> None:
+def test_missing_edge_is_reported_and_the_view_turns() -> None:
     feed = Feed()
     feed.edge, feed.performs = EdgeState(connected=False), False
     live, loop, camera = LiveStage(feed, Document()), IdleLoop(), OrbitCamera()

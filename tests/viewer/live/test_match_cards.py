@@ -188,7 +188,7 @@ def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
     assert reporter.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
 
 
-def test_chains_that_point_at_the_eye_are_told() -> None:
+def test_chains_pointing_at_the_eye_are_detected() -> None:
     camera = front()
     assert not hidden(scene(), camera.view(1.5))
     camera.face(np.pi / 2, 0.05)

@@ -129,7 +129,7 @@ def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
     assert SolvedSurfaces(wait=True).vertices(CHARACTER, broken) is None
 
 
-def test_a_mesh_that_cannot_be_deformed_is_one_rigid_piece_and_said_once(caplog) -> None:
+def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
     lost = character_of_puppet(Puppet("chair", loose, points))

@@ -118,7 +118,7 @@ def test_speed_is_sensor_seconds_a_second(speed: float, seconds: float) -> None:
     assert abs(head.time_ns - seconds * speed * NS) <= 1
 
 
-def test_a_loop_goes_on_and_the_end_stops() -> None:
+def test_loop_continues_and_end_stops() -> None:
     looping, once = Playhead(filled(), live=False, loop=True), Playhead(filled(), live=False)
     for head in (looping, once):
         head.advance(29 / 30 + 0.1)

@@ -81,9 +81,7 @@ def ray_to(column: int, row: int, lean: float) -> np.ndarray:
 
 @pytest.mark.parametrize("look", ["studio", "night", "white"])
 @pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 0.9), (1.0, 0.3), (0.4, 0.55)])
-def test_a_textured_board_is_lit_as_by_the_slow_twin(
-    gl, look: str, metallic: float, roughness: float
-) -> None:
+def test_textured_board_matches_the_slow_reference(gl, look: str, metallic: float, roughness: float) -> None:
     told = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic, "roughnessFactor": roughness}
     lean, own = 0.6, replace(SMALL, look=look)
     shown = drawn(gl, board({"pbrMetallicRoughness": told}, picture(PATCHES), lean=lean), of=own)
@@ -198,7 +196,7 @@ def test_textures_are_shared_and_leave_with_their_last_character(gl) -> None:
         assert len(renderer.textures) == bool(some)
 
 
-def test_a_broken_picture_is_white_and_said(gl, caplog) -> None:
+def test_broken_texture_is_white_and_reported(gl, caplog) -> None:
     broken = Texture(np.frombuffer(b"\x89PNG\r\n\x1a\n and no more", np.uint8))
     told = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}}
     shown = drawn(gl, board(told, broken))[32, 32]

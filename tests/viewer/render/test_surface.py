@@ -115,7 +115,9 @@ def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[f
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(4, 14), st.integers(1, 30), st.integers(0, 10**6), st.floats(0.1, 2.0))
-def test_corners_share_a_normal_as_the_slow_twin_says(count: int, triangles: int, seed: int, crease) -> None:
+def test_shared_corner_normals_match_the_slow_reference(
+    count: int, triangles: int, seed: int, crease
+) -> None:
     rng = np.random.default_rng(seed)
     vertices = rng.integers(0, 3, (count, 3)).astype(np.float32)
     vertices[rng.integers(0, count, 2)] = -0.0

@@ -105,7 +105,7 @@ def test_a_film_keeps_whatever_walks_in_the_picture(speed: float) -> None:
         assert np.abs(camera.view(16 / 9).project(centre[None])).max() < 0.6
 
 
-def test_a_film_of_somebody_who_stands_moves_little() -> None:
+def test_camera_moves_little_for_a_standing_person() -> None:
     camera = FilmCamera()
     eyes = []
     for _ in range(300):

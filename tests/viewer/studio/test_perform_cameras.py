@@ -22,7 +22,7 @@ def until(done) -> None:
         time.sleep(0.05)
 
 
-def test_the_edge_lists_its_cameras_while_the_window_goes_on() -> None:
+def test_edge_lists_its_cameras_in_the_background() -> None:
     search = CameraSearch()
     assert search.cameras is None
     search.begin()
@@ -60,7 +60,7 @@ def test_an_answer_that_is_no_list_is_no_crash(answer: str) -> None:
     assert search.cameras == () and "enliven doctor" in search.problem
 
 
-def test_a_picture_that_cannot_be_read_is_said(tmp_path) -> None:
+def test_unreadable_preview_picture_is_reported(tmp_path) -> None:
     search, path = CameraSearch(), tmp_path / "depth.png"
     path.write_bytes(b"no picture")
     search._see(Camera("a", "tof"), "", path, False)

@@ -55,7 +55,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
+def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
     with pytest.raises(InputError, match="here already"):
         session.join(edges[1][1])

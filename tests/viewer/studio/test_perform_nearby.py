@@ -17,7 +17,7 @@ from enliven_viewer.studio.workspace.files import add_sample
         (("--sensor", "kinekt"), "kinekt"),
     ],
 )
-def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, said):
+def test_local_camera_start_error_is_shown(tmp_path, words, said):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
     perform.connect_nearby(*words)

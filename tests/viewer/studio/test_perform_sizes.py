@@ -83,7 +83,7 @@ def house(tmp_path) -> Iterator[House]:
         made.session.disconnect()
 
 
-def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> None:
+def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     session, editor, sizes = house.session, house.workspace.editor, house.session.sizes
     first = editor.project
     house.until(lambda: session.connected and session.performers and "chair" in session.standing)
@@ -114,7 +114,7 @@ def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> N
     assert not editor.project.handling, "it is as if it had never been"
 
 
-def test_how_far_soft_spots_swing_is_dragged_undone_and_set_anew(house: House) -> None:
+def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> None:
     session, editor, actor = house.session, house.workspace.editor, house.actor
     house.until(lambda: session.connected and session.performers and "chair" in session.standing)
     assert actor.exaggeration is None, "as the stage's settings say"

@@ -252,7 +252,7 @@ def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str
     assert editor.toasts.shown[-1].text == "No clip is under the playhead"
 
 
-def test_clips_have_pictures_that_are_drawn_beside_the_window() -> None:
+def test_clip_pictures_are_drawn_in_the_background() -> None:
     pictures = ClipPictures()
     takes = [PROJECT.take_of(PROJECT.characters[name].playing[0]) for name in NAMES.values()]
     for take in takes:

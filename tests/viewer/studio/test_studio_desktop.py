@@ -90,7 +90,7 @@ SEEN = {
 
 
 @pytest.mark.parametrize("eyes", SEEN)
-def test_good_a_warning_and_an_error_are_told_apart_by_all_eyes(eyes: str) -> None:
+def test_status_colours_differ_for_all_eyes(eyes: str) -> None:
     matrix = np.array(SEEN[eyes].split(), float).reshape(3, 3)
     seen = [lab(matrix @ linear(colour[:3])) for colour in (theme.GOOD, theme.WAIT, theme.BAD)]
     for k, one in enumerate(seen):

@@ -89,7 +89,7 @@ def test_a_mark_is_dragged_over_the_surface_and_undone(tool):
     assert same(editor.project, before)
 
 
-def test_beside_the_mesh_and_after_escape_nothing_is_named(tool):
+def test_clicks_off_the_mesh_and_escape_name_nothing(tool):
     before = tool.editor.project
     marks = pixels(tool, KNOWN.mesh.vertices[tool.marks])
     tool.press(Pointer(tuple(marks[0])))

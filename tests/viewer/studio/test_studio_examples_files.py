@@ -85,7 +85,7 @@ def test_a_table_of_exponential_maps_opens_as_a_take(workspace: Workspace, tmp_p
     assert len(clip.turns) == 20 and "LeftHand" in clip.skeleton.names
 
 
-def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
+def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     workspace.editor.choose("star")
@@ -112,7 +112,7 @@ def test_a_session_needs_a_puppet(workspace: Workspace) -> None:
     assert workspace.asking == "" and "No puppet is chosen" in said(workspace)
 
 
-def test_puppets_go_out_as_glb_and_their_error_is_said(tmp_path) -> None:
+def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     before = workspace.editor.project

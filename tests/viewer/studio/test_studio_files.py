@@ -78,9 +78,7 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(workspace: Workspace, tm
     assert workspace.editor.project is before and workspace.store.dirty
 
 
-def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(
-    workspace: Workspace, tmp_path
-) -> None:
+def test_unwritable_path_is_reported_and_work_stays_unsaved(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResourceError):
         workspace.store.save(tmp_path / "file" / "work.enliven")
@@ -102,7 +100,7 @@ def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_
     assert workspace.ended if wish == "quit" else "limb" not in workspace.editor.project.shapes
 
 
-def test_discarding_goes_on_at_once(workspace: Workspace) -> None:
+def test_discarding_continues_at_once(workspace: Workspace) -> None:
     workspace.ask("new")
     workspace.go_on(discard=True)
     assert workspace.editor.project.shapes == {} and "wave" in workspace.editor.project.takes
@@ -151,7 +149,7 @@ def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace
     assert list(store.folder.iterdir()) == []
 
 
-def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tmp_path) -> None:
+def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
     store._saved = store._autosaved = workspace.editor.project.without("limb")
@@ -160,7 +158,7 @@ def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tm
     assert "Ctrl+S" in said(workspace)
 
 
-def test_an_unknown_kind_of_file_is_said_with_those_that_are_known(workspace: Workspace, tmp_path) -> None:
+def test_unknown_file_type_is_reported_with_known_types(workspace: Workspace, tmp_path) -> None:
     with pytest.raises(InputError, match=r"\.glb"):
         workspace.open(tmp_path / "picture.png")
 
@@ -183,7 +181,7 @@ def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) 
     assert workspace.editor.selection.characters == (added.id,), "what was opened is chosen"
 
 
-def test_an_export_of_nothing_says_what_to_do(workspace: Workspace, tmp_path) -> None:
+def test_empty_export_gives_advice(workspace: Workspace, tmp_path) -> None:
     workspace.store.new()
     workspace.asking = "export"
     with pytest.raises(InputError, match="Sketch"):
@@ -395,7 +393,7 @@ def depth_recording(folder, frames: int):
     return path
 
 
-def test_depth_that_is_opened_is_tracked_beside_the_window_and_becomes_a_take(workspace, tmp_path) -> None:
+def test_opened_depth_is_tracked_in_the_background_into_a_take(workspace, tmp_path) -> None:
     path, editor = depth_recording(tmp_path, 40), workspace.editor
     workspace.open(path)
     assert (

@@ -88,7 +88,7 @@ def test_possessed_mesh_is_moved_at_every_time(workspace: Workspace) -> None:
     assert np.allclose(vertices(workspace)["post"] - before, [0.0, 0.4, 0.0], atol=0.03)
 
 
-def test_a_stroke_cuts_it_and_both_parts_move_as_before(workspace: Workspace) -> None:
+def test_stroke_cuts_the_mesh_and_both_parts_keep_moving(workspace: Workspace) -> None:
     workspace.editor.scrub(0.3)
     before = vertices(workspace)["post"]
     do(workspace, Key("c"), Drag((Spot(-0.2, 0.62), Spot(0.2, 0.66))))
@@ -114,7 +114,7 @@ def test_shift_drag_merges_two_meshes(workspace: Workspace) -> None:
     assert set(workspace.editor.project.graphs) == {"post", "other"}
 
 
-def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(workspace: Workspace) -> None:
+def test_touching_drop_merges_whatever_is_under_the_pointer(workspace: Workspace) -> None:
     """The pointer is over its own top, which hides the other one."""
     low = vertices(workspace)["other"][:, 0].min() - vertices(workspace)["post"][:, 0].max()
     drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
@@ -122,7 +122,7 @@ def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(wor
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
 
 
-def test_while_shift_is_held_the_picture_says_with_what_it_would_be_merged(workspace: Workspace) -> None:
+def test_shift_shows_the_merge_target(workspace: Workspace) -> None:
     stage, marks = HeadlessStage(workspace), list[str]()
 
     def watched() -> Iterator[Action]:
@@ -135,7 +135,7 @@ def test_while_shift_is_held_the_picture_says_with_what_it_would_be_merged(works
     assert marks and set(marks) == {"merge with post"}
 
 
-def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(workspace: Workspace) -> None:
+def test_shift_drop_in_empty_space_moves_the_mesh_with_a_note(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.6, 0.75)), shift=True))
     assert workspace.editor.history.names == ("move other",)
     assert workspace.editor.toasts.shown[-1].text == "No shape is near other"
@@ -182,7 +182,7 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     ].text
 
 
-def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp_path: Path) -> None:
+def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> None:
     """Also for a file without the motion: it is solved when it is opened."""
     project, name = possessed_chair(frames=20)
     made = Workspace.new(Editor(), tmp_path)
@@ -205,7 +205,7 @@ def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp
     assert same(editor.project, cut)
 
 
-def test_a_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
+def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
     """Its performers step into the selected mesh in the background; later edits are kept."""
     editor = workspace.editor
     source, performed = possessed_chair(frames=15)

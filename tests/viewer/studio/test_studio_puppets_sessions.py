@@ -250,7 +250,7 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     assert alike(found[0], found[1], SOLVED)
 
 
-def test_a_large_mesh_is_prepared_beside_the_window(tmp_path, monkeypatch) -> None:
+def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.studio.puppets.solver.TOLD", 30_000)
     workspace, _ = studio(tmp_path)
     mesh = refine(star(), 0.008)
@@ -277,7 +277,7 @@ def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
     assert not workspace.editor.project.puppets and not bad(workspace)
 
 
-def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
+def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     two_poses(workspace)
     workspace.editor.edit("pair", lambda p: change_point(p, "star", "other", joint="root"))
@@ -307,7 +307,7 @@ def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) ->
     assert len(workspace.editor.project.puppets) == 2
 
 
-def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
+def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path, take="sway")
     mesh = make_limb("post").mesh
     workspace.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))

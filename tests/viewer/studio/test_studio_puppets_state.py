@@ -153,7 +153,7 @@ def test_a_drag_without_a_key_pose_begins_one_at_the_moment_that_is_shown() -> N
     assert puppets.number == 0 and puppet_of(puppets).poses[0].time == 0.8
 
 
-def test_a_drag_without_a_take_says_what_to_do_and_keeps_nothing() -> None:
+def test_drag_without_a_take_gives_advice_and_changes_nothing() -> None:
     puppets = posing("head", "left", take="")
     puppets.drag(1, puppet_of(puppets).rest[1] + [0, 0.2, 0])
     assert not puppets.drop() and not puppets.posing and puppet_of(puppets).poses == ()
@@ -217,7 +217,7 @@ def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:
     assert alike(puppet_of(puppets).poses[0].places[3], settled[0][vertex("right")], SOLVED)
 
 
-def test_removing_a_point_that_key_poses_use_says_so_and_can_be_undone() -> None:
+def test_removing_a_used_point_is_reported_and_undoable() -> None:
     puppets = posing("head", "left", "foot")
     puppets.begin_pose("sway", 0.5)
     before = puppet_of(puppets)

@@ -101,9 +101,7 @@ def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, t
     assert (tmp_path / "work.enliven").read_bytes() == before
 
 
-def test_saving_meanwhile_keeps_what_is_there_and_the_recording_goes_on(
-    workspace: Workspace, tmp_path
-) -> None:
+def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, tmp_path) -> None:
     workspace.ask("save")
     first = seconds(tmp_path / "work.enliven")
     assert first > 0.9 and workspace.perform.recording.phase == "recording" and workspace.store.dirty

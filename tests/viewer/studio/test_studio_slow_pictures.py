@@ -63,7 +63,7 @@ def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> N
     assert said["roundness"] < 0.1
 
 
-def test_a_project_is_kept_beside_the_window_as_it_was_when_it_began(tmp_path, monkeypatch) -> None:
+def test_background_autosave_keeps_the_project_from_its_start(tmp_path, monkeypatch) -> None:
     goes_on, threads, written = threading.Event(), [], []
 
     def slowly(path: Path, project: Project) -> None:
@@ -89,7 +89,7 @@ def test_a_project_is_kept_beside_the_window_as_it_was_when_it_began(tmp_path, m
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_a_texture_is_white_until_it_is_decoded_beside_the_window(gl, monkeypatch, beside) -> None:
+def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, beside) -> None:
     goes_on, colour, out = threading.Event(), (200, 30, 60), io.BytesIO()
     Image.new("RGB", (8, 8), colour).save(out, "PNG")
     source = Texture(np.frombuffer(out.getvalue(), np.uint8), json.dumps({"magFilter": 9728}))

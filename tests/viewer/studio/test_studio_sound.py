@@ -119,7 +119,7 @@ def test_sound_follows_the_playhead_and_plays_only_with_it() -> None:
     assert devices[0].closed and len(devices) == 1
 
 
-def test_without_a_device_it_is_said_once_and_the_project_plays_on(tmp_path) -> None:
+def test_missing_sound_device_is_reported_once_and_playback_continues(tmp_path) -> None:
     tried: list[int] = []
 
     def none(fill):

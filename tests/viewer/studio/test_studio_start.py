@@ -274,7 +274,7 @@ def test_the_card_covers_nothing_that_is_meant(window: tuple[float, float]) -> N
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_a_sample_opens_beside_what_is_there_and_is_undone(workspace: Workspace, name: str) -> None:
+def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, name: str) -> None:
     for count in (1, 2):
         assert workspace.actions.do(f"sample.{name}")
         assert len(workspace.editor.project.characters) == count

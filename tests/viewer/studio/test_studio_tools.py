@@ -142,7 +142,7 @@ def test_nodes_are_put_in_where_the_bone_is_clicked_and_taken_out(workspace: Wor
     assert len(restored) == 5 and np.allclose(restored.positions[:, 1], [0.2, 0.45, 0.7, 0.95, 1.2])
 
 
-def test_the_root_cannot_be_taken_out_and_it_is_said_what_to_do(workspace: Workspace) -> None:
+def test_root_removal_is_refused_with_advice(workspace: Workspace) -> None:
     before = workspace.editor.project
     do(workspace, Key("x"), Click(JointPlace("limb", 0)))
     assert workspace.editor.project is before and "root" in said(workspace) and "Cut" in said(workspace)
@@ -193,7 +193,7 @@ def test_a_stroke_cuts_and_both_parts_stay_where_they_are(workspace: Workspace) 
     assert workspace.editor.selection.character == "limb 2"
 
 
-def test_a_stroke_across_nothing_says_so(workspace: Workspace) -> None:
+def test_stroke_across_nothing_is_reported(workspace: Workspace) -> None:
     do(workspace, Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.3))))
     assert workspace.editor.history.names == () and "across a limb" in said(workspace)
 
@@ -336,13 +336,13 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
     assert seen() > 2 * from_above and workspace.editor.history.names == ()
 
 
-def test_a_take_of_another_build_says_what_to_do_or_maps_all(workspace: Workspace) -> None:
+def test_take_of_another_build_gives_advice_or_is_fully_mapped(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
     workspace.editor.beside.finish()
     assert workspace.editor.history.names == ("map all of walk",) or "chain by chain" in said(workspace)
 
 
-def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Workspace) -> None:
+def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspace) -> None:
     """As by the command: on the floor, stepping, smoothed; edits made meanwhile are kept."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
@@ -363,7 +363,7 @@ def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Worksp
     np.testing.assert_allclose(low, horse().positions[:, 1].min(), atol=0.06)
 
 
-def test_a_whole_body_loops_where_the_box_says_so_and_is_mapped_again_in_its_own_place(
+def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
     workspace: Workspace,
 ) -> None:
     """The box "loop" applies to the whole body too; a second retargeting replaces the first."""
@@ -412,7 +412,7 @@ def test_a_chain_that_is_mapped_ends_the_clip_that_a_model_came_with(workspace: 
     )
 
 
-def test_a_foot_is_pinned_and_let_go(workspace: Workspace) -> None:
+def test_foot_is_pinned_and_released(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     do(workspace, Click(JointPlace("limb", 4)), Key("p"))
     assert [pin.joint for pin in workspace.editor.project.shapes["limb"].pins] == ["limb 4"], said(workspace)

@@ -153,7 +153,7 @@ def test_a_file_that_was_damaged_meanwhile_can_be_saved_over(windows, tmp_path: 
     assert characters(tmp_path / "work.enliven") == ["second", "shared"]
 
 
-def test_a_full_disk_is_said_and_asks_for_nothing(windows, monkeypatch) -> None:
+def test_full_disk_is_reported_without_a_question(windows, monkeypatch) -> None:
     def full(*_):
         raise OSError(28, "No space left on device")
 

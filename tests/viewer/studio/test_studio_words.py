@@ -59,13 +59,13 @@ def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
     assert made_of(project.character("post")).startswith(("bends anywhere", "1 bone"))
 
 
-def test_being_late_is_said_in_words_and_only_where_it_is_felt() -> None:
+def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
     assert late_words(None) == late_words(20.0) == late_words(149.0) == ""
     assert late_words(200.0) == "a little late"
     assert late_words(900.0) == "late: move slowly"
 
 
-def test_how_many_examples_are_enough_is_said_without_percents() -> None:
+def test_number_of_examples_is_rated_without_percents() -> None:
     from enliven_viewer.studio.examples.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
@@ -91,7 +91,7 @@ class _Plan:
     chains = ()
 
 
-def test_how_good_a_motion_is_is_said_in_words_that_name_the_place() -> None:
+def test_motion_quality_is_worded_with_the_place() -> None:
     arm = LimbError(**{**dict.fromkeys(LimbError.__dataclass_fields__, 0.0), "limb": "left arm"})
     good = motion_words(_Plan(), quality(limbs=(arm,)))  # type: ignore[arg-type]
     assert good == ["Limbs point as the performer's do", "The surface stretches little"]

@@ -81,7 +81,7 @@ def edge(tmp_path, monkeypatch):
     until(lambda: not helpers(), "an end without a helper process")
 
 
-def test_heartbeats_go_on_while_a_camera_is_missing_opens_slowly_hangs_dies_and_is_lost(edge, tmp_path):
+def test_heartbeats_continue_during_every_camera_failure(edge, tmp_path):
     sensor, viewer = edge
     viewer.until(HealthKind.SENSOR_LOST, "no device")
     assert viewer.link.status.sensor == "the camera"

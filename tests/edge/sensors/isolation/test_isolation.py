@@ -58,7 +58,7 @@ def test_a_pause_does_not_become_a_lag(tmp_path):
     ("mishap", "said"),
     [("crashes", "crashed"), ("exits", "ended"), ("hangs", "no image"), ("goes silent", "no image")],
 )
-def test_whatever_happens_to_the_library_another_process_goes_on(tmp_path, mishap, said):
+def test_any_library_failure_is_continued_by_another_process(tmp_path, mishap, said):
     with kept_open(opener(tmp_path, mishap=mishap)) as sensor:
         errors: list[Exception] = []
         frames = [next_frame(sensor, errors) for _ in range(20)]
@@ -77,7 +77,7 @@ def test_a_stream_that_ends_ends(tmp_path):
         assert len(frames) == 4 and sensor.read(0.1) is None
 
 
-def test_a_driver_that_does_not_let_go_is_ended(tmp_path):
+def test_driver_that_does_not_close_is_killed(tmp_path):
     sensor = opener(tmp_path, mishap="does not close", after=1000)()
     next_frame(sensor)
     sensor.close()
@@ -85,7 +85,7 @@ def test_a_driver_that_does_not_let_go_is_ended(tmp_path):
     assert sensor.read(0.1) is None
 
 
-def test_a_library_that_crashes_while_it_opens_is_said(tmp_path):
+def test_library_crash_during_opening_is_reported(tmp_path):
     with pytest.raises(ResourceError, match="crashed"):
         kept_open(opener(tmp_path, mishap="crashes at open"))
 

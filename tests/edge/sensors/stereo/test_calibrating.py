@@ -222,7 +222,7 @@ def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
     assert tomllib.loads(path.read_text())["version"] == 1 and path.read_text().startswith("# Two cameras:")
 
 
-def test_too_few_pairs_leave_the_old_file_as_it_was(pairs, tmp_path, capsys):
+def test_too_few_pairs_keep_the_old_file(pairs, tmp_path, capsys):
     few, path = tmp_path / "few", tmp_path / "stereo.toml"
     few.mkdir()
     for file in sorted(pairs[0].iterdir()):

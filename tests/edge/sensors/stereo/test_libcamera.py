@@ -93,7 +93,7 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
         assert sensor.read(1.0) is None
 
 
-def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
+def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
     """Like those of a single camera with landmarks that become bodies in the driver."""
     with IsolatedOpener("telling", Telling, {})() as sensor:
         for number in range(telling.FRAMES):
@@ -121,7 +121,7 @@ def test_unusable_libcamera_options_are_refused(options, what):
         LibcameraSensor(**options)
 
 
-def test_without_a_camera_it_says_what_to_do(capsys, tmp_path):
+def test_missing_libcamera_camera_gives_advice(capsys, tmp_path):
     try:
         LibcameraSensor().close()
     except ResourceError as error:

@@ -52,7 +52,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
     assert [left.sequence for left, _ in pairs] == [right.sequence for _, right in pairs] == both
 
 
-def test_cameras_out_of_step_are_said_with_how_far():
+def test_unsynchronised_cameras_are_reported_with_their_offset():
     pairing = Pairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=r"not in step: 12\.0 ms apart.*sync"):
         for number in range(200):
@@ -61,7 +61,7 @@ def test_cameras_out_of_step_are_said_with_how_far():
     assert 4.5 < number * STEP * 1e-9 < 5.5, "cameras that are synchronised need a while to find their step"
 
 
-def test_a_step_that_is_lost_again_is_said_before_the_edge_takes_silence_for_a_loss():
+def test_lost_synchronisation_is_reported_before_a_loss():
     pairing, pairs = Pairing("test", TOLERANCE), 0
     with pytest.raises(ResourceError, match=r"not in step: 9\.0 ms"):
         for number in range(200):

@@ -118,7 +118,7 @@ def test_left_is_left():
     assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]
 
 
-def test_a_posture_goes_on_as_it_turned():
+def test_predicted_posture_continues_its_rotation():
     """It continues by a fraction of the last rotation, and never faster than a person turns."""
     before, now = random_posture(1, 0.1), random_posture(1, 0.1)
     slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])

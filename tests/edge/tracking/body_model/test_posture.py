@@ -70,7 +70,7 @@ def test_a_rotation_turns_about_x_then_y_then_z(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_motion_goes_on_a_little_slower_and_no_faster_than_people_move(seed):
+def test_predicted_motion_is_damped_and_limited(seed):
     """By four fifths of the last frame's translation and rotation, at most 0.1 metres and 0.25 radians."""
     before, random = random_posture(seed), np.random.default_rng(seed)
     now, turns = before.copy(), random.normal(0, 0.2, (13, 3))

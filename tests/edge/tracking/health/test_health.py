@@ -168,7 +168,7 @@ def test_a_good_stream_is_in_good_health():
         (HealthKind.MISSING_DEPTH, lambda i: frame(i, depth=image(i) * LEFT_MISSING)),
     ],
 )  # fmt: skip
-def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
+def test_sensor_fault_is_reported_and_cleared(kind, fault):
     """Three seconds of the fault between good ones: nothing else is reported, and the report does not
     flicker.
     """
@@ -184,7 +184,7 @@ def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
     assert np.abs(np.diff(np.array(active, int))).sum() == 2
 
 
-def test_a_sensor_that_is_silent_is_said_to_be():
+def test_silent_sensor_is_reported():
     monitor = HealthMonitor()
     watched(monitor, [frame(i) for i in range(5)])
     monitor.silent(0.2)
@@ -240,7 +240,7 @@ def test_trackers_own_warnings_are_forwarded(kind, state):
     assert monitor.states == []
 
 
-def test_people_who_hold_hands_are_said_to_be_joined():
+def test_people_holding_hands_are_reported_as_joined():
     monitor, ada, bob = HealthMonitor(), standing(aside=-0.5), standing(aside=0.5, identity=4)
     for i in range(90):
         hand = np.array([0.0, 0.9, -3.0 if i < 45 else -2.5])
@@ -278,7 +278,7 @@ def test_a_sensor_may_promise_less():
 
 
 @pytest.mark.parametrize("kind", HealthKind)
-def test_a_sensor_without_a_device_is_told_of_no_cable_power_or_lens(kind: HealthKind) -> None:
+def test_sensor_without_a_device_gets_no_hardware_advice(kind: HealthKind) -> None:
     alarms = Alarms("The sensor")
     numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
     facts: dict[str, object] = dict.fromkeys(numbers, 1.0)

@@ -78,7 +78,7 @@ def test_output_is_always_finite(seed, amount):
         assert (made.confidence[lost] == 0.0).all()
 
 
-def test_a_joint_that_is_lost_stays_where_it_was_and_says_so():
+def test_lost_joint_stays_with_low_confidence():
     output, bodies = Output(settings_of(0.0)), truth("idle", 5)
     for i, body in enumerate(bodies):
         joints = body.joints.copy()

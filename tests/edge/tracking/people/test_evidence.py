@@ -115,7 +115,7 @@ def test_the_network_is_evidence_where_there_is_one():
 
 @given(st.integers(0, 10_000), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone):
+def test_gathered_evidence_matches_the_slow_reference(seed, alone):
     random = np.random.default_rng(seed)
     shares, support, violated = random.random((20, 4)), random.integers(0, 90, 20) * 1.0, random.random(20)
     loose, unsupported = random.uniform(0.01, 2, 20), random.integers(0, 50, 20) * 1.0

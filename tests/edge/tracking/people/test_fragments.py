@@ -56,7 +56,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)
 
 
-def test_a_shank_beside_somebody_is_held():
+def test_shank_next_to_a_person_is_held():
     view = drawn(SHANK)
     np.testing.assert_array_equal(held(view, 0.1), view.z > 0)
 
@@ -66,7 +66,7 @@ def test_a_shank_far_from_everybody_is_not_held(somebody_at):
     assert not held(drawn(SHANK), somebody_at).any()
 
 
-def test_something_large_beside_somebody_is_not_held():
+def test_large_object_next_to_a_person_is_not_held():
     assert not held(drawn(BENCH), 0.3).any()
 
 

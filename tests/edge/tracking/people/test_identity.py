@@ -51,7 +51,7 @@ def test_somebody_looks_like_themselves_and_not_like_who_is_taller(height, seed)
     assert taller.mismatch(first) > 9.0
 
 
-def test_two_who_come_back_together_are_told_apart():
+def test_two_people_returning_together_are_distinguished():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.65), HERE, 0)
     register.leave(2, looks(1.85), HERE, 0)

@@ -99,7 +99,7 @@ def test_lost_person_is_not_absorbed_until_seen_elsewhere():
     assert not in_front(room, picture(2.0), guess=True).any()
 
 
-def test_the_wall_behind_somebody_who_left_is_the_room():
+def test_wall_behind_a_person_who_left_is_background():
     room, somebody = RoomModel((20, 20)), np.zeros((20, 20), bool)
     somebody[5:15, 8:12] = True
     room.learn(np.full((20, 20), 3.0), somebody)
@@ -255,7 +255,7 @@ def test_a_fringe_that_was_learnt_alone_tells_nothing_of_what_was_never_seen():
         assert (kind[2:4, 3] == expected).all()
 
 
-def test_every_pixel_is_told_apart():
+def test_pixels_are_classified():
     room = RoomModel((8, 8))
     somebody = np.zeros((8, 8), bool)
     somebody[:, 5:] = True
@@ -405,7 +405,7 @@ def guessed_slowly(z, ray, mount, floor_band):
 
 @given(st.integers(0, 10_000), st.integers(1, 70), st.integers(1, 70), st.floats(0.2, 4.0))
 @settings(max_examples=40, deadline=None)
-def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
+def test_background_filling_matches_the_slow_reference(seed, h, w, coarse):
     """Also in images smaller than a patch, which are mirrored repeatedly."""
     random = np.random.default_rng(seed)
     known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)

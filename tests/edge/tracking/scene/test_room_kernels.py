@@ -22,7 +22,7 @@ from enliven_edge.tracking.scene.room_kernels import (
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
-def test_pixels_are_told_apart_as_the_slow_twin_does(seed):
+def test_pixel_classes_match_the_slow_reference(seed):
     random, shape = np.random.default_rng(seed), (9, 11)
     z, known, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
     points = random.uniform(-0.3, 2.0, (*shape, 3))
@@ -40,7 +40,7 @@ def test_pixels_are_told_apart_as_the_slow_twin_does(seed):
 
 @given(st.integers(0, 10_000), st.integers(0, 4))
 @settings(max_examples=25, deadline=None)
-def test_pixels_are_guarded_as_the_slow_twin_does(seed, people):
+def test_guarded_pixels_match_the_slow_reference(seed, people):
     random, shape = np.random.default_rng(seed), (9, 11)
     ids = random.permutation(8)[:people] - 1
     owner, guarded = random.integers(-1, people, shape), random.integers(-1, 8, shape)
@@ -115,7 +115,7 @@ def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate
 
 @given(st.integers(0, 10_000), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_a_frame_is_learnt_as_the_slow_twin_does(seed, dark, at_once):
+def test_learning_a_frame_matches_the_slow_reference(seed, dark, at_once):
     """From any state, with background, nearer, farther and no depth, on people and candidates.
 
     Seconds and depths have single precision in the state; random numbers are farther from any threshold.

@@ -94,7 +94,7 @@ def normal_slowly(points, z, v, u, eye):
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
-def test_normals_are_those_of_the_slow_twin(seed, rough):
+def test_normals_match_the_slow_reference(seed, rough):
     """On a slope with steps and holes, up to the image's border."""
     random, camera = np.random.default_rng(seed), WorkingCamera(Intrinsics(24, 18, 20, 20, 11.5, 8.5), 24)
     z = 2.0 + 0.01 * np.arange(24) + rough * random.standard_normal((18, 24))

@@ -60,7 +60,7 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
 
 @given(st.integers(0, 100_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
-def test_claims_are_those_of_the_slow_twin(seed, handicap):
+def test_claims_match_the_slow_reference(seed, handicap):
     """For pixels of every kind at random depths, and an occluded person; to single precision."""
     random, shape = np.random.default_rng(seed), (60, 80)
     view = view_of(random.uniform(1.5, 3.5, (60, 1)) + 0.3 * random.standard_normal(shape))
@@ -166,7 +166,7 @@ def contacts_slowly(view, owner, group, people):
 @given(st.integers(0, 100_000), st.integers(0, 2))
 @example(2146, 2)
 @settings(max_examples=25, deadline=None)
-def test_loose_groups_are_measured_as_their_slow_twins(seed, people):
+def test_loose_group_measures_match_the_slow_reference(seed, people):
     """None is a speckle or a limb, the largest come first, and every person's pixels are counted."""
     random = np.random.default_rng(seed)
     view = view_of(2.4 + 0.4 * ndimage.gaussian_filter(random.standard_normal((60, 80)), 4))
@@ -210,7 +210,7 @@ def test_an_arm_that_was_not_expected_there_belongs_to_its_owner():
     assert segments.loose == []
 
 
-def test_somebody_who_touches_somebody_is_not_their_limb():
+def test_touching_person_is_not_the_others_limb():
     view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.6, 1.0, 0.1, 1.7, 2.4), (0.2, 0.7, 1.0, 1.1, 2.4)])
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
     segments = segmented(view, kind, [person(0.0)])
