@@ -145,7 +145,7 @@ def test_attachment_continues_in_next_revision():
 
 @settings(max_examples=12)
 @given(st.data())
-def test_no_sequence_of_messages_harms_what_stands_there(data):
+def test_no_message_sequence_harms_the_stage(data):
     stage = possessed()
     arrivals, stood = Arrivals(stage, SETTINGS), stage.actors["chair"]
     names, digests = (
@@ -253,7 +253,7 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
     assert arrivals.put(order_of(CHAIR, "e")) == Awaited(0)
 
 
-def test_a_mesh_without_a_person_is_not_searched_for_one_after_an_edit_that_moves_its_vertices(monkeypatch):
+def test_person_search_is_not_repeated_after_moving_vertices(monkeypatch):
     """The search takes as long as everything else.
 
     It is repeated if faces change, or if it found a person.

@@ -46,7 +46,7 @@ def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_joints_lie_on_what_the_picture_shows(mirrored) -> None:
+def test_preview_joints_lie_on_the_image(mirrored) -> None:
     place = tilted()
     body, depth = body_and_depth(place)
     told = Glance().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
@@ -72,7 +72,7 @@ def test_preview_is_sent_every_other_frame_and_needs_a_pose() -> None:
     assert again is not None, "a recording begins anew"
 
 
-def test_a_sensor_that_tracks_by_itself_tells_only_where_it_stands() -> None:
+def test_body_sensor_publishes_only_its_pose() -> None:
     told = Glance().of(BodyFrame([], 0, "kinect2"), tilted())
     assert told is not None and told.height == 0 and told.nearness == b""
     assert told.place == pytest.approx(tilted()[:3].ravel().tolist())

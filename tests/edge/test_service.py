@@ -126,7 +126,7 @@ def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     assert state.kind == HealthKind.NO_FRAMES and state.severity == 2
 
 
-def test_bodies_of_a_sensor_that_tracks_people_itself_are_smoothed_and_mirrored_too(outlet, tmp_path):
+def test_bodies_of_a_body_sensor_are_smoothed_and_mirrored(outlet, tmp_path):
     random = np.random.default_rng(0)
     base = random.normal(size=(20, 3))
     frames = [

@@ -103,7 +103,7 @@ def test_image_without_a_known_camera_asks_for_a_lens(image, tmp_path):
     [("colour.png", "RGB", "a PNG image in colour"), ("colour.jpg", "RGB", "a JPEG image in colour"),
      ("grey.png", "L", "in 256 greys")],
 )  # fmt: skip
-def test_image_without_depth_is_refused_with_what_it_is(name, mode, message, tmp_path):
+def test_image_without_depth_is_refused_with_its_type(name, mode, message, tmp_path):
     Image.new(mode, (64, 48)).save(tmp_path / name)
     with pytest.raises(InputError, match=message) as caught:
         run(tmp_path / name, "-o", tmp_path / "bodies.mcap")

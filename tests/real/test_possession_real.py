@@ -98,7 +98,7 @@ def recorded(pattern: str) -> list[Body]:
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("motion", TURNS)
 @pytest.mark.parametrize("mesh", PEOPLE)
-def test_people_keep_the_heading_of_who_turns_in_them(mesh, motion, how):
+def test_human_meshes_keep_their_performers_heading(mesh, motion, how):
     """Attached in the middle of the film, after the performer has turned since they were first seen."""
     film = recorded(motion)
     actor = cast(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))

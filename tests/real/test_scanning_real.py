@@ -48,7 +48,7 @@ def test_the_camera_is_found_in_a_real_kitchen():
     assert np.linalg.norm(np.diff(those, axis=0), axis=1).sum() > 0.5
 
 
-def test_a_real_person_who_turns_once_is_scanned_all_round():
+def test_real_turning_person_is_scanned_all_round():
     frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
     volume = VolumeSettings(voxel=0.01, reach=1.6, far=1.6)
     scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))

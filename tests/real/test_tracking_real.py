@@ -118,7 +118,7 @@ def test_single_person_before_unmeasured_hall_is_detected(start):
         assert len(tracker.track(frame)) == 1 or n < APPEARS, f"frame {start + n}"
 
 
-def test_a_person_who_turns_is_followed_all_the_way():
+def test_turning_person_is_tracked_all_round():
     """One hundred frames of a turn of about 345 degrees, upper body only, in front of a wall."""
     frames = frames_of("depth/uva_cv2_person_turn")
     tracker, yaws, inside = Tracker(), [], []

@@ -102,7 +102,7 @@ def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
 
 
 @pytest.mark.parametrize("value", [0, 65535, 2000])
-def test_frames_with_nobody_in_them_pass(tmp_path, value, enliven):
+def test_frames_without_people_are_processed(tmp_path, value, enliven):
     """Zeros, all 65535, a wall: the edge runs to the end without attaching a character."""
     path = recorded(tmp_path / "nobody.mcap", lambda i: np.full((120, 160), value, np.uint16))
     ports = ["--port", "0", "--control-port", "0", "--name", f"nobody-{value}"]

@@ -17,7 +17,7 @@ SUFFIXES = (".glb", ".vrm")
 
 
 @pytest.mark.parametrize("door", DOORS)
-def test_every_door_shows_what_the_reader_reads(tmp_path, door):
+def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
     for number, (name, made) in enumerate(TWINS.items()):
         if name == "flat_matrix":  # some entry points drop coincident faces
             continue
@@ -28,7 +28,7 @@ def test_every_door_shows_what_the_reader_reads(tmp_path, door):
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
 
 
-def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
+def test_every_entry_point_refuses_unknown_compression(tmp_path):
     twin = TWINS["waving"]()
     twin.extension("ACME_compression", True)
     path = twin.write(tmp_path / "a.glb")
@@ -37,7 +37,7 @@ def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
             door(path)
 
 
-def test_every_way_in_says_that_morph_targets_stand_still(tmp_path, capsys, caplog):
+def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplog):
     path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
     words, editor = "are left out over time", Editor()
     add_file(editor, path)

@@ -145,7 +145,7 @@ def test_a_default_stage_takes_sixteen() -> None:
     house.close()
 
 
-def test_announced_characters_that_never_come_do_not_keep_the_artist_from_adding_one(house: House) -> None:
+def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
     """Four by one visitor, and one each by thirty: the artist's character is added at once."""
     rude = house.visitor()
     for name in "abcd":
@@ -198,9 +198,7 @@ def memory() -> float:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
-def test_thousands_of_departed_characters_leave_nothing_behind(
-    house: House, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_departed_characters_leave_no_memory(house: House, capsys: pytest.CaptureFixture[str]) -> None:
     """Each is put, attached, resized and removed: memory and the newcomer's messages stay the same."""
     viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
     house.until(lambda: viewer.status is not None, viewer.poll)

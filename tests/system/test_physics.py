@@ -96,7 +96,7 @@ def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
     assert "enliven-edge[physics]" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_a_late_joiner_sees_what_lies_about():
+def test_late_viewer_sees_the_props():
     props = Props(
         5,
         np.arange(2),

@@ -54,7 +54,7 @@ def test_all_that_is_needed_has_a_pin(where) -> None:
 
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
-def test_a_lock_installs_what_is_needed_and_nothing_else(kind, where) -> None:
+def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
     pins, names = lock.pins(), lock.needed(lock.wanted(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
@@ -161,7 +161,7 @@ def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
     assert f"0 of {count} releases" in capsys.readouterr().out
 
 
-def test_the_audit_without_a_network_says_what_it_leaves_out(monkeypatch, capsys) -> None:
+def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
     for part in ("licences", "bundled", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])

@@ -117,7 +117,7 @@ def house() -> Iterator[House]:
         made.feed.close()
 
 
-def test_the_viewer_solves_what_performers_do(house: House) -> None:
+def test_viewer_solves_the_performers_puppet(house: House) -> None:
     assert house.document.characters["cactus"].kind == "points"
     house.live.possess()
     house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")

@@ -120,7 +120,7 @@ def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) ->
     assert np.abs(found["confidence"] - reference["confidence"][:count]).mean() < 0.1
 
 
-def test_the_tracked_joints_are_the_true_ones(whole):
+def test_tracked_joints_match_the_truth(whole):
     """Compared with the truth in the shipped recording, not with an earlier result."""
     from enliven_edge.assets import CHAIR
 

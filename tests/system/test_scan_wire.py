@@ -103,7 +103,7 @@ def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, fr
         running.edge.carry_out(Scan("done"))
 
 
-def test_a_thing_that_is_to_turn_is_scanned_in_fine_voxels(running, frames) -> None:
+def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016, turned=True))
     running.until(lambda: running.said().phase == "scanning", "the beginning")

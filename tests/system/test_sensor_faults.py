@@ -48,7 +48,7 @@ def edge(name: str, *arguments: str) -> list[str]:
     return command("edge", "--sensor", "troubled", *ports, *arguments)
 
 
-def test_the_edge_outlives_every_fault_and_says_it(tmp_path, installed):
+def test_edge_survives_and_reports_every_fault(tmp_path, installed):
     options = ["--set", "frames=120", "--set", f"faults={FAULTS}", "--set", "every=10", "--set", "pace=0.01"]
     asked = edge("outlives", *options, "--record", str(tmp_path / "take.mcap"))
     done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
@@ -119,7 +119,7 @@ def no_camera():
         pytest.skip("there is one")
 
 
-def test_run_without_its_camera_says_what_to_plug_in_and_what_to_type(no_camera):
+def test_run_without_its_camera_gives_advice_and_command(no_camera):
     asked = command("run", "--sensor", "oak", "--window")
     done = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 4, done.stderr
@@ -129,7 +129,7 @@ def test_run_without_its_camera_says_what_to_plug_in_and_what_to_type(no_camera)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
-def test_a_kiosk_that_starts_before_its_camera_waits_and_tells_its_viewers(no_camera, tmp_path):
+def test_edge_started_before_its_camera_waits_and_informs_viewers(no_camera, tmp_path):
     port, control = free_ports()
     ports = ["--port", str(port), "--control-port", str(control), "--name", "kiosk"]
     with (tmp_path / "log").open("w+") as log:

@@ -47,7 +47,7 @@ hows = st.fixed_dictionaries(
     late=st.integers(0, 3),
     seed=st.integers(0, 99),
 )
-def test_on_the_same_mesh_it_is_what_was_recorded(how, given_orders, absent, late, seed):
+def test_solving_again_on_the_same_mesh_equals_the_recording(how, given_orders, absent, late, seed):
     """For any attachments and settings, leaving and returning performers, and hand-overs."""
     first, gone = absent
     away = 0.0 if how["place"] == "fixed" else 2.5

@@ -229,7 +229,7 @@ def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
         reset(each)
 
 
-def test_characters_for_who_does_not_read_take_no_memory(edge: RunningEdge) -> None:
+def test_unread_characters_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(3)]
     pushed(rude, request(requests.GetState("statue")) * 100, 0.5)
     deadline = time.monotonic() + ATTACK

@@ -92,7 +92,7 @@ def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publish
     assert link.health[publisher.endpoint].lost == 0 and link.clock_offset_ns == 0
 
 
-def test_a_late_joiner_gets_what_it_missed(publisher: Publisher) -> None:
+def test_late_viewer_gets_the_missed_messages(publisher: Publisher) -> None:
     publisher.set_character(character("lamp", 5))
     publisher.set_status(phase="tracking", note="on stage", sensor="kinect")
     publisher.publish(cues_to_message("lamp", "possessed", np.array([1, 2]), np.array([0.5, 1]), 3))
@@ -165,7 +165,7 @@ def test_commands_and_their_replies(link: EdgeClient, publisher: Publisher) -> N
     assert "sofa" in notice.text and "chair" in notice.text
 
 
-def test_a_command_that_nobody_answers_ends_with_a_notice(
+def test_unanswered_command_ends_with_a_notice(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
@@ -268,7 +268,7 @@ def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
     link.close()
 
 
-def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) -> None:
+def test_contradictory_character_or_pose_is_dropped(fake: FakeEdge) -> None:
     link = EdgeClient([fake.endpoint])
     status = streams.StatusMessage("fake", 1, 1, time.time_ns())
     bad = characters.CharacterMessage(

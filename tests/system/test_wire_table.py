@@ -96,7 +96,7 @@ def until(done: Callable[[], object], *polled: Callable[[], object]) -> None:
         time.sleep(0.001)
 
 
-def test_a_new_message_is_carried_recorded_told_late_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:
+def test_new_message_is_sent_recorded_latched_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:
     with outlet_of(tmp_path / "wind.mcap") as outlet:
         outlet.introduce(block("box"))
         outlet.publish(Tick(BodyFrame([], STEP, "x"), poses=[block("box").rest_pose(STEP)]))
@@ -225,7 +225,7 @@ def test_a_stored_take_of_two_characters_is_read(tmp_path: Path) -> None:
         assert set(read_possessed(path).graphs) == {"left", "right"}
 
 
-def test_bodies_are_bit_by_bit_what_they_were() -> None:
+def test_body_messages_are_bitwise_unchanged() -> None:
     """The table's row changed, the bytes did not."""
 
     assert pack_stream(BodiesMessage(7, 8, [])) == b"bodies\0\1\x93\x07\x08\x90"

@@ -131,7 +131,7 @@ def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet
     pedal.close()
 
 
-def test_every_word_does_what_a_viewer_would_ask_for(outlet, caplog):
+def test_every_control_word_equals_a_viewers_request(outlet, caplog):
     say = Say()
     house = House(outlet, Controls([say]))
 

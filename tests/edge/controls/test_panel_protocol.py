@@ -113,7 +113,7 @@ def test_message_of_another_protocol_is_ignored(body):
     assert keys.feed(encode(body)) == [] and keys.version == ""
 
 
-def test_a_greeting_says_protocol_and_cause():
+def test_greeting_contains_protocol_and_cause():
     keys = PanelKeys()
     keys.feed(encode("H02W"))
     assert (keys.version, keys.cause, keys.heard) == ("02", "W", 1)

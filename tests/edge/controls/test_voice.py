@@ -126,7 +126,7 @@ def test_sounds_without_speech_give_no_command(recogniser, kind):
 
 
 @spoken
-def test_viewers_are_told_what_was_heard_and_what_it_set_off(tmp_path):
+def test_viewers_receive_heard_phrases_and_their_commands(tmp_path):
     written(tmp_path / "say.wav", said("puppet follow my pose") + said("look at the lights"))
     for hides_talk in (False, True):
         settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
@@ -145,7 +145,7 @@ def test_viewers_are_told_what_was_heard_and_what_it_set_off(tmp_path):
         assert "listening" in {one.state for one in states} and len(states[0].phrases) == len(SETTINGS.map)
 
 
-def test_a_microphone_is_opened_and_closed_by_an_order_or_says_what_it_lacks():
+def test_microphone_is_opened_and_closed_by_command_or_gives_a_reason():
     pytest.importorskip("sounddevice", reason="sounddevice is not installed", exc_type=(ImportError, OSError))
     told: list[VoiceMessage] = []
 

@@ -53,7 +53,7 @@ def quarter(z, mask, camera, pose, crop: Crop, points) -> np.ndarray:
 
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_the_compiled_crop_is_the_slow_one(seed):
+def test_compiled_crop_matches_the_slow_reference(seed):
     z, mask, camera, pose = scene(seed)
     crop = crop_person(z, mask, camera, pose)
     np.testing.assert_allclose(crop.image, slow_image(z, mask, camera, pose, crop), atol=1e-4)
@@ -145,7 +145,7 @@ def test_a_person_twice_as_far_through_twice_the_lens_looks_the_same(seed):
 
 @given(SEEDS, st.floats(-0.5, 0.5))
 @settings(max_examples=25, deadline=None)
-def test_a_lower_floor_lifts_the_person_and_nothing_else(seed, raised):
+def test_lower_floor_only_changes_the_persons_height(seed, raised):
     case = scene(seed)
     there, higher = crop_person(*case).image, crop_person(*case, raised=raised).image
     np.testing.assert_allclose(higher[2], there[2] + raised * there[0], atol=1e-5)

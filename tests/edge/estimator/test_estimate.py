@@ -92,7 +92,7 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
     assert landmarks[:, 4].min() >= 0.12 and landmarks[:, 4].max() <= 0.4
 
 
-def test_joints_that_are_all_as_sure_as_usual_weigh_one_together():
+def test_joints_of_usual_confidence_have_total_weight_one():
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
     assert estimate.landmarks[:, 3].sum() == pytest.approx(TRUST.mean())
     assert TRUST[12:].max() < TRUST[:12].min(), "legs weigh less than trunk and arms"

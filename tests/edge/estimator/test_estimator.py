@@ -143,7 +143,7 @@ def test_world_frame_changes_only_joint_positions():
         np.testing.assert_allclose(here.spread, there.spread, atol=1e-3)
 
 
-def test_several_facings_at_once_are_as_one_by_one():
+def test_batched_facings_equal_single_ones():
     facings = [None, 0.0, 1.0, -2.0, np.pi]
     for n in range(5):
         case = fresh(n)

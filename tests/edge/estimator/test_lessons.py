@@ -141,7 +141,7 @@ def test_a_batch_is_in_rising_order(folder):
         np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter has no facing: NaN
 
 
-def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
+def test_inconsistent_album_arrays_are_refused(tmp_path):
     (tmp_path / dataset._COMPLETE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
     for name in dataset._ARRAYS:

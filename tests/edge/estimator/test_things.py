@@ -90,7 +90,7 @@ def test_clutter_is_near_its_position(seed, x, z):
         np.testing.assert_allclose(solid.turn @ solid.turn.T, np.eye(3), atol=1e-12)
 
 
-def test_a_thing_stands_on_the_floor():
+def test_clutter_stands_on_the_floor():
     """It touches the floor or nearly does; rotated parts may penetrate it slightly."""
     for seed in range(100):
         made = random_clutter(np.zeros(2), np.random.default_rng(seed))

@@ -92,7 +92,7 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
         assert min(np.abs(one.joints - two.joints).max() for two in other) < 1e-9
 
 
-def test_bodies_of_different_moments_are_brought_to_one():
+def test_bodies_of_different_times_are_aligned():
     """Two sensors expose at different times; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
@@ -418,7 +418,7 @@ def test_many_people_before_two_sensors_keep_apart():
             assert [b.id for b in bodies] == [1, 2, 3, 4, 5, 6]
 
 
-def test_after_the_warm_up_nothing_is_left_to_compile():
+def test_warm_up_leaves_no_kernel_to_compile():
     assert plausible(body(standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)

@@ -91,6 +91,6 @@ def test_the_shade_rises_with_the_right_hand_and_the_foot_stays(performed) -> No
     assert np.isfinite(after.linear).all()
 
 
-def test_meshes_are_held_as_they_are_made_to_be() -> None:
+def test_shipped_meshes_have_their_default_parts() -> None:
     assert parts_for("lamp") == "hip and right arm"
     assert parts_for("chair") == parts_for("horse.obj") == "all"

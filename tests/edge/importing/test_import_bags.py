@@ -239,7 +239,7 @@ def test_damage_is_a_sentence_or_harmless(orbbec, tmp_path_factory, data):
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.97])
 @pytest.mark.parametrize("which", ["orbbec", "realsense"])
-def test_a_recording_that_is_cut_off_leaves_nothing_behind(orbbec, tmp_path, share, which):
+def test_truncated_recording_leaves_no_output(orbbec, tmp_path, share, which):
     content = (orbbec if which == "orbbec" else OLD_BAG).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(content[: round(share * len(content))])

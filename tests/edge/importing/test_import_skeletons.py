@@ -190,7 +190,7 @@ def test_gait(tmp_path):
     assert (frames[2].bodies[0].confidence == 1).all()
 
 
-def test_a_missing_joint_waits_where_it_was_and_pulls_nothing(tmp_path):
+def test_missing_joint_keeps_its_position_without_effect(tmp_path):
     order = [Joint.HEAD, *(joint for joint in Joint if joint != Joint.HEAD)]
     path = tmp_path / "walk.txt"
     whole = gait_text(person(), order)

@@ -22,7 +22,7 @@ def test_missing_mediapipe_is_reported_with_a_fix():
         MediaPipeSource()
 
 
-def test_a_mediapipe_without_a_model_is_told_where_it_goes(tmp_path, monkeypatch):
+def test_missing_mediapipe_model_is_reported_with_its_path(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mediapipe").mkdir()

@@ -191,7 +191,7 @@ def test_the_next_match_is_shown_and_taken() -> None:
     assert [tuple(line[-1]) for line in board.rows[0].lines] == second
 
 
-def test_a_match_far_down_the_ranking_is_told_as_well() -> None:
+def test_low_ranked_match_is_published_too() -> None:
     show = Show(listed=3)
     show.actor.preview(None, "arms")
     show.play(person())
@@ -243,7 +243,7 @@ def test_lost_performer_continues_under_another_id() -> None:
     np.testing.assert_allclose(show.limb("right"), rest, atol=1e-9)
 
 
-def test_another_limb_is_added_to_those_that_one_has() -> None:
+def test_another_limb_is_added_to_a_performers_limbs() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="left arm")
@@ -252,7 +252,7 @@ def test_another_limb_is_added_to_those_that_one_has() -> None:
     assert {show.names[target[1]] for _, target in hold.pairs} == {"left 1", "right 1"}
 
 
-def test_a_joint_that_is_not_seen_pulls_nothing() -> None:
+def test_invisible_joint_has_no_effect() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="arms")

@@ -315,7 +315,7 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "*", "192.0.2.1"])
-def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
+def test_other_machines_are_admitted_only_if_enabled(host: str) -> None:
     with pytest.raises(InputError, match=r"take hold.*--open.*open = true"):
         Publisher(name=unique(), host=host, pose_port=0, control_port=0)
 

@@ -186,7 +186,7 @@ def test_request_of_another_version_is_refused(publisher: Publisher, peer: Peer)
     assert publisher.malformed == 1
 
 
-def test_noise_on_the_control_socket_is_counted_and_disturbs_nobody(publisher: Publisher, peer: Peer) -> None:
+def test_noise_on_the_control_socket_is_counted_and_harmless(publisher: Publisher, peer: Peer) -> None:
     rng = np.random.default_rng(0)
     noise = [b"", b"\0", bytes([envelope.VERSION]), b"\x01\xdd\xff\xff\xff\xff"]
     noise += [rng.bytes(int(n)) for n in rng.integers(0, 2000, 100)]

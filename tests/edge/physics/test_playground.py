@@ -157,7 +157,7 @@ def test_boxes_appear_only_after_a_person_stands_still():
 @pytest.mark.parametrize(("rule", "holders", "pushes"), [
     ("never", set(), False), ("free", set(), True), ("free", {1}, False), ("always", {1}, True),
 ])  # fmt: skip
-def test_performers_push_where_they_are_said_to(rule, holders, pushes):
+def test_performers_push_only_if_the_rule_allows(rule, holders, pushes):
     made = playground(bodies=rule)
     for k in range(45):
         body = person((-0.4 + 0.03 * k, 0.0))

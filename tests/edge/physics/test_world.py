@@ -89,7 +89,7 @@ def test_no_energy_comes_from_nowhere(height, turn):
 
 @given(angle=st.floats(0, 2 * np.pi), speed=st.floats(0.5, 10))
 @settings(max_examples=15, deadline=None)
-def test_a_box_moves_away_from_what_hits_it(angle, speed):
+def test_box_moves_away_from_the_sphere_that_hits_it(angle, speed):
     way = (np.cos(angle), 0.0, np.sin(angle))
     world = pushed(speed, way)
     moved = world.positions[0] * [1, 0, 1]
@@ -124,7 +124,7 @@ def test_teleported_sphere_does_not_push_the_box_at_its_speed():
     assert world.velocities[0, 0] < 0.5 * 6.0
 
 
-def test_a_character_that_appears_inside_a_tower_does_not_explode_it():
+def test_character_appearing_inside_a_tower_does_not_explode_it():
     world = tower()
     run(world, 0.2)
     cloud = np.random.default_rng(0).uniform([-0.2, 0, -0.2], [0.2, 1.2, 0.2], (60, 3))
@@ -201,7 +201,7 @@ def test_more_spheres_than_there_is_room_for_change_nothing_else():
     np.testing.assert_array_equal(world.velocities, speed)
 
 
-def test_a_sphere_that_is_gone_touches_nothing():
+def test_removed_sphere_touches_nothing():
     world = tower(1)
     for radius in (0.1, 0.0):
         world.move(np.array([[0.0, 0.25, 0.0]]), np.array([radius]))

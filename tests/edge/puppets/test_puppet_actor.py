@@ -230,7 +230,7 @@ def test_release_blends_to_rest_in_place() -> None:
     assert show.actor.state == "free"
 
 
-def test_two_move_one_puppet_each_with_their_parts() -> None:
+def test_two_performers_move_their_own_parts_of_one_puppet() -> None:
     show = Show()
     bodies = [person(), person(id=2, x=1.0)]
     show.play(*bodies, frames=2)
@@ -280,7 +280,7 @@ def test_joining_takes_points_and_alone_takes_all() -> None:
     assert [hold.body for hold in show.actor.holds] == [1]
 
 
-def test_a_preview_shows_what_would_be_moved() -> None:
+def test_preview_shows_the_parts_that_would_move() -> None:
     show = Show()
     show.play(person())
     show.stage.preview("cactus", None, "left arm")
@@ -390,7 +390,7 @@ ODD = st.sampled_from([np.nan, np.inf, -np.inf, 1e9, -1e9, 0.0, 5.0])
 @given(
     st.lists(st.tuples(st.integers(0, 19), st.integers(0, 2), ODD, st.booleans()), min_size=1, max_size=20)
 )
-def test_whatever_a_sensor_says_the_pose_is_finite(wrong) -> None:
+def test_pose_is_finite_for_any_sensor_data(wrong) -> None:
     show = Show()
     show.play(person(), frames=2)
     show.stage.possess("cactus")

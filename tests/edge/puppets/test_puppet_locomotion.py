@@ -160,7 +160,7 @@ def test_only_visibly_lifted_feet_count_as_airborne() -> None:
     assert feet.see(person(knees=(1.2, 0.0)), STEP).touches
 
 
-def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> None:
+def test_small_floor_error_does_not_lift_the_puppet() -> None:
     feet = Feet()
     assert all(feet.see(person(up=0.12), STEP).touches for _ in range(30))
     lost = person()

@@ -67,7 +67,7 @@ def test_surface_observed_more_often_has_higher_confidence():
     assert known[1] > 1.5 * known[0]
 
 
-def test_only_what_changed_is_sent_within_the_budget(sphere):
+def test_only_changed_chunks_are_sent_within_the_budget(sphere):
     growing = GrowingSurface(3)
     first = growing.changes(sphere, 1)
     assert len(first) == 1, "one piece at least, or nothing would ever come"

@@ -43,7 +43,7 @@ def busy(monkeypatch):
     assert not scan.is_alive()
 
 
-def test_a_pause_holds_and_is_told_while_the_scan_is_busy(busy):
+def test_pause_takes_effect_and_is_reported_while_scan_is_busy(busy):
     scan, looks, free = busy
     take = take_of()
     scan.offer(take.frame(0))
@@ -59,7 +59,7 @@ def test_a_pause_holds_and_is_told_while_the_scan_is_busy(busy):
     assert scan.phase == "paused"
 
 
-def test_of_several_orders_the_last_one_holds(busy):
+def test_last_of_several_commands_wins(busy):
     scan, looks, free = busy
     assert looks.wait(PATIENCE)
     for word in ("pause", "go on", "pause", "pause", "go on"):
@@ -72,7 +72,7 @@ def test_of_several_orders_the_last_one_holds(busy):
         scan.ask(Scan("undo"))
 
 
-def test_done_is_refused_in_words_and_it_can_go_on(busy):
+def test_done_is_refused_and_the_scan_can_continue(busy):
     scan, _, free = busy
     free.set()
     scan.ask(Scan("done"))

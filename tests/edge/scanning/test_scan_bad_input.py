@@ -28,7 +28,7 @@ def carried(tmp_path_factory):
     return recorded(tmp_path_factory.mktemp("bad") / "carried.mcap", last=60)
 
 
-def test_a_camera_that_does_not_move_is_told_to(tmp_path):
+def test_unmoved_camera_gives_advice(tmp_path):
     frame = take_of().frame(0)
     still = write((replace(frame, time_ns=n * 33_000_000) for n in range(5)), tmp_path / "still.mcap")
     with pytest.raises(InputError, match=r"the camera moved 0 cm only\. Carry it round"):
@@ -36,7 +36,7 @@ def test_a_camera_that_does_not_move_is_told_to(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.mcap"]
 
 
-def test_a_camera_that_is_flung_about_is_told_to_be_slow(tmp_path):
+def test_too_fast_camera_gives_advice(tmp_path):
     quick = replace(PATH, seconds=0.8)
     flung = recorded(tmp_path / "flung.mcap", way=quick, last=24, step=3)
     with pytest.raises(InputError, match=r"the camera was lost in \d of 8 frames.* more slowly"):
@@ -56,7 +56,7 @@ def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
 
 
 @pytest.mark.parametrize("distance", [1.0, 1.5, 3.0])
-def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
+def test_blank_wall_is_reported(tmp_path, distance):
     wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
     way = HandheldPath(target=(0.0, 0.5, 0.0), radius=distance, height=(0.5, 0.8), turns=0.03, seconds=2.0)
     blank = recorded(tmp_path / "wall.mcap", NOTHING, way=way, room=wall)
@@ -64,7 +64,7 @@ def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
         run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)
 
 
-def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
+def test_mirror_hole_stays_a_hole(tmp_path):
     """A part of the object has no depth from any direction; the rest is scanned."""
 
     def mirror(depth):
@@ -108,7 +108,7 @@ def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
     assert len(load_mesh(made).mesh.faces) > 1000
 
 
-def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_chosen(tmp_path):
+def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
     low = Box((-0.85, 0.0, -0.2), (-0.5, 0.3, 0.2))
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
     words = ["--recording", both, "--voxel", 8, "--no-keep"]
@@ -136,7 +136,7 @@ def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_pat
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
-def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
+def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
     add = ScanDiary.add
 
     def interrupted(diary, step, time_ns):
@@ -166,7 +166,7 @@ def full_disk(monkeypatch, folder, of_all=False):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it asks /proc which file is written")
 @pytest.mark.parametrize("ending", ["glb", "enliven"])
-def test_a_full_disk_loses_neither_the_scan_nor_what_was_there(carried, tmp_path, monkeypatch, ending):
+def test_full_disk_keeps_the_scan_and_the_old_file(carried, tmp_path, monkeypatch, ending):
     disk, home = tmp_path / "disk", tmp_path / "home"
     disk.mkdir(), home.mkdir()
     made = disk / f"thing.{ending}"

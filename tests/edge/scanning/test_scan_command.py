@@ -40,7 +40,7 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     assert picture.shape == (720, 1080, 3) and (picture != picture[0, 0]).any(-1).mean() > 0.05
 
 
-def test_a_budget_is_kept_and_told_and_a_project_opens(carried, tmp_path):
+def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
     made = tmp_path / "box.enliven"
     words = ["--recording", carried, "-o", made, "--voxel", 12, "--seconds", 2]
     said = run(*words, "--triangles", 900)

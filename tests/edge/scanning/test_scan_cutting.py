@@ -39,7 +39,7 @@ def bounds(path):
     return load_mesh(path).mesh.bounds
 
 
-def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
+def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     whole = tmp_path / "whole.ply"
     run("--recording", folder / "with.mcap", "-o", whole, "--voxel", 16, "--whole", "--triangles", 0)
     mesh = load_mesh(whole).mesh

@@ -38,7 +38,7 @@ def usb(tmp_path):
     return plug
 
 
-def test_each_camera_is_known_and_nothing_else_is(usb):
+def test_only_known_cameras_are_recognised(usb):
     usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435")
     usb("8086", "0032", "AX210 Bluetooth")
     usb("045e", "07b2", "Microsoft Nano Transceiver")

@@ -40,7 +40,7 @@ def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
     assert "sensor wild, signal 11" in text and "seen 2 times" in text
 
 
-def test_the_dump_of_an_oak_is_kept_as_its_library_writes_it(state):
+def test_crash_dump_of_an_oak_is_kept_unchanged(state):
     """The library's own dump format; only the device that delivers it is simulated."""
     if importlib.util.find_spec("depthai") is None:
         pytest.skip('depthai is not installed: pip install "./edge[oak]"')
@@ -86,7 +86,7 @@ def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):
     assert [report.path.name for report in crash_reports.reports()] == ["crash_dump_7.tar.gz"]
 
 
-def test_a_disk_that_refuses_stops_nothing(state, caplog):
+def test_unwritable_state_folder_is_only_logged(state, caplog):
     state.parent.mkdir(parents=True)
     state.write_text("a file in its place")
     crash_reports.keep_text("oak", "Fatal Python error: Aborted", 6)

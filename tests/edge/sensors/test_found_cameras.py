@@ -54,7 +54,7 @@ def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):
     assert "may not open" in found[2].trouble and "usermod" in found[2].mend
 
 
-def test_a_camera_without_its_library_says_what_to_type(video, monkeypatch):
+def test_camera_without_its_library_gives_the_install_command(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
     video("A webcam")
     (one,) = video.found()

@@ -175,7 +175,7 @@ def test_the_topics_are_open_to_other_programs_and_say_when_it_was_back(tmp_path
     assert [time_ns // STEP for time_ns, _ in recording.messages(CONDITION_TOPIC)] == [1], "once, as it stays"
 
 
-def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_path, capsys):
+def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     hot = Condition("USB 2", True, 93.4, 105.0)
     script = [Step(condition=Condition("USB 3", temperature=41.2, hot=105.0)), Step(2), Step(7, hot)]
     script += [Step(error="lost"), Step(error="lost"), Step(30), Step(error="bad frame"), Step()]

@@ -75,7 +75,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, messag
         load_profile(path)
 
 
-def test_a_profile_of_ones_own_is_found_by_its_path(tmp_path: Path) -> None:
+def test_custom_profile_is_found_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes((profiles_folder() / "tof.toml").read_bytes())
     assert load_profile(path) == load_profile(str(path)) == load_profile("tof")

@@ -150,7 +150,7 @@ def test_attempts_become_rarer_and_never_stop():
         assert wait > 0.99 * least
 
 
-def test_a_frame_that_cannot_be_used_costs_itself_only():
+def test_only_the_unusable_frame_is_lost():
     with ReopeningSensor(lambda: Troubled(30, "focal length nan,wrong type,wrong shape")) as sensor:
         frames, errors = stream(sensor)
     assert len(frames) == 30 and len(Troubled.devices) == 1
@@ -223,7 +223,7 @@ def test_the_first_opening_fails_as_the_device_says():
         kept_open(missing)
 
 
-def test_a_recording_is_read_as_it_is_and_ends(tmp_path):
+def test_recording_is_read_unchanged_and_ends(tmp_path):
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.write_frame(Troubled(3).read())
     with kept_open(lambda: ReplaySensor(tmp_path / "a.mcap", speed=0)) as sensor:

@@ -70,7 +70,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
     assert all(word in " ".join(out.split()) for word in words), out
 
 
-def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, monkeypatch, tmp_path):
+def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
     if libcamera_library._installed():
         pytest.skip("libcamera is installed")
     monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")

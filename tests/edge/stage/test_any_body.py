@@ -134,7 +134,7 @@ def test_mesh_waves_with_its_performer(known, how, side):
 
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
-def test_a_t_pose_lets_its_arms_hang_before_anybody_holds_it(how, ahead):
+def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
     """It approaches the performer in view without a jump, and does not move on attachment."""
     known = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)

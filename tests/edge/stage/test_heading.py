@@ -103,7 +103,7 @@ def test_holding_again_does_not_turn_the_mesh(woman, how):
     assert deviations_deg(gaps).max() < 1.5 * MAX_DEVIATION_DEG
 
 
-def test_a_mesh_without_legs_turns_with_who_holds_it():
+def test_mesh_without_legs_turns_with_its_performer():
     """It has no hip line that could define a heading: a lamp lagged by 29 degrees."""
     actor = cast("lamp", 128, ActorSettings(how="mapped"))
     assert actor.likeness is not None and np.isnan(actor.likeness.joints[Joint.HIP_LEFT]).all()
@@ -139,7 +139,7 @@ def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_performer_who_returns_turned_is_faced_without_a_jump(woman, held):
+def test_mesh_turns_to_a_returning_performer_without_a_jump(woman, held):
     """The performer is lost, turns unseen, and returns: the mesh turns no faster than a fade allows."""
     own = ActorSettings(how="mapped")
     stage = Stage([cast_mesh(woman, "it", 128, own)])

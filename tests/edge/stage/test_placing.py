@@ -305,7 +305,7 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
     assert 0.1 < moved.max() < 1.5
 
 
-def test_a_part_that_cannot_reach_the_mesh_is_told_to_hold_with_others(tmp_path):
+def test_unreachable_part_is_refused_with_advice(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
     low = Stage([cast(saved(tmp_path / "low.obj", 0.15), 32, own)])
     low.perform([person()], 0)

@@ -54,7 +54,7 @@ def steps(poses):
     return np.array([np.linalg.norm(b.positions - a.positions, axis=1).max() for a, b in pairwise(poses)])
 
 
-def test_two_hold_one_mesh_each_with_their_parts(chair):
+def test_two_performers_hold_their_own_parts_of_one_mesh(chair):
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -78,7 +78,7 @@ def test_two_hold_one_mesh_each_with_their_parts(chair):
     assert set(cues.owners) == {1, 2} and cues.held == len(cues.nodes)
 
 
-def test_joining_replaces_ones_own_hold_and_extending_keeps_it(chair):
+def test_join_replaces_and_extend_keeps_the_own_attachment(chair):
     house, bodies = stage(chair), [person(), person(id=2)]
     house.perform(bodies, 0)
     house.possess("chair", 1, "legs")
@@ -174,7 +174,7 @@ def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
 
 @given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
 @settings(max_examples=40, deadline=None)
-def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
+def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):
     """Easing alone, between two fixed states: the bound in its docstring holds, and both ends are exact."""
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
@@ -319,7 +319,7 @@ def test_preview_equals_the_attachment(chair, mode, how, parts):
     assert {n: held[n] for n in np.flatnonzero(held) if n not in others} == pytest.approx(would)
 
 
-def test_an_unattached_body_is_told_what_to_do(chair):
+def test_distant_or_unseen_performer_gets_advice(chair):
     house = stage(chair)
     house.perform([person(), person(id=2, x=3.0)], 0)
     house.possess("chair", 1)

@@ -136,7 +136,7 @@ def test_a_placement_grows_about_a_place_and_back(one, other, seed):
     np.testing.assert_allclose(twice, place.larger(one * other, about).to_world(points), atol=1e-8)
 
 
-def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
+def test_exaggeration_is_published_kept_by_revisions_and_reset():
     play = Play()
     play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.5))
     play.frames(person())

@@ -226,7 +226,7 @@ def seen_of(ends) -> ObservedPoints:
     return ObservedPoints(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
 
 
-def test_the_surface_follows_what_is_seen_without_a_skeleton():
+def test_surface_follows_depth_without_a_skeleton():
     """Non-rigid ICP: from depth alone, a bending arm's mesh stays on the bending arm."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.025), "arm")

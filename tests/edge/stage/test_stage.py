@@ -111,7 +111,7 @@ def test_release_blends_back_to_rest_in_place(chair):
     assert abs(last.positions[:, 0].mean() - held.positions[:, 0].mean()) < 0.05
 
 
-def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(chair):
+def test_lost_performer_leaves_the_mesh_unchanged_and_resumes(chair):
     house = stage(chair, fade=0.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -184,7 +184,7 @@ def test_only_the_named_part_is_attached(chair):
     assert chair[0].pivots[cues.nodes, 1].max() < 1.2
 
 
-def test_the_preview_shows_what_would_be_held(chair):
+def test_preview_shows_the_parts_that_would_be_attached(chair):
     house = stage(chair)
     house.perform([person()], 0)
     preview = house.cues()["chair"]

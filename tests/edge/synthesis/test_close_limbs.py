@@ -52,7 +52,7 @@ def test_seeds_differ_and_an_unknown_name_is_refused() -> None:
 
 @given(st.tuples(*[st.floats(-0.6, 0.6)] * 3), st.integers(0, 1))
 @settings(max_examples=60, deadline=None)
-def test_a_wrist_is_where_it_is_wanted_or_as_near_as_the_arm_goes(wanted, side) -> None:
+def test_wrist_reaches_its_target_or_the_arms_limit(wanted, side) -> None:
     performer = Performer()
     upper, bend = reach(performer, np.eye(3), np.array(wanted), np.array([0.3, -0.8, -0.5]), side)
     shoulder = performer.shoulder * [1.0 - 2.0 * side, 1.0, 1.0]

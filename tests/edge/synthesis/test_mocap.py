@@ -158,7 +158,7 @@ def test_motion_begins_at_origin_and_is_still_beyond_its_ends() -> None:
     np.testing.assert_array_equal(motion.figure(99.0).joints, motion.figure(motion.duration).joints)
 
 
-def test_a_capture_without_elbows_says_what_it_has() -> None:
+def test_capture_without_elbows_lists_its_joints() -> None:
     capture, _ = captured_from("overhead", "cmu")
     names = tuple(name.replace("ForeArm", "Wing") for name in capture.names)
     bird = Capture(names, capture.parents, capture.positions, capture.rotations, STEP)

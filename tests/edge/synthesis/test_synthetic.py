@@ -32,7 +32,7 @@ def test_frames_carry_the_camera_and_rising_times() -> None:
 
 
 @pytest.mark.parametrize(("noise", "share"), [(False, 100), (True, 90)])
-def test_the_performer_is_where_the_truth_says(noise: bool, share: float) -> None:
+def test_rendered_performer_agrees_with_the_truth(noise: bool, share: float) -> None:
     sensor = SyntheticSensor("kinect1", "idle", width=320, realtime=False, noise=noise)
     frame = sensor.read()
     assert frame is not None

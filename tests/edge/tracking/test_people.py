@@ -34,7 +34,7 @@ def through(*keys):
     return lambda time: (float(np.interp(time, times, x)), float(np.interp(time, times, z)), 0.0)
 
 
-def test_two_people_who_cross_keep_their_identities(stagecraft):
+def test_crossing_people_keep_their_identities(stagecraft):
     s = stagecraft
     front = s.Player(s.line((-0.9, -2.2), (0.9, -2.2), 0.2, 2.2), "walk", s.Proportions(height=1.7))
     behind = s.Player(s.line((1.0, -3.0), (-1.0, -3.0), 0.2, 2.2), "walk", s.Proportions(height=1.82))
@@ -282,7 +282,7 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
     assert ids_of(again, 0) != ids_of(first, 0)
 
 
-def test_a_covered_lens_loses_nobody(stagecraft):
+def test_covered_lens_keeps_all_people(stagecraft):
     """Dark for a second: the same two people appear at once, and no joints are reported meanwhile."""
     s = stagecraft
     one = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))

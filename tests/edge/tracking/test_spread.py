@@ -152,7 +152,7 @@ def test_entering_person_is_found_at_its_position(stagecraft):
     assert first.max() < 0.35
 
 
-def test_the_room_does_not_learn_a_person_who_is_being_looked_for(film):
+def test_searched_person_is_not_learnt_as_background(film):
     """In a search of a third of a second: its pixels are not learnt as background meanwhile."""
     tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))
     at_once = Tracker(AT_ONCE)

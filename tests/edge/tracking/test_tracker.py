@@ -168,7 +168,7 @@ def test_empty_frames_give_no_bodies(value):
         assert tracker.track(frame) == []
 
 
-def test_noise_gives_nothing_that_is_not_finite():
+def test_noise_gives_only_finite_output():
     random = np.random.default_rng(0)
     tracker = Tracker()
     intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
@@ -211,7 +211,7 @@ def test_smoothing_off_gives_the_fit_itself():
     np.testing.assert_array_equal(body.joints, tracker.posture.joints())
 
 
-def test_confidence_is_low_where_nothing_is_seen():
+def test_confidence_is_low_for_missing_depth():
     """The legs are cut off: the feet must have low confidence, the head high confidence."""
     made = recorded("idle", 12)
     tracker = Tracker()

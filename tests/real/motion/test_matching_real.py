@@ -129,7 +129,7 @@ class Played:
     def close(self): ...
 
 
-def test_the_edge_plays_a_recording_and_records_what_came_of_it(tmp_path):
+def test_edge_plays_a_recording_and_records_the_result(tmp_path):
     _, actor = stage_of()
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "kinect", record=tmp_path / "made.mcap") as outlet:

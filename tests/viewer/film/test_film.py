@@ -106,7 +106,7 @@ def test_a_film_is_as_long_as_its_sensor_time(gl, box, tmp_path, rate) -> None:
     assert abs(made.pictures - 31) <= 1
 
 
-def test_a_film_stops_when_it_was_told_to(gl, box, tmp_path) -> None:
+def test_film_stops_at_the_requested_time(gl, box, tmp_path) -> None:
     assert filmed(Walk(box, 60), tmp_path / "film.mp4", seconds=0.5).pictures == 15
 
 

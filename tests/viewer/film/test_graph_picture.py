@@ -56,7 +56,7 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
         assert red.any(1).sum() < height / 3
 
 
-def test_rows_mark_what_is_weak(balls):
+def test_rows_mark_weak_values(balls):
     graph = DeformationGraph.build(balls, 40)
     rows = graph_rows(graph, graph.positions, 0.2, 0.001)
     edges = rows[: len(graph.edges)]

@@ -80,7 +80,7 @@ def test_everything_comes_back_in_order(tmp_path, box) -> None:
     assert document.edge.phase == "ended"
 
 
-def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
+def test_only_the_broken_message_is_lost(tmp_path, box, caplog) -> None:
     write(tmp_path / "take.mcap", box, broken=5)
     document, take = read(tmp_path / "take.mcap")
     assert take.unreadable == 1 and "cannot be read" in caplog.text

@@ -78,7 +78,7 @@ def test_every_character_that_is_written_has_ink_of_its_own(gl) -> None:
     assert len(shapes) == len(CHARACTERS)
 
 
-def test_text_ends_or_is_centred_where_it_is_told(gl) -> None:
+def test_text_is_aligned_right_or_centred(gl) -> None:
     for align in (0.5, 1.0):
         drawn, (width, _) = written(gl, "Hhhh", 20, align=align)
         ink = np.nonzero(drawn.max(0) > 0.3)[0]
@@ -99,7 +99,7 @@ def test_no_line_is_wider_than_told_and_nothing_is_lost(gl, text: str, width: in
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 @pytest.mark.parametrize("size", [(1280, 720), (320, 200)])
-def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
+def test_timeline_hit_area_equals_its_drawing(gl, scale, size) -> None:
     target = canvas_of(gl, *size)
     draw(gl, target, HudState(fraction=0.5, length_s=10), scale)
     x, y, width, height = timeline_area(size, scale)
@@ -168,7 +168,7 @@ def test_problems_without_space_never_cover_the_timeline(gl) -> None:
     np.testing.assert_array_equal(pixels(one)[size[1] - 56 :], pixels(many)[size[1] - 56 :])
 
 
-def test_an_edge_that_is_not_heard_says_nothing_of_its_health(gl) -> None:
+def test_silent_edge_shows_no_health(gl) -> None:
     size = (640, 360)
     first, second = canvas_of(gl, *size), canvas_of(gl, *size)
     draw(gl, first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))

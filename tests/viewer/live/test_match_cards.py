@@ -176,7 +176,7 @@ def test_between_two_moments_the_lines_are_between() -> None:
     np.testing.assert_array_equal(between.rows[1].lines[0], UP, err_msg="that is another limb by now")
 
 
-def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
+def test_camera_is_sent_to_the_edge_only_when_it_moves() -> None:
     reporter, camera = ViewReporter(), front()
     first = reporter.changed(camera.view(1.5), 0.0)
     assert first is not None and first.eye is not None

@@ -190,7 +190,7 @@ def test_only_control_points_are_marked() -> None:
     np.testing.assert_array_equal(rows[:, :3], made.positions[1:])
 
 
-def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
+def test_unchanged_scene_costs_nothing() -> None:
     surfaces = SolvedSurfaces(wait=True)
     shown_last = [surfaces.vertices(CHARACTER, pose(bent(), turn=0.4)) for _ in range(40)]
     assert shown_last[-1] is shown_last[-2]

@@ -36,7 +36,7 @@ def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), t
     )
 
 
-def test_things_are_blended_by_their_ids() -> None:
+def test_props_are_interpolated_by_id() -> None:
     before, after = loose(0, ids=(3, 4)), loose(100, 0.2, ids=(4, 3), turn=1.0)
     between = blend_props(before, after, 0.25, 25)
     assert between is not None and between.time_ns == 25 and between.ids.tolist() == [3, 4]
@@ -57,7 +57,7 @@ def test_prop_in_one_moment_only_follows_the_nearer_moment() -> None:
     assert blend_props(None, many, 0.1, 0) is many and blend_props(None, None, 0.1, 0) is None
 
 
-def test_things_stay_while_their_own_message_is_on_its_way(box: Character) -> None:
+def test_props_stay_until_their_next_message(box: Character) -> None:
     timeline = Timeline()
     timeline.add_props(loose(NS))
     timeline.add_pose(box.rest_pose(NS + NS // 30))
@@ -109,7 +109,7 @@ def test_rows_hold_what_the_shader_takes() -> None:
     np.testing.assert_allclose(row[4:8], props.turns[1, [1, 2, 3, 0]], atol=1e-6)
 
 
-def test_the_camera_looks_at_what_is_near_and_not_at_what_rolled_away(box: Character) -> None:
+def test_camera_frames_near_props_only(box: Character) -> None:
     document = Document()
     document.add_character(box)
     document.add_pose(box.rest_pose(0))
@@ -144,7 +144,7 @@ def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
     return renderer.pixels().astype(float)
 
 
-def test_the_score_is_told_in_the_window() -> None:
+def test_score_is_shown_in_the_window() -> None:
     assert "chair hit twice" in _state_lines(HudState(score="chair hit twice"))
     assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1
 

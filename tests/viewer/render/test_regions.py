@@ -113,7 +113,7 @@ def test_points_behind_the_eye_need_the_full_region() -> None:
 @pytest.mark.parametrize(
     "region", [(0, 0, 0, 0), (3, 4, 5, 6), (0, 0, 20, 5), (7, 0, 13, 12), (0, 0, 20, 12)]
 )
-def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
+def test_region_and_background_equal_the_whole_picture(region) -> None:
     count = np.zeros((12, 20), int)
     for x, y, width, height in [region, *regions_around(region, (20, 12))]:
         count[y : y + height, x : x + width] += 1

@@ -115,7 +115,7 @@ def test_the_body_shows_through_near_it_and_only_there(renderer, box, make_body)
     assert away.max() < 1.25 * metre * (0.04 * 1.6 + 0.10)
 
 
-def test_a_body_of_no_confidence_reveals_nothing(renderer, box, make_body) -> None:
+def test_body_without_confidence_reveals_nothing(renderer, box, make_body) -> None:
     actor, guess = SceneCharacter(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
     solid = drawn(renderer, Scene((actor,), (guess,), BARE))
     glass = drawn(renderer, Scene((actor,), (guess,), replace(BARE, reveal=1.0)))

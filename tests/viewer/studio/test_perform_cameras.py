@@ -33,7 +33,7 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
     search.close()
 
 
-def test_a_look_shows_what_a_camera_sees() -> None:
+def test_preview_shows_the_cameras_image() -> None:
     search, made_up = CameraSearch(), Camera("A made-up person", "synthetic", {"width": "160"})
     search.look(made_up)
     assert search.looking == made_up

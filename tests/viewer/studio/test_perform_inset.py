@@ -57,7 +57,7 @@ def test_inset_leaves_a_covered_corner_and_stays_in_the_next():
 
 
 @pytest.mark.parametrize("corner", ["low right", "low left", "top right", "wide"])
-def test_the_words_about_who_holds_what_stand_beside_it(corner):
+def test_attachment_texts_avoid_the_inset(corner):
     area = Area(10.0, 20.0, 600.0, 300.0)
     wide = 500.0 if corner == "wide" else 150.0
     left = 10.0 if "left" in corner else 610.0 - wide
@@ -73,7 +73,7 @@ def test_points_behind_the_camera_cover_nothing():
     assert rectangle_of(np.array([[1.0, 2.0], [4.0, 6.0]])) == (1.0, 2.0, 3.0, 4.0)
 
 
-def test_whether_it_is_wanted_is_remembered(tmp_path):
+def test_inset_visibility_is_remembered(tmp_path):
     chosen = Preferences(tmp_path)
     assert chosen.performer
     chosen.watch_performer()

@@ -106,7 +106,7 @@ def test_person_in_view_steps_in_at_once(sitting) -> None:
     assert not one.toasts
 
 
-def test_with_nobody_in_view_it_is_done_as_soon_as_somebody_comes(sitting) -> None:
+def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
     one = sitting(actor())
     one.connect()
     one.perform.stepping_in.press()
@@ -129,7 +129,7 @@ def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
     assert not one.held and not one.perform.stepping_in.waits
 
 
-def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) -> None:
+def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
     monkeypatch.setattr(stepping_in, "PATIENCE_S", 0.1)
     one = sitting(actor())
     one.connect()

@@ -78,7 +78,7 @@ def test_one_that_was_edited_meanwhile_is_the_projects_until_the_stage_has_it(ed
     assert twins.shown(Scene((other,)), Telling(heard=False)).actors == () and not twins.hidden
 
 
-def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
+def test_possessed_mesh_is_live_while_attached_and_plays_otherwise() -> None:
     project, name = possessed_chair(4)
     editor = Editor(project=project)
     character = editor.posed(name).drawn
@@ -97,7 +97,7 @@ def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
     assert not live(True, heard=False, held={name}), "what was recorded is looked at"
 
 
-def test_a_possessed_one_that_is_held_plays_with_what_is_done_on_top() -> None:
+def test_attached_mesh_plays_with_the_live_motion_on_top() -> None:
     project, name = possessed_chair(20)
     editor = Editor(project=project)
     editor.time = 0.4

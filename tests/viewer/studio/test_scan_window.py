@@ -91,7 +91,7 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"stage_from_camera": [], "view": view(1.0)}, "Point the camera at the thing"),
     ],
 )
-def test_the_person_with_the_camera_is_told_one_thing(given: dict[str, object], words: str) -> None:
+def test_scan_state_gives_its_advice(given: dict[str, object], words: str) -> None:
     assert advice_of(message(**given)).text == words
 
 

@@ -70,7 +70,7 @@ def test_looks_come_in_turn_and_come_back(make_limb) -> None:
     assert set(found) == set(LOOKS) and found[-1] == begin
 
 
-def test_ctrl_f_frames_the_whole_way_of_what_is_chosen_or_of_all_and_f_what_is_there_now() -> None:
+def test_ctrl_f_frames_the_whole_path_and_f_the_current_pose() -> None:
     mesh = load_sample("chair")
     rest, far = np.zeros((1, 3)), np.array([[4.0, 0.0, 0.0]])
     shape, still = graph_shape_at_rest("chair", rest, np.zeros((0, 2), np.int32), mesh)

@@ -116,7 +116,7 @@ def named(seed):
 
 
 @given(st.integers(0, 10**6), st.floats(0.2, 5.0))
-def test_ends_stay_where_they_are_on_the_mesh_through_edits(seed, factor):
+def test_ends_stay_on_the_mesh_through_edits(seed, factor):
     project = named(seed)
     one = project.character("man")
     at = [int(np.linalg.norm(one.mesh.vertices - end, axis=1).argmin()) for end in one.ends]

@@ -69,7 +69,7 @@ def test_incomplete_puppets_are_not_solved() -> None:
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
-def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_once() -> None:
+def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
     solving, good = Solving(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
@@ -130,7 +130,7 @@ def test_still_take_has_no_coverage() -> None:
     assert CoverageCache().of(project, project.puppets["star"], "still") is None
 
 
-def test_points_that_nobody_named_are_called_after_their_joint() -> None:
+def test_unnamed_points_are_named_after_their_joint() -> None:
     project = project_with("head")
 
     project = add_point(project, "star", vertex("foot"))
@@ -217,7 +217,7 @@ def taking_turns(switches: tuple[Switch, ...]) -> bool:
 
 
 @given(switch_lists, st.integers(0, 130), st.data())
-def test_switches_go_on_taking_turns_whatever_is_done_to_them(switches, frame, data) -> None:
+def test_switches_alternate_after_any_edit(switches, frame, data) -> None:
     added = added_switch(switches, frame, 120)
     assert taking_turns(added) and added[-1].frame < 120
     if 0 < frame < 120 and frame not in {one.frame for one in switches}:

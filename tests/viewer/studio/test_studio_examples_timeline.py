@@ -172,7 +172,7 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     assert switches() is None and "star" in workspace.editor.project.puppets
 
 
-def test_delete_lets_go_of_what_is_held_and_then_means_the_puppet_again(tmp_path) -> None:
+def test_delete_removes_the_constraint_and_then_means_the_puppet(tmp_path) -> None:
     held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
     timeline = workspace.timeline

@@ -110,7 +110,7 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_a_foreign_project_says_what_it_is_without_a_parsers_words(kind: str, tmp_path: Path) -> None:
+def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "work.enliven"
     path.write_bytes(FOREIGN[kind])
     workspace = Workspace.new(Editor(), tmp_path / "own")

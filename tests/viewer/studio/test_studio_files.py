@@ -70,7 +70,7 @@ def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None
     assert same(workspace.editor.project, saved)
 
 
-def test_a_file_that_cannot_be_read_leaves_what_is_open(workspace: Workspace, tmp_path) -> None:
+def test_unreadable_file_keeps_the_open_project(workspace: Workspace, tmp_path) -> None:
     before = workspace.editor.project
     (tmp_path / "bad.enliven").write_bytes(b"PK\x03\x04 no more")
     with pytest.raises(InputError):
@@ -223,7 +223,7 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
         rename_character(project, "a", "b")
 
 
-def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:
+def test_internal_error_is_reported_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:
     monkeypatch.delenv("ENLIVEN_DEBUG", raising=False)
     before = workspace.editor.project
     assert not workspace.editor.edit("break", lambda project: [project][1])
@@ -238,7 +238,7 @@ def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, mo
         workspace.editor.edit("break", lambda project: [project][1])
 
 
-def test_a_file_is_replaced_only_when_it_is_said_twice(tmp_path) -> None:
+def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     (tmp_path / "old.enliven").write_text("precious")
     browser = FileBrowser(tmp_path, (".enliven",), "old", saving=True)
     with pytest.raises(InputError, match="Save again"):

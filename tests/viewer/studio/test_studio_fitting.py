@@ -29,7 +29,7 @@ def box(stage: Workspace, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 6.0))
 @settings(max_examples=12)
-def test_the_chosen_one_is_as_tall_as_the_others_and_stands_where_it_stood(stage, name, size) -> None:
+def test_fitting_matches_the_others_height_in_place(stage, name, size) -> None:
     editor = stage.editor
     editor.go_to(0)
     editor.scrub(0.0)

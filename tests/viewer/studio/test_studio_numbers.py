@@ -68,7 +68,7 @@ def test_anything_else_is_refused_with_the_units(typed) -> None:
         assert "cm" in error.mend
 
 
-def test_place_size_and_turn_are_what_was_typed(workspace) -> None:
+def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
     editor, figures = workspace.editor, workspace.figures
     for names in (("limb",), ("post",), ("limb", "post")):
         editor.choose_all(*names)

@@ -40,7 +40,7 @@ def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:
         ((2.0, 0.0, 2.0), 0.0, ""),
     ],
 )
-def test_a_size_that_nobody_meant_is_changed_with_a_note(box, height: float, words: str) -> None:
+def test_implausible_size_is_changed_with_a_note(box, height: float, words: str) -> None:
     size = opened_size(box_of(*box))
     assert (
         size.height == pytest.approx(height, rel=0.02)

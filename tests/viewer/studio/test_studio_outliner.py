@@ -124,7 +124,7 @@ NAMES = st.sampled_from(["star", "limb", "post"])
 
 @settings(max_examples=25)
 @given(st.lists(st.tuples(NAMES, st.sampled_from([None, True, False]), st.sampled_from([None, True, False]))))
-def test_handling_is_what_was_set_last_and_is_kept_in_the_file(steps) -> None:
+def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> None:
     project = PROJECT
     told = {name: [False, False] for name in project.characters}
     for name, hidden, locked in steps:
@@ -153,7 +153,7 @@ def test_a_character_goes_to_its_place_in_the_list_and_the_others_keep_their_ord
     assert names.index(name) == min(max(place, 0), 2) and [one for one in names if one != name] == rest
 
 
-def test_a_renamed_thing_is_as_it_was_but_for_its_name(workspace) -> None:
+def test_renaming_changes_only_the_name(workspace) -> None:
     outliner, editor = workspace.outliner, workspace.editor
     outliner.hide("limb", on=True)
     outliner.begin_rename(row(outliner, "character limb"))

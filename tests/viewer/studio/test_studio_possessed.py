@@ -155,7 +155,7 @@ def test_possessed_mesh_is_copied_and_deleted(workspace: Workspace) -> None:
     assert same(workspace.editor.project, first)
 
 
-def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
+def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
     path = Path(__file__).parents[1] / "link" / "test_takes.py"
     spec = importlib.util.spec_from_file_location("takes", path)
     assert spec is not None and spec.loader is not None

@@ -66,7 +66,7 @@ def first_face(vertices, faces, eye, way):
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**31))
-def test_the_compiled_ray_finds_what_the_slow_one_finds(seed: int) -> None:
+def test_compiled_ray_matches_the_slow_reference(seed: int) -> None:
     rng, mesh = np.random.default_rng(seed), star()
     eye = rng.normal(0, 1, 3) * 2 + [0, 0.5, 0]
     way = rng.normal([0.0, 0.5, 0.0], 0.3) - eye
@@ -178,7 +178,7 @@ def test_beyond_the_horizon_of_a_plane_there_is_no_place() -> None:
     assert tool.dragged("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
 
 
-def test_the_manipulator_is_as_large_wherever_it_is() -> None:
+def test_gizmo_has_constant_size_on_screen() -> None:
     editor = editor_with()
     sizes = []
     for place in (PLACE, PLACE + editor.lens.forward * 1.5):

@@ -101,7 +101,7 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     assert not workspace.puppets.posing and same(workspace.puppets.puppet.poses, kept)
 
 
-def test_another_tool_leaves_the_key_pose_as_it_is(tmp_path) -> None:
+def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
@@ -151,7 +151,7 @@ def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
     assert ends[0] not in tool.suggested.of(workspace.puppets.puppet)
 
 
-def test_faces_that_pass_through_one_another_are_told_but_not_at_rest(tmp_path) -> None:
+def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
     workspace.puppets.crossing.wait()
@@ -201,7 +201,7 @@ def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -
     )
 
 
-def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
+def test_click_selects_a_puppet_and_click_outside_deselects(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head")
     play([Key("q"), Click(Pixel(0.02, 0.9))], stage)
     assert workspace.editor.selection.character is None

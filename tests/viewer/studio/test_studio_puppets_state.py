@@ -188,7 +188,7 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].bad
 
 
-def test_a_puppet_that_cannot_be_solved_is_told_and_mended() -> None:
+def test_unsolvable_puppet_is_reported_and_repaired() -> None:
     puppets = posing("head", "left")
     mesh = star()
     loose = type(mesh)(np.concatenate([mesh.vertices, [[0, 2.0, 0]]]), mesh.faces, "star")

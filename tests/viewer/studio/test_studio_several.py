@@ -93,7 +93,7 @@ IDS = st.sampled_from(["star", "limb", "post"])
 
 
 @given(st.lists(st.one_of(IDS, st.tuples(IDS))))
-def test_a_click_chooses_one_and_ctrl_adds_or_takes_off(clicks) -> None:
+def test_click_selects_one_and_ctrl_toggles(clicks) -> None:
     selection, told = Selection(), []
     for click in clicks:
         if isinstance(click, tuple):
@@ -162,7 +162,7 @@ def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> Non
         assert same(editor.project, first), deed
 
 
-def test_a_drag_of_one_moves_all_that_are_chosen(workspace) -> None:
+def test_drag_moves_all_selected_characters(workspace) -> None:
     editor = workspace.editor
     editor.choose_all("limb", "post")
     workspace.input.take("carry")

@@ -219,9 +219,7 @@ def test_the_legs_of_the_armchair_are_found() -> None:
 
 
 @pytest.mark.parametrize("size", [(1000.0, 600.0), (620.0, 421.0)])
-def test_the_stroke_of_the_tour_cuts_one_leg_and_nothing_else(
-    workspace: Workspace, size: tuple[float, float]
-) -> None:
+def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[float, float]) -> None:
     """From each side, along the arrow: the removed part belongs to one leg."""
     workspace.actions.do("sample.chair")
     editor = workspace.editor

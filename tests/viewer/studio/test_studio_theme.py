@@ -161,7 +161,7 @@ def test_a_theme_changes_at_once_and_is_kept(tmp_path) -> None:
     assert theme_in_use() == ("dark", "okabe-ito")
 
 
-def test_an_unknown_theme_in_the_file_is_the_usual_one(tmp_path) -> None:
+def test_unknown_theme_falls_back_to_the_default(tmp_path) -> None:
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": 7}')
     assert Preferences(tmp_path).theme == "dark"  # damaged: put aside
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": "none"}')
@@ -190,7 +190,7 @@ def test_no_module_of_the_window_has_colours_of_its_own() -> None:
                 assert not numbers, f"{path}:{node.lineno}: take the colour from enliven_viewer.theme"
 
 
-def test_buttons_in_a_full_colour_take_the_ink_that_is_read_on_it() -> None:
+def test_full_colour_buttons_use_a_readable_text_colour() -> None:
     """Buttons are filled by ``filled`` only: ``tinted`` would leave the default text colour."""
     full, kinds = {"ACCENT", "GOOD", "WAIT", "BAD"}, ("button", "plot_histogram", "slider_grab", "frame_bg")
     for path in Path(enliven_viewer.__file__).parent.glob("studio/panels/**/*.py"):

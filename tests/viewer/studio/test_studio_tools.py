@@ -76,7 +76,7 @@ def test_a_click_chooses_and_a_shift_click_chooses_the_chain(workspace: Workspac
     assert workspace.editor.selection.character is None and workspace.editor.history.names == ()
 
 
-def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(workspace: Workspace) -> None:
+def test_drag_of_empty_space_only_turns_the_view(workspace: Workspace) -> None:
     before = workspace.editor.camera.view(1.5).eye
     do(workspace, Drag((Pixel(0.05, 0.3), Pixel(0.2, 0.4))))
     assert np.linalg.norm(workspace.editor.camera.view(1.5).eye - before) > 0.1
@@ -239,7 +239,7 @@ def test_motion_is_copied_from_chain_to_chain(workspace: Workspace) -> None:
 
 
 @pytest.mark.parametrize("key", ["ctrl+c", "ctrl+d", "ctrl+m", "ctrl+shift+c", "ctrl+shift+d", "delete"])
-def test_commands_without_a_choice_say_what_to_choose(workspace: Workspace, key: str) -> None:
+def test_commands_without_a_selection_give_advice(workspace: Workspace, key: str) -> None:
     before = workspace.editor.project
     do(workspace, Key(key))
     assert workspace.editor.project is before and "chosen" in said(workspace)

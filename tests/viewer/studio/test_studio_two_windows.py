@@ -116,7 +116,7 @@ def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
     assert not second.ended
 
 
-def test_a_touched_copied_or_vanished_file_asks_nothing(windows, tmp_path: Path) -> None:
+def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
     """Only the content counts, not the date."""
     second = windows[1]
     path = tmp_path / "work.enliven"

@@ -113,7 +113,7 @@ def test_motion_quality_is_worded_with_the_place() -> None:
     assert not any(re.search(r"\d", line) for line in (*good, *bad))
 
 
-def test_the_list_of_phrases_says_what_each_command_does() -> None:
+def test_phrase_list_describes_every_command() -> None:
     for word in WORDS:
         assert command_words(word) not in WORDS, f"{word} is shown as it stands in the settings"
     assert command_words("possess left arm") == "steps in: left arm"

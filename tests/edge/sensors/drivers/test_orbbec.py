@@ -70,7 +70,7 @@ def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeyp
     assert (played.depth == raw).mean() < 0.7, "it was bent enough to tell"
 
 
-def test_a_playback_of_an_old_version_is_refused_before_the_library_hangs_on_it(take, tmp_path, monkeypatch):
+def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkeypatch):
     needs("orbbec")
     monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
@@ -218,7 +218,7 @@ def test_a_camera_is_opened_by_any_of_its_names(wanted, found):
     assert opened_device(Connected, Connected(), wanted) == found
 
 
-def test_of_several_cameras_the_one_of_before_is_taken_and_none_at_random():
+def test_previous_one_of_several_cameras_is_reopened():
     assert opened_device(Connected, Connected(), "", "CL2") == "CL2"
     with pytest.raises(ResourceError, match=r"2 are connected: AY1, CL2\. Name .* --set device=AY1"):
         opened_device(Connected, Connected(), "")

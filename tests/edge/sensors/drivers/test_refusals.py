@@ -114,7 +114,7 @@ def test_the_camera_that_is_meant_or_none(found, wanted, before):
     assert all(name in said for name in found) and ("--set " in said) == bool(found) and wanted in said
 
 
-def test_two_of_one_name_are_told_with_how_to_name_one():
+def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
         chosen("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
     said = str(raised.value)
@@ -187,7 +187,7 @@ def plugged(folder: Path, allowed: bool | None = None) -> None:
             (folder / "nodes" / "001" / f"{number:03}").touch()
 
 
-def test_without_a_camera_it_says_what_to_plug_in_and_what_to_type(said):
+def test_missing_camera_gives_advice_and_command(said):
     sensor, told = said
     kind, words, code = told["nothing"]
     assert (kind, code) == ("ResourceError", "4") and "is not connected" in words
@@ -247,7 +247,7 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
 
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
-def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor):
+def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
     """A recording cannot change its size, and neither a port nor a cable is the cause."""
     usable(LIBRARIES[sensor])
     with Recorder(tmp_path / "square.mcap") as recorder:

@@ -55,7 +55,7 @@ def test_contradictory_calibration_file_is_refused(tmp_path, line, instead, what
     assert str(path) in str(raised.value)
 
 
-def test_a_file_that_is_missing_says_how_it_is_made(tmp_path):
+def test_missing_calibration_file_names_the_command(tmp_path):
     with pytest.raises(InputError, match="enliven calibrate-stereo"):
         load_calibration(tmp_path / "stereo.toml")
 

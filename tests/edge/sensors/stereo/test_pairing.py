@@ -81,7 +81,7 @@ def test_cameras_that_find_their_step_late_are_forgiven():
 
 
 @pytest.mark.parametrize("eye", [0, 1])
-def test_a_camera_that_sends_nothing_is_named(eye):
+def test_camera_without_images_is_named(eye):
     pairing = Pairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=f"the {('right', 'left')[eye]} camera sends no images"):
         for number in range(200):

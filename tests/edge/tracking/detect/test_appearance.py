@@ -193,7 +193,7 @@ def test_the_parts_at_the_points_are_those_of_the_picture():
     assert np.mean(right) > PARTS_RIGHT
 
 
-def test_the_network_tells_the_front_from_the_back_for_most():
+def test_network_distinguishes_front_and_back_for_most():
     right = []
     for name in ("arms overhead", "back", "crouching", "one leg up", "kneeling"):
         for seed in SEEDS:

@@ -84,7 +84,7 @@ def test_usual_frame_gets_no_extra_arm_fit():
         assert arms.tried(observation, posture, report, [], seen, steps=6) is None
 
 
-def test_a_forearm_is_placed_along_what_stands_out():
+def test_forearm_candidate_lies_along_unexplained_points():
     """The model's arm hangs; points across the belly are not explained by it, so one start is there."""
     observation, hanging = observed(TRUTH), forearm_across(0.0)
     hanging.rotations[list(LEFT)] = joint_limits.standing()[list(LEFT)]

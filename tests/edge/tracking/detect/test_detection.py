@@ -108,7 +108,7 @@ def hung_upside_down(observation: Observation) -> Observation:
     return observe(z, world_points(z, hung.ray, turned), mask, hung, turned, 900)
 
 
-def test_somebody_upside_down_in_the_image_is_found_alike():
+def test_upside_down_image_is_detected_alike():
     observation, figure = seen_person("one leg up", 901)
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     for each in (observation, hung_upside_down(observation)):
@@ -117,7 +117,7 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
         assert np.median(off) < 0.12
 
 
-def test_somebody_known_is_found_with_their_own_bones():
+def test_known_person_is_detected_with_their_own_bones():
     """A kneeling person does not show their height; a known person's is already known."""
     known, unknown = [], []
     for seed in SEEDS:
@@ -130,7 +130,7 @@ def test_somebody_known_is_found_with_their_own_bones():
     assert np.mean(known) < np.mean(unknown)
 
 
-def test_another_posture_is_found_only_where_it_may_be_better():
+def test_new_posture_is_searched_only_if_it_may_be_better():
     """A correctly fitted person is unchanged; one fitted with another posture is detected again."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]

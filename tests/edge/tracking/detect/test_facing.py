@@ -52,7 +52,7 @@ def test_wrong_facing_is_corrected_after_a_delay(yaw):
     assert not any(wrong[:10]), "a few frames must not turn a person"
 
 
-def test_nobody_walks_backwards_for_long():
+def test_person_walking_backwards_is_turned_round():
     """The network has no preference; the walking direction decides."""
     sideways = standing(np.pi / 2)
     assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
@@ -65,7 +65,7 @@ def test_stepping_back_from_a_settled_place_does_not_turn_a_person():
     assert not any(facing.is_wrong(seen, standing(), EYE, np.array([0.0, 0.0, -0.8])) for _ in range(30))
 
 
-def test_forward_does_not_turn_over_when_somebody_bends_over():
+def test_facing_does_not_flip_when_bending_forward():
     bent = standing(0.4)
     bent.rotations[model.CHEST] = rotation(x=2.0)
     np.testing.assert_allclose(forward_in_plan(bent), [np.sin(0.4), np.cos(0.4)], atol=1e-9)

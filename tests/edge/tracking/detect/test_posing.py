@@ -95,7 +95,7 @@ def test_reversed_estimate_gives_reversed_posture():
 
 
 @pytest.mark.parametrize("joint", [Joint.HAND_LEFT, Joint.FOOT_RIGHT, Joint.HEAD])
-def test_a_joint_that_nobody_is_sure_of_does_not_draw(joint):
+def test_uncertain_joint_has_no_effect_on_the_posture(joint):
     wanted = banked(3, 0.5)
     joints, spread = wanted.joints(), np.full(20, 0.03)
     joints[joint] += [0.1, 0.3, 0.2]
@@ -104,7 +104,7 @@ def test_a_joint_that_nobody_is_sure_of_does_not_draw(joint):
     assert apart(made, wanted).mean() < ON_AVERAGE
 
 
-def test_somebody_longer_stands_where_the_estimate_does():
+def test_longer_person_is_posed_at_the_estimates_position():
     """The bone lengths differ: the joints cannot all be met, so the error is spread about evenly."""
     wanted = banked(0, 0.0)
     longer = model.lengths_for_height(1.6)

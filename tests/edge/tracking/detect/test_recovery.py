@@ -74,7 +74,7 @@ def test_well_fitted_person_is_not_changed():
     assert made is posture and same is report
 
 
-def test_a_limb_is_not_brought_to_where_depth_shows_that_it_is_not():
+def test_limb_is_not_moved_against_the_depth():
     """The network is wrong; the depth frame decides."""
     observation = observed(standing())
     made = reconsidered(observation, standing(), seen_of(arm_out(), observation))
@@ -107,7 +107,7 @@ def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
     assert off(told, bent, feet) < 0.5 * off(without, bent, feet)
 
 
-def test_landmarks_of_no_weight_change_nothing():
+def test_landmarks_without_weight_change_nothing():
     plain, start = observed(standing()), arm_out()
     expected, report = Fitter(FitSettings()).fit(plain, start)
     unweighed = Fitter(FitSettings(landmarks=0.0)).fit(with_landmarks(plain, arm_out()), start)

@@ -36,7 +36,7 @@ def test_an_outlier_is_doubted():
     assert np.linalg.norm(made.joints() - wanted.joints(), axis=1).max() < 0.1
 
 
-def test_a_target_without_weight_means_nothing():
+def test_target_without_weight_has_no_effect():
     targets = standing(0.4).joints()
     strayed, weights = targets.copy(), ALIKE.copy()
     strayed[7] += 0.15

@@ -163,7 +163,7 @@ def test_the_build_is_held_as_its_energy_says(seed):
     assert held(reference)[0] == 0.0
 
 
-def test_the_floor_costs_nothing_to_who_stands_on_it():
+def test_floor_costs_nothing_for_a_standing_person():
     standing = Posture(np.array([0.0, 1.0, -2.0]), joint_limits.standing(), model.lengths_for_height(1.7))
     ends, radii = standing.capsules()
     standing.position[1] -= (ends[..., 1] - radii).min()

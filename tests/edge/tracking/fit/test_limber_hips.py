@@ -25,7 +25,7 @@ def energy_from(fitter: Fitter, posture: Posture) -> float:
 
 
 @pytest.mark.parametrize(("hips", "is_wider"), [(0.2, True), (0.5, True), (0.7, False), (0.95, False)])
-def test_drawn_up_knees_cost_nothing_only_to_a_known_person_who_is_low(hips, is_wider):
+def test_drawn_up_knees_are_free_only_for_a_known_low_person(hips, is_wider):
     fitter, posture = Fitter(FitSettings()), drawn_up(hips)
     searched, followed = energy_from(fitter, posture), energy_from(fitter.limber, posture)
     if is_wider:

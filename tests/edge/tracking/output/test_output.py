@@ -148,7 +148,7 @@ def test_filter_lag_is_compensated_for_moving_joints(choreography):
 
 @given(st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
-def test_a_joint_at_rest_shakes_no_more_for_it(seed):
+def test_lag_compensation_adds_little_jitter_at_rest(seed):
     """With a centimetre of noise per frame, jitter grows by at most 3 %."""
     random, body = np.random.default_rng(seed), truth("idle", 1)[0]
     still = [

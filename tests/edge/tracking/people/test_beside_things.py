@@ -42,7 +42,7 @@ def found(view, pixels):
         ("idle", 0.0, (0.16, 0.0, -2.7), (1.16, 0.65, -2.4)),
     ],
 )
-def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, high):
+def test_person_touching_a_table_is_detected(stagecraft, does, x, low, high):
     player = stagecraft.Player(stagecraft.still(x, -2.4), does)
     made = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
     assert made is not None
@@ -53,7 +53,7 @@ def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, h
     assert off[Joint.HIP_CENTER] < HIPS_WITHIN
 
 
-def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(stagecraft):
+def test_table_touching_a_person_soon_becomes_background(stagecraft):
     """The table's edge touches the hip of a waving person: in the first second it counts as an arm."""
     s = stagecraft
     low, high = (0.05, 0.6, -2.6), (0.6, 0.75, -2.3)
@@ -70,7 +70,7 @@ def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(
 @pytest.mark.parametrize(
     ("low", "high"), [((-0.8, 0.0, -2.8), (0.8, 0.74, -2.4)), ((-0.5, 0.0, -2.7), (0.5, 0.5, -2.3))]
 )
-def test_a_table_that_is_brought_in_is_nobody(stagecraft, low, high):
+def test_table_carried_in_is_not_a_person(stagecraft, low, high):
     s = stagecraft
     table = lambda time: (s.Box(low, high),) if time > 0.5 else ()  # noqa: E731
     assert all(bodies == [] for _, bodies, _ in s.watch(s.Playground(boxes=table), Tracker(), 1.5))
@@ -120,9 +120,7 @@ def test_bad_fit_is_searched_again_in_pixels_near_the_body(monkeypatch, somebody
 
 
 @pytest.mark.parametrize("share", [0.4, 1.0])
-def test_a_group_that_is_mostly_something_else_or_nothing_else_is_not_looked_at_again(
-    monkeypatch, somebody, share
-):
+def test_mostly_foreign_or_pure_group_is_not_searched_again(monkeypatch, somebody, share):
     view, alone, posture = somebody
     asked, none = detections(monkeypatch, view, beside(alone, share), posture)
     assert none is None

@@ -46,7 +46,7 @@ def looseness(posture, information):
     return of_joints.joints_held(information, *state, *body)[1]
 
 
-def test_a_joint_that_nothing_holds_is_the_loosest():
+def test_unconstrained_joint_is_the_loosest():
     """If the hips and below are behind a board, the feet are looser than the hands, and looser than in full
     view.
     """
@@ -62,7 +62,7 @@ def test_a_joint_that_nothing_holds_is_the_loosest():
 
 @given(st.floats(-0.3, 0.3), st.booleans(), st.integers(0, 6))
 @settings(max_examples=10, deadline=None)
-def test_a_fit_says_what_its_frame_alone_holds(turned, built, steps):
+def test_fit_information_excludes_the_prediction(turned, built, steps):
     """At the final posture, without the temporal prediction, with free or frozen lengths."""
     fitter, observation = Fitter(FitSettings()), in_full_view()
     firmness = np.full(12, 40.0) if built else None
@@ -194,7 +194,7 @@ def test_joints_outside_the_image_are_not_invented(alone):
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through(alone):
+def test_visible_joint_is_surer_than_occluded_one(alone):
     """All other evidence is that of a usual frame.
 
     The weights are learnt: for the hands both are equal, since thin capsules are often seen through

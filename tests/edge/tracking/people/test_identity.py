@@ -44,7 +44,7 @@ def test_the_stature_is_that_of_standing_upright():
 
 @given(st.floats(1.4, 1.95), st.integers(0, 100))
 @settings(max_examples=20, deadline=None)
-def test_somebody_looks_like_themselves_and_not_like_who_is_taller(height, seed):
+def test_person_matches_themselves_and_not_a_taller_one(height, seed):
     first, again = looks(height, noise=0.01, seed=seed), looks(height, noise=0.01, seed=seed + 1)
     taller = looks(height + 0.12, noise=0.01, seed=seed + 2)
     assert again.mismatch(first) < 3.0

@@ -67,7 +67,7 @@ def test_well_explained_person_is_never_searched_again(looks):
     assert looks(80, lambda frame: False) == []
 
 
-def test_looks_that_find_nothing_become_rarer(looks):
+def test_unsuccessful_searches_become_rarer(looks):
     found = looks(360, lambda frame: frame >= KNOWN)
     assert found[0] == FIRST
     assert np.diff(found).tolist() == [60, 120, 120]

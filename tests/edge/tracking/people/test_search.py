@@ -187,7 +187,7 @@ def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, 
     assert someone.plain == (plain_frames >= person._PLAIN_FRAMES)
 
 
-def test_the_network_is_asked_where_its_answer_tells(scene):
+def test_network_is_queried_only_if_useful(scene):
     """Of a person with raised arms, sometimes; not of a panel, which no answer could make a person."""
     view, pixels = scene
     raised = newcomer(view, pixels)

@@ -85,7 +85,7 @@ def test_occlusion_matches_per_sample_reference(seed):
 
 @given(st.integers(0, 100_000), st.floats(0.0, 1.0))
 @settings(max_examples=60, deadline=None)
-def test_the_trunk_that_is_shown_is_told_as_sample_by_sample(seed, share):
+def test_visible_trunk_fraction_matches_the_slow_reference(seed, share):
     """Counts samples that are in the image and not occluded; all samples if only few of these are left."""
     random = np.random.default_rng(seed)
     view, posture, pixels = random_view(random), random_person(random), random.random(SHAPE) < share
@@ -101,7 +101,7 @@ def test_unoccluded_person_is_fully_visible():
     assert trunk_shown(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
 
 
-def test_a_board_before_somebody_hides_them_but_not_behind_their_own_pixels():
+def test_board_occludes_a_person_except_at_their_own_pixels():
     board = view_of(wall(1.0))
     assert hidden_shares(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
     assert hidden_shares(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)

@@ -42,7 +42,7 @@ def picture(metres):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
-def test_only_what_is_known_can_differ(seed, held):
+def test_only_known_pixels_are_compared(seed, held):
     """Pixels held for a person that were never seen are not compared: the sensor did not move."""
     random = np.random.default_rng(seed)
     room, still = RoomModel((8, 8)), np.round(random.uniform(1.0, 4.0, (8, 8)), 3)
@@ -211,7 +211,7 @@ def test_intermittently_measured_background_is_kept():
 
 
 @pytest.mark.parametrize("columns", [5, 8])
-def test_a_covered_lens_forgets_nothing(columns):
+def test_covered_lens_keeps_the_background(columns):
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     now = learn(room, with_dark(columns), 10.0, now)
@@ -241,7 +241,7 @@ def view_of(z):
     return FrameView(0, z, world_points(z, camera.ray, mount), camera, mount)
 
 
-def test_a_fringe_that_was_learnt_alone_tells_nothing_of_what_was_never_seen():
+def test_learnt_fringe_does_not_predict_unseen_background():
     """In a hall too deep for the sensor, a person's own feet would otherwise make all of the person
     background.
     """
@@ -354,7 +354,7 @@ def test_unknown_room_is_not_filled_in():
 
 @given(st.integers(0, 67), st.integers(0, 91), st.floats(0.5, 4.0))
 @settings(max_examples=40, deadline=None)
-def test_a_few_pixels_say_nothing_of_the_room(top, left, metres):
+def test_few_pixels_do_not_predict_the_background(top, left, metres):
     """The tip of a foot that was left out of a person's pixels; also in a corner of the image."""
     z = np.zeros((72, 96))
     z[top : top + 5, left : left + 5] = metres
@@ -369,7 +369,7 @@ def test_a_patch_that_is_large_enough_is_the_wall():
 
 @given(st.floats(0.5, 2.4), st.floats(-0.2, 0.5), st.floats(1.5, 5.0), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_a_room_that_is_known_to_one_side_is_guessed_on_the_other(height, tilt, wall, mirrored):
+def test_background_known_on_one_side_is_filled_in_on_the_other(height, tilt, wall, mirrored):
     mount = world_from_level_camera(height, tilt)
     floor = floor_of(mount)
     room = np.where((floor > 0) & (floor < wall), floor, wall)

@@ -110,7 +110,7 @@ def test_every_pixel_is_still_counted_once(seed):
 
 @given(SCENES)
 @settings(max_examples=60, deadline=None)
-def test_nobody_gives_up_their_largest_piece(seed):
+def test_everyone_keeps_their_largest_piece(seed):
     owner, z = scene(seed)
     made, _ = after(owner, z)
     for k, piece in enumerate(largest(owner, z)):
@@ -151,7 +151,7 @@ def two_with_an_arm(touch: int, away: float = 0.0) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("touch", [3, 4, 8])
-def test_an_arm_that_hangs_together_with_the_other_goes_to_them(touch, mirrored):
+def test_arm_connected_with_the_other_person_is_given_to_them(touch, mirrored):
     owner, z, arm = two_with_an_arm(touch)
     if mirrored:
         owner, z, arm = (np.ascontiguousarray(each[::-1, ::-1]) for each in (owner, z, arm))
@@ -225,7 +225,7 @@ def is_contested(owner: np.ndarray, distance: np.ndarray, beside) -> bool:
 @example(6501)
 @example(89)
 @settings(deadline=None, max_examples=60)
-def test_pixels_grow_to_whom_is_nearest_along_the_surface(seed):
+def test_pixels_are_assigned_to_the_nearest_person_along_the_surface(seed):
     owner, distance, z, made = contested(seed)
     beside = neighbours(owner, z)
     if not is_contested(owner, distance, beside):
