@@ -3,10 +3,10 @@
 The two checks share no code with the product:
 
 - :func:`detours`: an edge is wrong if the shortest path over the mesh's own edges is three times as long as
-the edge and longer than two node spacings, and the edge's middle is in front of the nearest surface. (The
-path round a board is long too, but its two sides do belong together.)
+  the edge and longer than two node spacings, and the edge's middle is in front of the nearest surface. (The
+  path round a board is long too, but its two sides do belong together.)
 - :class:`Limbs`: the mesh below a height (or far from the middle) consists of separate legs; an edge is wrong
-if its nodes lie on two of them.
+  if its nodes lie on two of them.
 """
 
 from __future__ import annotations

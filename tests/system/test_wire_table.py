@@ -1,7 +1,7 @@
 """Tests of the wire's table: a new message and request, the health of each topic, and a stored take.
 
 A new stream message touches four files: its class in ``wire/streams.py``, its row in ``wire/topics.py``, its
-public name in ``wire``, and the line in ``network/outlet.py`` that makes it of a frame's result. A new
+public name in ``wire``, and the line in ``network/outlet.py`` that makes it from a frame's result. A new
 request touches four: its class and entry in ``wire/requests.py``, its public name, its handler in
 ``enliven_edge/orders.py``, and the key or button that sends it. The registrations here stand for those lines.
 """
