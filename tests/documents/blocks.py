@@ -38,7 +38,7 @@ class Block:
 
     @property
     def commands(self) -> list[list[str]]:
-        """The words of each command, without comments; ``&&`` parts two commands."""
+        """Returns the words of each command, without comments; ``&&`` separates two commands."""
         lines = [part for line in self.text.splitlines() for part in line.split(" && ")]
         return [words for line in lines if (words := shlex.split(line, comments=True))]
 
@@ -65,7 +65,7 @@ def blocks_of(page: Path) -> list[Block]:
 
 
 def _kind(text: str) -> str:
-    """What a block without a fence is, by its first line."""
+    """Guesses the kind of a block without a fence from its first line."""
     first = text.split(maxsplit=1)[0]
     if first in TOOLS:
         return "shell"

@@ -1,4 +1,4 @@
-"""What the documents' tests share is found beside this, and what they make of other tests' material."""
+"""Lets the documents' tests import the helpers in this folder, and fixtures of other tests."""
 
 import sys
 from pathlib import Path

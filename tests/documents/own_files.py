@@ -1,4 +1,4 @@
-"""The files in capitals that the documents' readers bring: small ones, from the project's own makers."""
+"""Writes the small input files, named in capitals, that readers of the documents are expected to have."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_synthesis.sensor.scene import Box
 
 FRAMES = 45
-"""Frames of a recording, 1.5 s: a body is found in it and takes hold."""
+"""Frames of a recording, 1.5 s: long enough for a body to be detected and attached."""
 
 
 def make_own_files(folder: Path) -> None:
-    """Writes every file of one's own that a document names into a folder."""
+    """Writes every input file that the documents name into a folder."""
     _write_meshes(folder)
     write_models(folder)
     _write_recordings(folder)
@@ -109,7 +109,7 @@ def _write_recordings(folder: Path) -> None:
 
 
 def in_chair(bow: float) -> np.ndarray:
-    """(20, 3) joints of a person who stands in the chair and bows by so many radians."""
+    """Returns (20, 3) joints of a person in the chair, bending forward by an angle in radians."""
     place = np.array([0.0, 0.95, 0.0])
     joints = Posture(place, standing(elbow=1.5), lengths_for_height(1.75)).joints()
     turn = from_rotation_vector(np.array([bow, 0.0, 0.0]))
@@ -118,7 +118,7 @@ def in_chair(bow: float) -> np.ndarray:
 
 
 def _write_performances(folder: Path) -> None:
-    """Bodies of a person who bows in the chair, and what an edge records of a possessed chair."""
+    """Writes bodies of a person bending forward in the chair, and an edge's recording of that chair."""
     with Recorder(folder / "BODIES.mcap") as recorder:
         for n in range(20):
             body = Body(1, in_chair(0.5 * np.sin(n / 8)), np.ones(20))

@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md says of adding a thing is all that there is to do: its classes are added and used."""
+"""Tests that the steps in CONTRIBUTING.md are enough to add a class: the new classes are then used."""
 
 import sys
 
@@ -20,7 +20,7 @@ CODE = [block.text for block in blocks_of(ROOT / "CONTRIBUTING.md") if block.kin
 
 @pytest.fixture
 def with_wall_reader(tmp_path, monkeypatch):
-    """The reader in a package of its own, as pip leaves it: a module, and what it says of itself."""
+    """Installs the reader as a package of its own, as pip does: a module and its metadata."""
     about = tmp_path / "site" / "wall_reader-1.0.dist-info"
     about.mkdir(parents=True)
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: wall-reader\nVersion: 1.0\n")

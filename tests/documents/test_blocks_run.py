@@ -1,4 +1,4 @@
-"""Every block of code of the documents runs as it stands, in a folder that holds only one's own files."""
+"""Tests that every code block of the documents runs unchanged, in a folder with only the user's own files."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ BOUNDS = {
     "synthesize": ["--width", "80", "--level", "1"],
     "studio": ["--seconds", "0.1"],
 }
-"""What is added to a command line so that it ends soon, an edge's after a body took hold. Of an option that
-is given twice the last counts."""
+"""Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
+If an option is given twice, the last value counts."""
 TELLS = {"doctor": 4, "examples": 3}
-"""Exit codes of commands that tell what is lacking: on this machine, or in a session with no poses yet."""
+"""Exit codes of commands that report missing parts: on this machine, or in a session without poses."""
 
 
 def pages_of(kind: str) -> list[Path]:
-    """The documents that have blocks of that kind which are to be run."""
+    """Returns the documents that have blocks of that kind which must run."""
     return [page for page in PAGES if runnable(page, kind)]
 
 
@@ -47,7 +47,7 @@ def named(pages: list[Path]):
     return pytest.mark.parametrize("page", pages, ids=[str(page.relative_to(ROOT)) for page in pages])
 
 
-def test_every_block_is_run_or_says_why_not():
+def test_every_block_is_run_or_states_a_reason():
     assert [
         str(b) for b in BLOCKS if b.kind not in ("shell", "python", "toml", "mermaid") and not b.reason
     ] == []
@@ -58,7 +58,7 @@ def test_every_block_is_run_or_says_why_not():
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory) -> Path:
-    """A folder with the files in capitals, and the folder that ships beside them."""
+    """Creates a folder with the files in capitals and the folder that is shipped with them."""
     folder = tmp_path_factory.mktemp("own")
     make_own_files(folder)
     (folder / "firmware_configs").symlink_to(ROOT / "firmware_configs")
@@ -67,7 +67,7 @@ def own(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def place(own, tmp_path, monkeypatch) -> Path:
-    """An empty working folder in which one's own files are found."""
+    """Creates an empty working folder from which the user's own files can be found."""
     for file in own.iterdir():
         (tmp_path / file.name).symlink_to(file)
     monkeypatch.chdir(tmp_path)
@@ -77,7 +77,7 @@ def place(own, tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def without_processes(monkeypatch):
-    """``enliven run`` runs its edge here, and reads its viewer's line; the studio's window closes at once."""
+    """Runs the edge of ``enliven run`` in this process, and ends the studio's window at once."""
 
     def here(processes) -> int:
         edge, view = (list(process.arguments) for process in processes)
@@ -100,7 +100,7 @@ def without_processes(monkeypatch):
 
 
 def runs_on_another_page(page: Path, words: list[str]) -> bool:
-    """Whether the README has a line that makes no file from a page of docs, where it runs."""
+    """Returns True if a README command writes no file and is already run as part of another page."""
     made = {"-o", "--record"} & set(words)
     others = (block for block in BLOCKS if block.page != page and block.kind == "shell" and not block.reason)
     return page == ROOT / "README.md" and not made and any(words in block.commands for block in others)
@@ -120,10 +120,10 @@ ELSEWHERE = {
     "examples.md": "tests/shared/examples/test_examples_doc.py",
     "surgery.md": "tests/shared/modeling/test_surgery_doc.py",
 }
-"""Documents whose code a test of their own runs, which also looks at what it prints."""
+"""Documents that have a test of their own, which runs their code and also checks its output."""
 
 
-def test_the_tests_of_their_own_are_there():
+def test_separate_tests_mention_their_pages():
     for page, test in ELSEWHERE.items():
         assert page in (ROOT / test).read_text()
 

@@ -1,4 +1,4 @@
-"""Every command line of documents and helps can be typed: its options exist, its files ship or were made."""
+"""Tests that every command line in documents and help texts is valid: its options and files exist."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from enliven_edge.sensors.registry import sensor_names
 
 GROUP = application()
 MADE = ("-o", "--output", "--record", "--film", "--sheet", "--write-map", "--print")
-"""Options that name a file to be written."""
+"""Options that name an output file."""
 FILE = re.compile(r"(?:\w+=)?([\w/*.-]+\.[a-z]\w+)(?:#\w+)?")
 
 
@@ -32,7 +32,7 @@ COMMANDS = dict(leaves(GROUP, "enliven"))
 
 
 def parse(words: list[str]):
-    """The context of a command line without its first word, as the program would run it.
+    """Parses a command line without its first word as the program would, and returns its context.
 
     Raises:
         Exception: a usage error of click's or typer's.
@@ -48,11 +48,11 @@ def parse(words: list[str]):
 
 EXAMPLE = tomllib.loads((ROOT / "docs/example-sensor/pyproject.toml").read_text())["project"]
 KNOWN = {*sensor_names(), *EXAMPLE["entry-points"]["enliven.sensors"]}
-"""Sensors that a document may name."""
+"""Names of the sensors that a document may use."""
 
 
 def of_help(name: str) -> list[list[str]]:
-    """The examples of a command's help; what is said beside one is two spaces or a # away."""
+    """Returns the examples in a command's help; a remark on the same line follows two spaces or a #."""
     text = HELP if name == "enliven" else COMMANDS[name].help or ""
     lines = re.findall(r"^ *(enliven .*)$", text, re.MULTILINE)
     return [shlex.split(re.split(r"\s{2,}| \| ", line)[0], comments=True) for line in lines]
@@ -100,7 +100,7 @@ def test_every_command_line_of_a_document_parses(block: Block):
 
 
 def unmade(commands: list[list[str]]) -> list[str]:
-    """Files in lower case that a line reads and no line before it makes, and that do not ship."""
+    """Returns lower-case files that a line reads, that no earlier line writes, and that are not shipped."""
     made: set[str] = set()
     missing = []
     for words in commands:

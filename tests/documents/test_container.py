@@ -1,4 +1,4 @@
-"""The Dockerfile of the edge: its linter, and that each line names what this checkout has."""
+"""Tests the edge's Dockerfile: it passes its linter, and every file that it names exists."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_linter_has_no_complaint() -> None:
     assert (said.returncode, said.stdout) == (0, "")
 
 
-def test_it_is_run_by_an_ordinary_user_who_owns_the_volume() -> None:
+def test_image_runs_as_unprivileged_owner_of_the_volume() -> None:
     stage = dict(last_stage())
     user, group = stage["USER"].split(":")
     assert int(user) > 0 and int(group) > 0 and f"--uid {user} " in stage["RUN"]
@@ -74,7 +74,7 @@ def test_its_health_check_is_a_command_of_enliven() -> None:
     assert seconds["timeout"] >= 10, "the doctor listens for 5 s, and Python starts before it"
 
 
-def test_what_it_copies_is_there_and_is_sent_to_the_builder() -> None:
+def test_copied_files_exist_and_are_in_the_build_context() -> None:
     sent = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
     copied = [
         words.split()[:-1] for kind, words in instructions() if kind == "COPY" and "--from" not in words

@@ -20,7 +20,7 @@ MOST_LINES = 40
 ARGUMENTS = {"retarget_model": ("TRAFFIC.bvh", "HORSE.glb"), "match_limbs": ("SPIDER.glb",)}
 """Files that scripts are called with; they are made for the test."""
 TILE, GAP = 420, 10
-"""Pixels of a picture of a sheet, and between two."""
+"""Pixels of one picture on a sheet, and of the gap between two."""
 NEEDS_EDGE = "listen_to_edge"
 
 

@@ -1,4 +1,4 @@
-"""docs/glossary.md is in the order of the alphabet, and names what the code has."""
+"""Tests that docs/glossary.md is in alphabetical order and that its names exist in the code."""
 
 import ast
 import re
@@ -13,7 +13,7 @@ ROWS = [
 
 
 def defined() -> set[str]:
-    """The names of all classes and functions at the top of a module of the product."""
+    """Returns the names of all top-level classes and functions of the product's modules."""
     kinds = ast.ClassDef | ast.FunctionDef
     return {
         node.name
@@ -30,7 +30,7 @@ def test_every_class_that_it_names_is_there():
     assert sorted(names - defined()) == []
 
 
-def test_it_is_in_the_order_of_the_alphabet_with_one_sentence_each():
+def test_entries_are_alphabetical_single_sentences():
     words = [row[0].lower() for row in ROWS]
     assert words == sorted(words)
     for word, said, _ in ROWS:

@@ -33,7 +33,7 @@ def test_every_name_is_imported_and_used_by_an_example():
     assert imported == set(enliven.__all__) and imported <= used
 
 
-def test_every_name_says_what_it_is():
+def test_every_public_name_has_a_docstring():
     for name in enliven.__all__:
         said = inspect.getdoc(getattr(enliven, name)) or ""
         assert re.match(r"[A-Z`].*[.:]", said), f"{name}: {said[:60]!r}"

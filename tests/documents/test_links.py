@@ -1,4 +1,4 @@
-"""Every link of a document leads to a file that is there and, after a #, to a heading in it."""
+"""Tests that every link of a document leads to an existing file and, after a #, to an existing heading."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 
 
 def text_of(page: Path) -> str:
-    """A document without its blocks between fences."""
+    """Returns a document's text without fenced blocks."""
     return re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
 
 

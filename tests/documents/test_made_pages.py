@@ -1,4 +1,4 @@
-"""Pages that a program writes are as it would write them now."""
+"""Tests that generated pages are up to date."""
 
 import sys
 from datetime import date
@@ -25,7 +25,7 @@ def test_every_setting_of_a_page_has_a_sentence():
             assert line.rstrip(" |").endswith((".", ")", "?")), line
 
 
-def test_what_one_machine_measures_in_parts_on_one_day_makes_the_table(tmp_path):
+def test_figures_page_needs_all_parts_from_one_machine_and_day(tmp_path):
     kept, page, known = tmp_path / "out" / "day.json", tmp_path / "figures.md", ["arap", "road"]
     page.write_text("before <!-- figures --> old <!-- end --> after", encoding="utf-8")
     day, machine = date(2026, 11, 21), "two cores"

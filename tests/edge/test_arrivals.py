@@ -1,4 +1,4 @@
-"""Characters that clients put on a running stage: what stands there stays until a good one comes."""
+"""Tests of characters uploaded to a running stage: the current one stays until a valid one has arrived."""
 
 import hashlib
 import time
@@ -44,7 +44,7 @@ MESH = make_chair(0.05)
 CHAIR = character_bytes(project_of_mesh(MESH, "chair"), "chair")
 SETTINGS = EdgeSettings(nodes=32)
 COMPILED_WITHIN = 10 * PATIENCE
-"""Seconds in which a character is prepared, even where its kernels are compiled first."""
+"""Timeout in seconds for preparing a character, even if its kernels have to be compiled first."""
 
 
 def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
@@ -52,7 +52,7 @@ def order_of(data: bytes, name="chair", revision=1, fit=False) -> PutCharacter:
 
 
 def send(arrivals: Arrivals, data: bytes, order: PutCharacter, step=MAX_PART_BYTES) -> int:
-    """Does what a client does until the character stands there; returns how many parts were sent."""
+    """Does what a client does until the character is on the stage; returns the number of parts sent."""
     parts, deadline = 0, time.monotonic() + COMPILED_WITHIN
     while (answer := arrivals.put(order)) != Done():
         assert isinstance(answer, Awaited) and time.monotonic() < deadline
@@ -95,7 +95,7 @@ def test_a_character_of_any_rig_is_put_and_performs_and_equal_data_is_sent_once(
 
 
 def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_them_back():
-    """Its pictures reach the stage byte for byte; larger ones than a message holds stay at home."""
+    """Its images reach the stage byte for byte; images larger than a message are not sent."""
     picture = np.frombuffer(b"\x89PNG\r\n\x1a\n" + bytes(range(200)), np.uint8)
     uvs = np.random.default_rng(3).random((len(MESH.faces), 3, 1, 2)).astype(np.float32)
     told = '{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}'
@@ -120,7 +120,9 @@ def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_
 
 
 def test_attachment_continues_in_next_revision():
-    """The chair is edited while its performer stands elsewhere with a knee up: nothing jumps, it stays up."""
+    """The chair is edited while its performer stands elsewhere with a lifted knee: no jump, the knee stays
+    up.
+    """
     stage = possessed()
     arrivals, old = Arrivals(stage, SETTINGS), stage.actors["chair"].character
     for i in range(1, 25):
@@ -143,7 +145,7 @@ def test_attachment_continues_in_next_revision():
 
 @settings(max_examples=12)
 @given(st.data())
-def test_no_sequence_of_messages_harms_what_stands_there(data):
+def test_no_message_sequence_harms_the_stage(data):
     stage = possessed()
     arrivals, stood = Arrivals(stage, SETTINGS), stage.actors["chair"]
     names, digests = (
@@ -181,7 +183,7 @@ def test_data_that_is_cut_or_changed_is_refused_in_a_sentence(at, by, cut):
             arrivals.put(order_of(data or b"x"))
     else:
         made = stage.characters["chair"].vertices
-        np.testing.assert_allclose(made, MESH.vertices, atol=1e-6)  # a byte that no reader looks at
+        np.testing.assert_allclose(made, MESH.vertices, atol=1e-6)  # a byte that no reader uses
 
 
 def wild_star():
@@ -251,8 +253,11 @@ def test_an_older_revision_is_refused_and_one_that_stops_coming_makes_room(monke
     assert arrivals.put(order_of(CHAIR, "e")) == Awaited(0)
 
 
-def test_a_mesh_without_a_person_is_not_searched_for_one_after_an_edit_that_moves_its_vertices(monkeypatch):
-    """Searching takes as long as all the rest. With other faces it is searched, and where one was found."""
+def test_person_search_is_not_repeated_after_moving_vertices(monkeypatch):
+    """The search takes as long as everything else.
+
+    It is repeated if faces change, or if it found a person.
+    """
     searched = list[str]()
 
     def counting(mesh, *known):

@@ -1,4 +1,6 @@
-"""The settings files of edges: every shipped one is loaded, its sensors can be opened and stand somewhere."""
+"""Tests of the settings files of edges: every shipped one is loaded, and its sensors can be opened and
+placed.
+"""
 
 import contextlib
 from pathlib import Path
@@ -29,7 +31,7 @@ def test_a_shipped_file_is_loaded(path):
     assert bool(loaded.space) == (len(loaded.sensors) > 1)
 
 
-def test_two_sensors_are_one():
+def test_shipped_two_sensor_settings_give_a_fused_sensor():
     path = EDGES / "two-sensors.toml"
     loaded = load_settings(EdgeSettings, path)
     space = load_space(path.parent / loaded.space)
@@ -71,7 +73,7 @@ def test_a_wrong_file_is_refused(tmp_path, text, message):
         load_settings(EdgeSettings, path)
 
 
-def test_a_word_says_a_source(tmp_path):
+def test_source_words_are_parsed(tmp_path):
     take = tmp_path / "a=b.mcap"
     take.touch()
     options = {"seed": 3, "left.width": 320, "right.width": 160}

@@ -18,7 +18,7 @@ STEP = 100_000_000
 
 
 def tilted() -> np.ndarray:
-    """A camera at 1.6 m that looks down by 20 degrees, along the world's -Z."""
+    """Returns a camera at 1.6 m that looks down by 20 degrees, along the world's -Z."""
     place = np.eye(4)
     place[:3, :3] = np.diag([1.0, -1.0, -1.0])
     place[:3, :3] = turned(-np.radians(20)) @ place[:3, :3]
@@ -33,7 +33,7 @@ def turned(angle: float) -> np.ndarray:
 
 
 def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
-    """Twenty joints, and an image in which there is something at each of them and nothing elsewhere."""
+    """Returns twenty joints, and a depth image with one pixel at each of them and nothing elsewhere."""
     rng = np.random.default_rng(3)
     joints = rng.uniform([-0.6, 0.3, -3.2], [0.6, 1.7, -2.4], (20, 3))
     depth = np.zeros((LENS.height, LENS.width), np.uint16)
@@ -46,12 +46,12 @@ def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_joints_lie_on_what_the_picture_shows(mirrored) -> None:
+def test_preview_joints_lie_on_the_image(mirrored) -> None:
     place = tilted()
     body, depth = body_and_depth(place)
     told = Glance().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
     assert told is not None and width_of(told) == pytest.approx(4 / 3, rel=0.02)
-    if mirrored:  # by the upright plane through the line of sight
+    if mirrored:  # by the vertical plane through the line of sight
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
         )
@@ -63,7 +63,7 @@ def test_joints_lie_on_what_the_picture_shows(mirrored) -> None:
     np.testing.assert_allclose(picture[places[:, 1], places[:, 0]], near, atol=30)
 
 
-def test_it_comes_now_and_then_and_not_from_nowhere() -> None:
+def test_preview_is_sent_every_other_frame_and_needs_a_pose() -> None:
     glance, frame = Glance(), lambda n: DepthFrame(np.full((240, 320), 2000, np.uint16), LENS, n * STEP, "s")
     told = [glance.of(frame(n), tilted()) is not None for n in range(7)]
     assert told == [True, False, True, False, True, False, True]
@@ -72,7 +72,7 @@ def test_it_comes_now_and_then_and_not_from_nowhere() -> None:
     assert again is not None, "a recording begins anew"
 
 
-def test_a_sensor_that_tracks_by_itself_tells_only_where_it_stands() -> None:
+def test_body_sensor_publishes_only_its_pose() -> None:
     told = Glance().of(BodyFrame([], 0, "kinect2"), tilted())
     assert told is not None and told.height == 0 and told.nearness == b""
     assert told.place == pytest.approx(tilted()[:3].ravel().tolist())

@@ -1,4 +1,4 @@
-"""A later start removes what killed processes left in the temporary folder, and nothing else."""
+"""Tests that a later start removes only the temporary files of killed processes."""
 
 import os
 import signal

@@ -17,7 +17,10 @@ DEVICE_ID = "0f2c6f1a-55d3-4f0e-9b0a-1d2e3f405162"
 
 @pytest.fixture
 def left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What an older version left in a home: returns the folder; the session file is in ``tmp``."""
+    """Creates the files that an older version left in a home; returns the folder.
+
+    The session file is in ``tmp``.
+    """
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))

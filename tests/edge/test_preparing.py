@@ -33,7 +33,7 @@ def test_a_machine_with_all_kernels_starts_no_process():
 
 
 @pytest.mark.parametrize(("folder", "cores"), [(None, 4), ("folder", 1)])
-def test_no_process_is_started_where_it_could_not_help(monkeypatch, folder, cores):
+def test_no_useless_warm_up_process_is_started(monkeypatch, folder, cores):
     monkeypatch.setattr(preparing, "user_folder", lambda: folder)
     monkeypatch.setattr(preparing.os, "cpu_count", lambda: cores)
     with TrackerCompilation() as tracker:

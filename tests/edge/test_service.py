@@ -1,4 +1,4 @@
-"""The edge's loop: what a frame leads to, what is wrong is on the wire, what is late goes no further."""
+"""Tests of the edge's loop: effects of a frame, health on the wire, and dropping of late frames."""
 
 import contextlib
 import dataclasses
@@ -32,7 +32,7 @@ STEP = 33_333_333
 
 
 class Frames:
-    """A sensor that delivers what it is given: a frame, or None where none is due."""
+    """A sensor that delivers given frames; None if no frame is due."""
 
     name = "given"
 
@@ -65,7 +65,7 @@ def outlet(tmp_path):
 
 
 def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
-    """Runs an edge on the frames; what its heartbeat says is wrong after each."""
+    """Runs an edge on the frames; returns the problems in its heartbeat after each."""
     monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
     edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
     said: list[set[str]] = []
@@ -81,7 +81,7 @@ def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
 
 
 def published(outlet, tmp_path) -> list[tuple[int, list[Body]]]:
-    """(time, bodies) of the take."""
+    """Returns (time, bodies) of the take."""
     outlet.close()
     return [
         (time_ns, message_to_bodies(msgspec.msgpack.decode(data, type=BodiesMessage)))
@@ -106,7 +106,7 @@ def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path
     assert body.height == pytest.approx(1.75, abs=0.25)
 
 
-def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
+def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(3)]
     said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)
@@ -126,7 +126,7 @@ def test_a_sensor_that_is_silent_is_said_to_be_while_it_is(outlet):
     assert state.kind == HealthKind.NO_FRAMES and state.severity == 2
 
 
-def test_bodies_of_a_sensor_that_tracks_people_itself_are_smoothed_and_mirrored_too(outlet, tmp_path):
+def test_bodies_of_a_body_sensor_are_smoothed_and_mirrored(outlet, tmp_path):
     random = np.random.default_rng(0)
     base = random.normal(size=(20, 3))
     frames = [
@@ -142,7 +142,7 @@ def test_bodies_of_a_sensor_that_tracks_people_itself_are_smoothed_and_mirrored_
 
 
 def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
-    """The command goes over the real sockets; from then on what leaves is what the sensor said."""
+    """The command uses real sockets; afterwards the published joints are the sensor's."""
     random = np.random.default_rng(1)
     base = random.normal(size=(20, 3))
     frames = [
@@ -157,7 +157,7 @@ def test_a_viewer_may_turn_a_performer_s_smoothing_off(outlet, tmp_path):
             outlet.publisher.poll()
 
         class Asking(Frames):
-            """Asks before the 21st frame, and waits for the answer."""
+            """Sends a request before the 21st frame, and waits for the answer."""
 
             def read(self, timeout=None):
                 if len(self._frames) == 20 and not answers and time.monotonic() < deadline:

@@ -1,4 +1,4 @@
-"""The recording that ships: what it holds, and that the command makes it again."""
+"""Tests of the shipped recording: its contents, and that the command reproduces it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 AGAIN = "make it again:  enliven synthesize -o edge/enliven_edge/assets/chair.mcap --overwrite"
 
 ROUNDED_OTHERWISE = 1e-3
-"""Share of the pixels that may differ on another processor: millimetres that are rounded the other way."""
+"""Maximum fraction of pixels that may differ on another processor, where millimetres round the other way."""
 
 WHOLE = 270
 """Frames of the shipped recording."""
 MADE_AGAIN = int(os.environ.get("ENLIVEN_MADE_AGAIN", "40"))
-"""First frames that the command makes again, the most expensive part here. `make test-long` makes all."""
+"""Number of first frames that the command reproduces, the slowest part here. `make test-long` does all."""
 
 
 def test_recording_has_nine_seconds_with_ground_truth() -> None:
@@ -40,11 +40,11 @@ def test_recording_has_nine_seconds_with_ground_truth() -> None:
     assert frames[0].world_from_camera is not None
     assert recording.info.metadata["synthesize"]["choreography"] == "chair"
     for frame in frames[::30]:
-        assert 0.75 < (frame.depth > 0).mean() < 0.95  # holes, as a real one has
+        assert 0.75 < (frame.depth > 0).mean() < 0.95  # holes, as in a real depth image
 
 
 def test_its_images_and_joints_are_those_of_the_studio() -> None:
-    """Sixteen frames of it, however the file was packed."""
+    """Sixteen of its frames, independent of compression."""
     recording = Recording(CHAIR)
     studio = SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320))
     for n, (frame, truth) in enumerate(zip(recording.frames(), recording.truth(), strict=True)):
@@ -54,7 +54,7 @@ def test_its_images_and_joints_are_those_of_the_studio() -> None:
         assert np.allclose(truth.bodies[0].joints, studio.body(frame.time_ns).joints, atol=1e-6), AGAIN
 
 
-def test_the_command_makes_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_reproduces_the_shipped_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert SyntheticStudio(load_profile("kinect1"), SyntheticSettings(width=320)).frames == WHOLE, AGAIN
     monkeypatch.setattr(SyntheticStudio, "frames", MADE_AGAIN)
     synthesize(

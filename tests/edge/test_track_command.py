@@ -1,4 +1,4 @@
-"""``enliven track``: depth becomes a take, as the tracker sees it; what is refused changes nothing."""
+"""Tests of ``enliven track``: depth becomes a take of tracked bodies; refused input changes nothing."""
 
 import itertools
 from dataclasses import replace
@@ -67,7 +67,7 @@ def test_person_at_the_start_is_found_in_the_first_image(depth, tmp_path):
 
 @pytest.fixture
 def image(depth, tmp_path):
-    """The shipped recording's first image as a 16-bit PNG, its frame, and its lens for the option."""
+    """Returns the shipped recording's first image as a 16-bit PNG, its frame, and the option for its lens."""
     frame = next(iter(Recording(depth).frames()))
     Image.fromarray(frame.depth).save(tmp_path / "image.png")
     camera = frame.intrinsics
@@ -75,7 +75,7 @@ def image(depth, tmp_path):
 
 
 def test_single_image_gives_a_take(image, tmp_path):
-    """The joints are those of the same image in a recording, but for the sensor's pose, which it states."""
+    """The joints equal those of the same image in a recording, except for the sensor's stated pose."""
     path, frame, lens = image
     made = tmp_path / "bodies.mcap"
     output = run(path, "-o", made, "--lens", lens)
@@ -103,7 +103,7 @@ def test_image_without_a_known_camera_asks_for_a_lens(image, tmp_path):
     [("colour.png", "RGB", "a PNG image in colour"), ("colour.jpg", "RGB", "a JPEG image in colour"),
      ("grey.png", "L", "in 256 greys")],
 )  # fmt: skip
-def test_image_without_depth_is_refused_with_what_it_is(name, mode, message, tmp_path):
+def test_image_without_depth_is_refused_with_its_type(name, mode, message, tmp_path):
     Image.new(mode, (64, 48)).save(tmp_path / name)
     with pytest.raises(InputError, match=message) as caught:
         run(tmp_path / name, "-o", tmp_path / "bodies.mcap")

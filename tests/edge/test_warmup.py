@@ -1,4 +1,4 @@
-"""No frame waits for a compiler: after the warm-up a new tracker compiles and loads no kernel."""
+"""Tests that no frame waits for a compiler: after the warm-up a new tracker compiles and loads no kernel."""
 
 import subprocess
 import sys
@@ -48,11 +48,13 @@ for name, frames in cases.items():
         tracker.surfaces()
     print(name, *sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}), sep="|")
 """
-"""Prints a line for each kind of frames: the kernels that got a signature more while they were tracked."""
+"""For each kind of frame, prints a line with the kernels that were compiled or loaded while tracking it."""
 
 
 def kernels_of(*, warm: bool) -> dict[str, list[str]]:
-    """The kernels that each kind of frames compiled or loaded, in its own process; one kind if not warm."""
+    """Returns the kernels that each kind of frame compiled or loaded, in its own process; one kind if not
+    warm.
+    """
     command = [sys.executable, "-c", f"WARM = {warm}\n{COUNTED}"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
     lines = [line.split("|") for line in shown.stdout.splitlines()]
@@ -67,5 +69,5 @@ def test_warm_up_compiles_all_kernels():
 
 
 @pytest.mark.timeout(700)
-def test_without_it_the_first_frames_load_their_kernels():
+def test_first_frames_without_warmup_load_kernels():
     assert {"minimise", "_solid"} <= set(kernels_of(warm=False)["live"])

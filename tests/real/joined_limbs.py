@@ -1,12 +1,12 @@
-"""Judges of whether a graph joins limbs that have nothing to do with each other, and a plain one to compare.
+"""Independent checks that a graph does not join unrelated limbs, and a plain graph for comparison.
 
-Two judges that share nothing with the code they judge:
+The two checks share no code with the product:
 
-- :func:`detours`: an edge is wrong where the shortest way over the mesh's own edges is three times as long as
-  the edge, and longer than two node spacings, and the edge's middle is in the air: before the surface that is
-  nearest to it. (Through a board the way round is long too, but there both sides do belong together.)
-- :class:`Limbs`: below a height (or far from the middle) the mesh falls into its legs; an edge is wrong where
-  its nodes lie on two of them.
+- :func:`detours`: an edge is wrong if the shortest path over the mesh's own edges is three times as long as
+  the edge and longer than two node spacings, and the edge's middle is in front of the nearest surface. (The
+  path round a board is long too, but its two sides do belong together.)
+- :class:`Limbs`: the mesh below a height (or far from the middle) consists of separate legs; an edge is wrong
+  if its nodes lie on two of them.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from enliven.meshes.mesh import Mesh, fit_height, refine, weld
 
 
 class Case(NamedTuple):
-    """A mesh, how many limbs it has, and what of it lies in them.
+    """A mesh, its number of limbs, and a rule for its limb vertices.
 
     Attributes:
-        name: of the file.
-        limbs: how many.
-        cut: the share of the height below which there are only legs; or, negative, the share of the greatest
+        name: name of the file.
+        limbs: number of limbs.
+        cut: fraction of the height below which there are only legs; or, if negative, fraction of the greatest
             distance from the middle beyond which there are only arms.
     """
 
@@ -52,13 +52,13 @@ CASES = (
 
 
 def load(data, case: Case) -> Mesh:
-    """The mesh 1.75 m tall, fine enough to bend."""
+    """Returns the mesh, 1.75 m tall, subdivided finely enough to bend."""
     path = next(p for kind in ("meshes", "gltf") for p in sorted(data.glob(f"{kind}/**/{case.name}")))
     return refine(fit_height(load_mesh(path).mesh, 1.75), 0.04)
 
 
 def detours(mesh: Mesh, positions, edges) -> int:
-    """How many edges leap over a detour; nodes are taken to their nearest vertices."""
+    """Returns the number of edges that leap over a detour; nodes are mapped to their nearest vertices."""
     whole, _ = weld(mesh)
     ends = np.concatenate([whole.faces[:, [0, 1]], whole.faces[:, [1, 2]], whole.faces[:, [2, 0]]])
     ends = np.unique(np.sort(ends, 1), axis=0)
@@ -77,14 +77,14 @@ def detours(mesh: Mesh, positions, edges) -> int:
 
 @dataclass(frozen=True)
 class Limbs:
-    """The limbs of a mesh: (V,) the number of each vertex's limb, -1 on the body."""
+    """The limbs of a mesh: (V,) limb number of each vertex, -1 on the body."""
 
     mesh: Mesh
     of_vertex: np.ndarray
 
     @staticmethod
     def of(mesh: Mesh, case: Case) -> Limbs:
-        """The largest pieces beyond the cut, as many as the case says."""
+        """Returns the limbs of a case: its largest connected pieces beyond the cut."""
         whole, welded_of = weld(mesh)
         if case.cut > 0:
             outside = whole.vertices[:, 1] < case.cut * whole.vertices[:, 1].max()
@@ -104,16 +104,18 @@ class Limbs:
         return Limbs(mesh, found[welded_of])
 
     def of_points(self, positions) -> np.ndarray:
-        """(N,) the limb that each point of the surface is on."""
+        """Returns (N,) limb numbers of points on the surface."""
         return self.of_vertex[cKDTree(self.mesh.vertices).query(positions)[1]]
 
     def joined(self, positions, edges) -> int:
-        """How many edges lead from one limb to another."""
+        """Returns the number of edges from one limb to another."""
         a, b = self.of_points(positions)[edges].T
         return int(((a >= 0) & (b >= 0) & (a != b)).sum())
 
     def misled(self, positions, skin, least: float = 0.01) -> int:
-        """How many vertices of one limb follow nodes of another with more than ``least`` of their weight."""
+        """Returns the number of limb vertices with more than ``least`` of their weight on another limb's
+        nodes.
+        """
         of_node = self.of_points(positions)[skin.indices.astype(int)]
         own = self.of_vertex[:, None]
         foreign = ((own >= 0) & (of_node >= 0) & (own != of_node)) * skin.weights
@@ -143,7 +145,7 @@ def plain_graph(mesh: Mesh, nodes: int, seed: int = 0) -> PlainGraph:
 
 
 def _spaced(darts, radius):
-    """The darts kept in order, no two nearer than ``radius``."""
+    """Returns the darts, in order, that are at least ``radius`` apart."""
     if radius <= 0:
         return darts
     free = np.ones(len(darts), bool)
@@ -156,7 +158,7 @@ def _spaced(darts, radius):
 
 
 def plain_skin(mesh: Mesh, graph: PlainGraph):
-    """The four nearest nodes of each vertex by the Euclidean distance, with the paper's linear fall-off."""
+    """Returns the four nearest nodes of each vertex by Euclidean distance, and the paper's linear weights."""
     lengths, nearest = cKDTree(graph.positions).query(mesh.vertices, 5)
     fall = 1 - lengths[:, :4] / lengths[:, 4:]
     weights = fall / fall.sum(1, keepdims=True)

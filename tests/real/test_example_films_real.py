@@ -1,4 +1,4 @@
-"""The sessions of the example films: stored as directed, and played by what the films are judged by."""
+"""Tests of the example films' sessions: stored as directed, and played within the films' quality bounds."""
 
 import importlib
 import sys
@@ -26,9 +26,9 @@ pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"{MISSING[:1]} is not there (set ENLIVEN_DATA)"),
 ]
 SMOOTHED = {"cactus": 0.005, "trex": 0.02, "armadillo": 0.02, "alligator": 0.1}
-"""How far key poses may be missed, in sizes of the mesh: a hop is over in a tenth of a second."""
+"""Maximum deviation from key poses in mesh sizes: a hop lasts a tenth of a second."""
 HANDS = {"cactus": 0.9, "armadillo": 0.6}
-"""How well the heights of hands correlate at least."""
+"""Minimum correlation of the heights of hands."""
 
 
 @lru_cache
@@ -37,7 +37,7 @@ def project_of(name):
 
 
 def short(name, seconds=1.5, rate=12.0):
-    """The shots of a short piece of a film."""
+    """Returns the shots of a short part of a film."""
     act = acts.ACTS[name]
     shown = act.shown[0]
     piece = replace(shown, last=min(shown.last, shown.first + seconds))
@@ -64,7 +64,7 @@ def test_key_poses_are_met(name):
     size = np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0))
     assert measures.missed(puppet, motion_of(project, puppet, 0)) < SMOOTHED[name] * size
     how = {"examples": replace(puppet.examples, acceleration=0.0)}
-    # Standing feet give way where a puppet is drawn back, so its leash is long here.
+    # Standing feet give way if drift correction pulls a puppet back, so its leash is long here.
     plain = replace(puppet, locomotion=replace(puppet.locomotion, plant=0.0, leash=1000.0), **how)
     plain = plain.with_changes(layers=(replace(puppet.layers[0], level_feet=False),))
     assert measures.missed(plain, motion_of(project, plain, 0)) < 1e-9
@@ -75,9 +75,9 @@ def test_the_anchor_does_not_slide(name):
     project = project_of(name)
     puppet = next(iter(project.puppets.values()))
     motion = motion_of(project, puppet, 0)
-    assert measures.slide(motion) < 1.5e-3  # metres; it is less where no foot is planted
+    assert measures.slide(motion) < 1.5e-3  # metres; lower if no foot is planted
     assert motion.travels
-    # Nothing that it stands on goes under the floor, and it is never thrown far.
+    # Its supporting points stay above the floor, and it is never thrown far.
     feet = [k for k, point in enumerate(puppet.points) if point.foot]
     under = motion.places[:, feet, 1] + motion.root[:, 1, None] - puppet.rest[feet, 1].min()
     assert under.min() > -1e-9
@@ -143,6 +143,6 @@ def test_a_picture_shows_performer_puppet_and_key_poses():
     picture = small.picture(play, 0, shots[0], None).astype(int)
     assert picture.shape == (108, 192, 3)
     left, right = picture[:, :56], picture[:, 58:168]
-    # Teal on the left; green on the right.
+    # Teal is on the left, green on the right.
     assert (left[..., 2] - left[..., 0] > 40).sum() > 20
     assert (right[..., 1] - right[..., 2] > 30).sum() > 200

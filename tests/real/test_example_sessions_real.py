@@ -1,4 +1,4 @@
-"""Real meshes become puppets of real motions by the command line, and stay where their performers are."""
+"""Tests that real meshes become puppets of real motions by the command line, and stay at their performers."""
 
 import importlib
 import os
@@ -44,7 +44,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
     places = {point.joint: place for point, place in zip(puppet.points, puppet.rest, strict=True)}
     if sides:
         assert places["LeftHandIndex1 end"][0] > 0.1 > -0.1 > places["RightHandIndex1 end"][0]
-    # Every control point is moved a little, each time elsewhere.
+    # Every control point is moved slightly, each time differently.
     rng = np.random.default_rng(0)
 
     def moved(found):
@@ -58,7 +58,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
     posed = read.project.puppets[file.stem]
     motion = motion_of(read.project, posed, 0)
     reached = examples_of(read.project, posed).targets
-    # Weights stay in their bounds, so nothing goes far beyond what was posed.
+    # Weights stay within bounds, so nothing moves far beyond the key poses.
     room = 1.5 * np.ptp(reached, axis=0).max() + 0.05
     assert (motion.places.min(0) > reached.min(0) - room).all()
     assert (motion.places.max(0) < reached.max(0) + room).all()
@@ -66,7 +66,7 @@ def test_a_session_is_suggested_posed_and_fitted(tmp_path, capsys, mesh, options
 
 
 def in_place(mesh, take):
-    """How a mesh travels, if its files are there."""
+    """Returns a mesh's locomotion if its files exist."""
     for file in (travel.MESHES[mesh].file, {**travel.STAYS, **travel.GOES}[take]):
         if not (DATA / file).exists():
             pytest.skip(f"no {file}")
@@ -85,7 +85,7 @@ def test_hands_that_direct_traffic_are_followed_on_both_sides(mesh):
     "mesh", ["fish", "octopus", "spider", "cow", "cactus", "humanoid", "armadillo", "trex"]
 )
 @pytest.mark.parametrize("take", ["traffic", "waves", "strolls"])
-def test_it_is_where_its_performer_is_after_a_minute(mesh, take):
+def test_puppet_is_at_its_performer_after_a_minute(mesh, take):
     found = in_place(mesh, take)
     assert found.offset < 0.2
     if take == "strolls":

@@ -1,4 +1,4 @@
-"""Real motions drive control points by a few example poses."""
+"""Tests that real motions drive control points by a few key poses."""
 
 import os
 from pathlib import Path
@@ -31,13 +31,13 @@ def clip_of(name):
 
 
 def shown(poses, count):
-    """A wide and short creature that does what the performer does, at the suggested poses."""
+    """Returns a wide, short creature that copies the performer, with key poses at the suggested times."""
     frames = list(suggest_poses(poses, SuggestSettings(most=count)).frames)
     return Examples(JOINTS, JOINTS, poses[frames], poses[frames] * SHARE), frames
 
 
 def changes(places, step):
-    """Root mean square acceleration, m/s^2."""
+    """Returns the root mean square acceleration, m/s^2."""
     return float(np.sqrt((np.diff(places, 2, axis=0) ** 2).sum(2).mean())) / step**2
 
 
@@ -53,7 +53,7 @@ def test_a_motion_is_followed_smoothly(name):
     places = ExampleMap(examples).solve(took.poses, took.step)
     wanted = took.poses * SHARE
     assert changes(places[5:], took.step) < 1.2 * changes(wanted[5:], took.step)
-    # What the eight poses do not show is within what bounded weights can reach.
+    # Poses outside the eight key poses are within the range of bounded weights.
     spread = np.sqrt(((wanted - wanted.mean(0)) ** 2).sum(2).mean())
     assert np.sqrt(((places - wanted)[5:] ** 2).sum(2).mean()) < 0.6 * spread
 

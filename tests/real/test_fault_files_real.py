@@ -1,5 +1,4 @@
-"""Small files that failed once, by every entry point that reads them: meshes, motion captures, depth
-images."""
+"""Tests of small files that failed once, by every entry point: meshes, motion captures, depth images."""
 
 from __future__ import annotations
 
@@ -38,7 +37,7 @@ app.command("track")(track)
 
 
 def call(*words) -> str:
-    """Runs import or track, and returns what it prints; its error is raised."""
+    """Runs import or track and returns its output; raises its error."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     if isinstance(result.exception, InputError):
         raise result.exception
@@ -54,7 +53,7 @@ MESHES = {
     "tokens.off": (2.366, 4, ""),
     "bin_tail.stl": (2.2277, 206, "bytes after its last triangle"),
 }
-"""Area in square units, vertices, and words of a note, of each mesh."""
+"""Area in square units, vertices, and words of a note, for each mesh."""
 
 
 @pytest.mark.parametrize("name", list(MESHES))
@@ -120,7 +119,7 @@ def test_flipped_meshes_merge_to_one_shell(name: str) -> None:
 
 
 def heights(clip) -> np.ndarray:
-    """(F,) metres from the lowest to the highest joint of a clip."""
+    """Returns (F,) distances from the lowest to the highest joint of a clip, metres."""
     rest, parents = clip.skeleton.positions, clip.skeleton.parents
     at = [clip.root]
     for j in range(1, len(parents)):

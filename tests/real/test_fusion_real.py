@@ -1,8 +1,8 @@
-"""Two Kinects that saw the same people: calibrated by those people, and fused.
+"""Tests of two Kinects that saw the same people: calibrated by those people, and fused.
 
-The gate, the loyalty and the plausible bones were looked at on Study_24; Study_1 was used for the low-pass of
-velocities. Nobody measured where the Kinects stood: the files hold skeletons that their authors had moved
-into one world already, so that the placement that is found must be nearly none."""
+The gate, the loyalty and the plausible bones were tuned on Study_24, the low-pass filter of velocities on
+Study_1. The Kinects' positions were not measured. The authors had already moved the skeletons into one world,
+so the placement found must be nearly the identity."""
 
 import dataclasses
 import os
@@ -35,7 +35,7 @@ KINECTS = ("138.251.207.136", "138.251.213.82")
 
 @cache
 def seen(study: int) -> dict[str, list[BodyFrame]]:
-    """What each Kinect saw, by its own clock."""
+    """Returns each Kinect's frames with its own clock."""
     (path,) = FOLDER.glob(f"Study_{study}_*.csv")
     reader = MultiTrackReader()
     reader.clock = "Skeleton_Time"
@@ -49,7 +49,7 @@ def placed(frames: dict[str, list[BodyFrame]], overlap: float = 4.0):
 
 @cache
 def performed(study: int):
-    """The calibration, the fused frames, and each Kinect's frames in the same world and clock."""
+    """Returns the calibration, the fused frames, and each Kinect's frames in the same world and clock."""
     made = placed(seen(study))
     space = made.space()
     both = list(fused(seen(study), space, Fuser(eyes(space))))
@@ -64,7 +64,7 @@ def performed(study: int):
 
 
 def test_two_people_who_occlude_each_other_place_two_kinects():
-    """Study_24: good, 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
+    """Study_24: 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
     made, _, _ = performed(24)
     (pair,) = made.pairs
     assert made.good
@@ -78,7 +78,7 @@ def test_two_people_who_occlude_each_other_place_two_kinects():
 
 @pytest.mark.parametrize("degrees", [75.0, -150.0])
 def test_a_kinect_that_is_put_elsewhere_is_found_there(degrees):
-    """The second Kinect's skeletons moved as if it stood elsewhere, its clock 1000 s ahead: as before."""
+    """The second Kinect's skeletons are moved to another place, with a clock 1000 s ahead: same result."""
     before = made_of(24)
     there = rigid(turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5]))
     frames = dict(seen(24))
@@ -103,7 +103,7 @@ def made_of(study: int):
 
 
 def test_two_people_keep_their_identities():
-    """37 s with occlusion, skeletons that collapse, and gaps of nine seconds: two people, no exchange."""
+    """37 s with occlusion, collapsing skeletons, and gaps of nine seconds: two people, no swap."""
     _, both, alone = performed(24)
     assert {body.id for frame in both for body in frame.bodies} == {1, 2}
     for frames in alone.values():
@@ -112,8 +112,8 @@ def test_two_people_keep_their_identities():
         assert apart < 45.0
 
 
-def test_what_one_kinect_loses_the_other_holds():
-    """The second person is seen for longer than by either Kinect alone."""
+def test_fused_kinects_see_second_person_longer_than_either():
+    """The second person is visible for longer than in either Kinect alone."""
     _, both, alone = performed(24)
 
     def share(frames):
@@ -124,13 +124,13 @@ def test_what_one_kinect_loses_the_other_holds():
 
 @pytest.mark.parametrize("study", [1, 24])
 def test_fusion_adds_little_jitter(study):
-    """The Kinects' own skeletons are smooth; bringing two clocks together must not shake them."""
+    """The Kinects' skeletons are smooth; combining two clocks must not add jitter."""
     _, both, alone = performed(study)
     assert jitter_mm(both) < 1.35 * max(jitter_mm(frames) for frames in alone.values())
 
 
-def test_somebody_who_stands_is_not_enough_to_place_a_sensor():
-    """Study_1, 12 s nearly on the spot, and Study_14, less than a second, are never accepted."""
+def test_standing_person_is_not_enough_to_place_a_sensor():
+    """Study_1, 12 s nearly on the spot, and Study_14, under a second, are never accepted."""
     for study, overlap in ((1, 4.0), (14, 0.5)):
         made = placed(seen(study), overlap)
         assert not made.good

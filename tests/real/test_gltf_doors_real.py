@@ -1,4 +1,4 @@
-"""Real glTF files, and those that once failed, come in by every way as the one reader reads them."""
+"""Tests that real glTF files, and those that failed once, are read alike by every entry point."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MODELS = sorted(
 )
 FAULTY = sorted(path for path in FAULTS.glob("*.glb") if path.stem != "draco_required")
 HEAVY = ("edge, by a graph", "studio", "stage", "session")
-"""Doors that do more than to read: they are tried on the small files, of which each is one kind."""
+"""Entry points that do more than read: they are tested on the small files, one of each kind."""
 
 pytestmark = [
     pytest.mark.real,

@@ -1,4 +1,4 @@
-"""No edge and hardly a weight leads from one limb of a real mesh to another, as two judges see it."""
+"""Tests that no edge and few weights connect limbs of a real mesh, by two independent checks."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from joined_limbs import CASES, Limbs, detours, load, plain_graph, plain_skin
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
 SHELLS = {"house_interior_pack_Chair_1.glb"}
-"""Of several shells: no way along its own edges leads from one to another, so the first judge is blind."""
+"""Meshes of several shells: no path along edges connects these, so the first check cannot see them."""
 
 pytestmark = [
     pytest.mark.real,
@@ -30,13 +30,16 @@ def test_no_edge_joins_limbs(case):
         graph = DeformationGraph.build(mesh, nodes)
         assert limbs.joined(graph.positions, graph.edges) == 0
         assert case.name in SHELLS or detours(mesh, graph.positions, graph.edges) == 0
-    # At the last: what follows another limb lies where the limbs meet.
+    # Finally: vertices that follow another limb are near the junction of both limbs.
     misled = limbs.misled(graph.positions, graph.skin(mesh))
     assert misled < 0.01 * (limbs.of_vertex >= 0).sum()
 
 
 def test_the_plain_graph_joins_them():
-    """The guard of the test above: the Euclidean sampling and its four nearest do join, by both judges."""
+    """Guards the test above:
+
+    Euclidean sampling with the four nearest nodes does join limbs, by both checks.
+    """
     joined = leaps = misled = 0
     for case in CASES:
         mesh = load(DATA, case)

@@ -1,4 +1,4 @@
-"""Landmarks of a real colour image, lifted by real depth: a person who turns all the way round.
+"""Tests of landmarks of a real colour image, lifted by real depth: a person turning all the way round.
 
 Needs the real recordings, and in ENLIVEN_MEDIAPIPE a Python that has mediapipe 0.10.21 (with its model).
 """
@@ -33,7 +33,7 @@ def test_a_turning_person_s_trunk_and_arms_are_found_and_the_rest_is_not_invente
             local = (body.joints - mount[:3, 3]) @ mount[:3, :3]
             sure = body.confidence > 0.5
             assert sure[[Joint.HEAD, Joint.SHOULDER_CENTER]].all()
-            # Where it is sure, it lies within the person: the surface in front of it is at most 0.2 m nearer.
+            # Confident joints are inside the person: the surface is at most 0.2 m nearer.
             u, v = np.rint(project(local[sure], frame.intrinsics)).astype(int).T
             surface = frame.depth[v, u] * 1e-3
             seen = surface > 0

@@ -1,4 +1,4 @@
-"""Real motions, live: a performer of another size moves a puppet as their take does."""
+"""Tests that a live performer of another size moves a puppet as their take does."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ TRACKED = (
     *("RightForeArm", "RightHand", "RightHandIndex1", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
     *("RightUpLeg", "RightLeg", "RightFoot", "RightToeBase"),
 )
-"""The joints of CMU's performers that are most like the twenty of a tracked person, in their order."""
+"""The joints of CMU's performers most similar to the twenty of a tracked person, in their order."""
 SECONDS = 6.0
 sys.path.insert(0, str(SESSIONS.parent))
 travel = importlib.import_module("example_travel")
 
 
 def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
-    """The performer as a sensor of 30 frames a second would see them, with their times; so much larger."""
+    """Returns the performer's bodies as from a sensor at 30 frames per second, with times; scaled."""
     places = joint_places(clip)[:, [clip.skeleton.index(name) for name in TRACKED]]
     every = round(1 / 30 / clip.step)
     frames = range(0, min(len(places), round(SECONDS / clip.step)), every)
@@ -47,10 +47,10 @@ def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
 
 @pytest.mark.parametrize(("mesh", "take"), [("fish", "traffic"), ("humanoid", "walks"), ("cow", "walks")])
 def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
-    """Also of a mesh without feet, and by a performer of another size."""
+    """Also for a mesh without feet, and a performer of another size."""
     if not (DATA / travel.MESHES[mesh].file).is_file():
         pytest.skip(f"no {mesh}")
-    # The first frames are of a pose to calibrate by, from which the performer turns within a frame.
+    # The first frames are a calibration pose, and the performer then turns within one frame.
     clip = travel.clip_named(take).mapped(itemgetter(slice(8, None)))
     project = travel.posed(travel.mesh_named(mesh), clip)
     puppet = project.puppet("it")
@@ -65,13 +65,13 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
                 actor.possess(body)
             frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / motion.step
             apart.append(np.linalg.norm((actor._state.root - motion.way_at(frame)[1])[[0, 2]]))
-        # Each is within two leashes (0.06) of the same path.
+        # Each is within two leash lengths (0.06) of the same path.
         assert max(apart) < 0.12 * extent
 
 
 @pytest.mark.parametrize("size", [0.65, 1.0])
 @pytest.mark.parametrize(("name", "goes"), [("cactus", False), ("trex", True)])
-def test_live_is_as_the_take(name: str, goes: bool, size: float, monkeypatch) -> None:
+def test_live_puppet_matches_the_take(name: str, goes: bool, size: float, monkeypatch) -> None:
     monkeypatch.setenv("ENLIVEN_DATA", str(DATA))
     session = read_session(SESSIONS / f"{name}.toml")
     puppet = session.project.puppet(session.puppet)

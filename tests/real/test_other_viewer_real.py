@@ -1,5 +1,4 @@
-"""Real models with their first animation, as enliven draws them and as three.js draws them and what is
-exported."""
+"""Tests of real models with their first animation in enliven's renderer, in three.js, and after export."""
 
 from __future__ import annotations
 
@@ -32,11 +31,11 @@ MODELS = {
     "gltf/quaternius/Manta_ray.glb": 6.0,
     "humanoids/mixamo_xbot.glb": 6.0,
 }
-"""Largest difference of a region's mean colour, 0..255. Fine stripes are smoothed by each viewer in its own
-way: CesiumMan has them."""
+"""Maximum difference of a region's mean colour, 0..255. Each viewer smooths fine stripes in its own way:
+CesiumMan has some."""
 LEAST = 0.97
-"""Intersection over union of silhouettes that fill a tenth of 256 x 256 pixels: an edge that is a quarter of
-a pixel off all around costs 2 %."""
+"""Minimum intersection over union of silhouettes that fill a tenth of 256 x 256 pixels: an outline a quarter
+of a pixel off costs 2 %."""
 
 
 @pytest.mark.parametrize("name", list(MODELS))

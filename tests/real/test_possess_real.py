@@ -1,4 +1,7 @@
-"""Real meshes driven by real recordings of joints: what is filmed stays whole. Bounds: as seen, and room."""
+"""Tests that real meshes driven by real joint recordings stay whole.
+
+Bounds: measured values plus a margin.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +26,9 @@ STRETCH = {
     "chair-walk": 1.3,
     "real-chair": 1.3,
     "scan": 1.6,  # an arm that is raised high above where it hung, at the edge of an open surface
-    "two-on-a-horse": 1.6,  # each walks around the other while both hold
+    "two-on-a-horse": 1.6,  # each walks round the other while both are attached
 }
-"""Of 95 edges in 100; seen: 1.09, 1.17, 1.31, 1.21. The others are alike."""
+"""Maximum stretch of 95 edges in 100; measured: 1.09, 1.17, 1.31, 1.21. The others are similar."""
 
 
 @pytest.fixture(scope="module", params=STRETCH)
@@ -46,7 +49,7 @@ def test_hardly_a_triangle_turns_inside_out(filmed) -> None:
 
 
 def test_legs_do_not_collapse(filmed) -> None:
-    """Candy wrappers and collapsed limbs take volume; the scan is open and has none."""
+    """Candy-wrapper twists and collapsed limbs lose volume; the scan is open and has none."""
     low, high = filmed[1].volume
     assert filmed[0] == "scan" or 0.7 < low <= high < 1.25
 
@@ -55,9 +58,9 @@ def test_shells_stay_together(filmed) -> None:
     assert filmed[1].gap < 0.03
 
 
-def test_nothing_stands_in_the_floor(filmed) -> None:
+def test_mesh_does_not_penetrate_the_floor(filmed) -> None:
     assert filmed[1].lowest > -0.03
 
 
-def test_nothing_leaps_when_it_is_taken_hold_of(filmed) -> None:
+def test_mesh_does_not_jump_at_attachment(filmed) -> None:
     assert filmed[1].hold_push < 4.0

@@ -1,4 +1,4 @@
-"""Real meshes possessed from beside them: limb for limb, whatever they are, and turning as real people do."""
+"""Tests of real meshes possessed from next to them: each limb follows its own, with real turning people."""
 
 import functools
 import os
@@ -27,9 +27,9 @@ TURNS = {
     "bvh/cmu_mirrors/Boxing_Toes.bvh": 120,
     "cmu_expmap/train_directing_traffic_4.txt": 55,
 }
-"""Recorded motions, and the least degrees between two headings of their hips."""
+"""Recorded motions, and the minimum angle between two headings of their hips, degrees."""
 MAX_SECONDS = 14.0
-"""Seconds of a motion that are played: long enough for half a turn, short enough for a test."""
+"""Maximum duration in seconds: long enough for half a turn, short enough for a test."""
 BEASTS = ("libigl/horse_quad.obj", "common3d/cow.obj", "libigl/camel_b.obj")
 MESHES = DATA / "meshes"
 FRAME = 33_333_333
@@ -41,7 +41,7 @@ pytestmark = [
 
 
 def person(reach=0.0) -> Body:
-    """Standing with hanging arms, the right one raised ahead by radians."""
+    """Returns a standing person with hanging arms, the right one raised forward by radians."""
     rotations = standing(arm_forward=0.1, elbow=0.1)
     rotations[model.UPPER_ARM_R] = rotation(x=-reach) @ rotations[model.UPPER_ARM_R]
     joints = Posture(np.array([0.0, 1.0, -2.5]), rotations, model.lengths_for_height(1.75)).joints()
@@ -98,15 +98,15 @@ def recorded(pattern: str) -> list[Body]:
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("motion", TURNS)
 @pytest.mark.parametrize("mesh", PEOPLE)
-def test_people_keep_the_heading_of_who_turns_in_them(mesh, motion, how):
-    """Held in the middle of the film, when the performer has turned since they were first seen."""
+def test_human_meshes_keep_their_performers_heading(mesh, motion, how):
+    """Attached in the middle of the film, after the performer has turned since they were first seen."""
     film = recorded(motion)
     actor = cast(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))
     gaps, _ = headings_on_stage(actor, film, len(film) // 2)
     assert deviations_deg(gaps).max() < 10.0
 
 
-def test_recorded_motions_turn_as_far_as_is_said():
+def test_recorded_motions_turn_at_least_as_stated():
     for motion, degrees in TURNS.items():
         yaw = np.unwrap([hip_heading(body.joints) for body in recorded(motion)])
         assert np.degrees(np.ptp(yaw)) > degrees

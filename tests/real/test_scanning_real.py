@@ -1,7 +1,7 @@
-"""Scanning on a real recording: a camera that was carried through a kitchen (7-Scenes).
+"""Tests of scanning on a real recording: a camera that was carried through a kitchen (7-Scenes).
 
-Settings were chosen on its first 150 frames, of which these tests see 60; the poses that they are compared
-with are another fusion's."""
+Settings were chosen on its first 150 frames, and these tests use 60 of them. The reference poses are those of
+another fusion."""
 
 import os
 from dataclasses import replace
@@ -29,7 +29,7 @@ pytestmark = [
 
 @cache
 def scanned():
-    """The scanner after 60 frames, what became of each, and the recorded poses."""
+    """Returns the scanner after 60 frames, the result of each frame, and the recorded poses."""
     frames = list(islice(PosedDepthReader().read(sorted(KITCHEN.iterdir())), 60))
     scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.015, reach=5.0)))
     told = [frames[0], *(replace(frame, world_from_camera=None) for frame in frames[1:])]
@@ -48,7 +48,7 @@ def test_the_camera_is_found_in_a_real_kitchen():
     assert np.linalg.norm(np.diff(those, axis=0), axis=1).sum() > 0.5
 
 
-def test_a_real_person_who_turns_once_is_scanned_all_round():
+def test_real_turning_person_is_scanned_all_round():
     frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
     volume = VolumeSettings(voxel=0.01, reach=1.6, far=1.6)
     scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
@@ -56,15 +56,15 @@ def test_a_real_person_who_turns_once_is_scanned_all_round():
     assert len(steps) == 100 and all(step.state is ScanState.SCANNING for step in steps)
     ahead = np.array([step.world_from_camera[:3, 2] for step in steps])
     turned = np.degrees(np.unwrap(np.arctan2(ahead[:, 0], ahead[:, 2])))
-    assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, by the recording of the same person's chest
+    assert 330 < abs(turned[-1] - turned[0]) < 360  # about 345, from the person's chest in the same recording
     person = largest_part(scanner.surface())
     assert person.area > 0.9 * scanner.surface().area
-    # A head and shoulders, as wide as a person, and one of them.
+    # A head and shoulders of human width, as a single part.
     assert 0.3 < np.ptp(person.vertices[:, 0]) < 0.8 and 0.5 < np.ptp(person.vertices[:, 1]) < 1.0
 
 
-def test_a_real_person_is_told_from_the_room_and_has_joints():
-    """The wall is left in the image; the tracker finds them."""
+def test_real_person_is_separated_from_the_room_and_has_joints():
+    """The wall is left in the image; the tracker has to find the person."""
     frames = list(OpenCvDepthReader().read(sorted((DATA / "depth" / "uva_cv2_person_turn").iterdir())))
     volume = VolumeSettings(voxel=0.01, reach=3.5, far=3.5)
     scanner = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))

@@ -1,4 +1,4 @@
-"""Meshes and motions by others, opened in the studio and made to act through the example panel's parts."""
+"""Tests of third-party meshes and motions in the studio, animated through the example panel's parts."""
 
 import os
 from pathlib import Path
@@ -24,7 +24,7 @@ pytestmark = [
     ),
 ]
 ENDS = ((0.0, 1.0, 0.0), (-0.27, 0.95, 0.0), (0.27, 0.95, 0.0), (0.0, 0.0, 0.05))
-"""Head, two hands and foot, in heights of the mesh, once it looks at +Z."""
+"""Head, two hands and foot, in heights of the mesh, facing +Z."""
 
 
 def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path):

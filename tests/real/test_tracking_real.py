@@ -1,7 +1,7 @@
-"""The tracker on real depth: one-shot detection of eight arm poses, and a person who turns all the way.
+"""Tests of the tracker on real depth: single-frame detection of eight arm poses, and a person turning round.
 
-Both recordings were looked at while the tracker was written, and its weights and hypotheses were chosen on
-them: these tests keep what was reached, and say nothing of people it has never seen."""
+Both recordings were used in development to choose weights and hypotheses. So these tests prevent regressions,
+and are no evidence for unseen people."""
 
 import os
 import sys
@@ -33,9 +33,9 @@ pytestmark = [
 UPPER = [Joint.HEAD, Joint.SHOULDER_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_RIGHT, Joint.ELBOW_RIGHT]
 AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
 APPEARS = 2
-"""Frames within which people who are in the first one are there."""
+"""Frames within which people in the first frame are detected."""
 JOINED = 8
-"""Frames within which two are there who hold hands: as one they are looked for first."""
+"""Frames within which two people that hold hands are detected: they are first searched as one."""
 HANDS = [Joint.WRIST_LEFT, Joint.WRIST_RIGHT]
 
 
@@ -46,11 +46,11 @@ def frames_of(folder: str) -> list[DepthFrame]:
 
 
 drawn = cache(js6450)
-"""Read once for all the tests of this file."""
+"""Read once for all tests of this file."""
 
 
 def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """How many pixels each joint's projection lies outside the mask."""
+    """Returns how many pixels each joint's projection is outside the mask."""
     camera_from_world = np.linalg.inv(tracker.world_from_camera)
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
     uv = np.round(project(camera, frame.intrinsics)).astype(int)
@@ -59,7 +59,7 @@ def pixels_outside(frame: DepthFrame, tracker: Tracker, joints: np.ndarray, mask
 
 
 def test_arms_are_found_at_first_sight():
-    """Eight single frames: head, shoulders and elbows lie on the person in all, the wrists in most."""
+    """Eight single frames: head, shoulders and elbows are on the person in all, the wrists in most."""
     files = sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16"))
     wrists = []
     for path in files:
@@ -74,8 +74,8 @@ def test_arms_are_found_at_first_sight():
     assert np.mean(np.array(wrists) < 15) >= 0.9
 
 
-def test_somebody_who_sits_still_before_a_realsense_stays():
-    """Two single frames of a room with many holes, a second each: what is not known yet was not moved."""
+def test_still_seated_person_before_a_realsense_stays():
+    """Two single frames of a room with many holes, a second each: unknown background did not move."""
     folder = DATA / "depth" / "vcl3d_realsense_d415"
     if not folder.is_dir():
         pytest.skip(f"{folder} is not here")
@@ -95,7 +95,7 @@ def test_somebody_who_sits_still_before_a_realsense_stays():
     ids=["at once", "in a fifth of a second"],
 )
 def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear, start, way):
-    """Drawn from the samples of another tracker: raised arms are no people, joined hands do not hide one."""
+    """Samples of another tracker: raised arms are not people, and joined hands hide neither person."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / "2people_raise-both-arms-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
@@ -108,8 +108,8 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
 
 
 @pytest.mark.parametrize("start", [0, 27, 51, 54])
-def test_who_is_alone_before_a_hall_too_deep_for_the_sensor_is_found(start):
-    """Nothing but the person has a depth: a fringe of them that is learnt as the room tells nothing of it."""
+def test_single_person_before_unmeasured_hall_is_detected(start):
+    """Only the person has depth: a fringe of it learnt as background must not predict the rest."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / "1person_lift-both-legs-separate-MIN.json"
     if not path.exists():
         pytest.skip(f"{path} is not here")
@@ -118,8 +118,8 @@ def test_who_is_alone_before_a_hall_too_deep_for_the_sensor_is_found(start):
         assert len(tracker.track(frame)) == 1 or n < APPEARS, f"frame {start + n}"
 
 
-def test_a_person_who_turns_is_followed_all_the_way():
-    """One hundred frames of a turn of about 345 degrees, upper body only, before a wall."""
+def test_turning_person_is_tracked_all_round():
+    """One hundred frames of a turn of about 345 degrees, upper body only, in front of a wall."""
     frames = frames_of("depth/uva_cv2_person_turn")
     tracker, yaws, inside = Tracker(), [], []
     for i, frame in enumerate(frames):

@@ -1,4 +1,4 @@
-"""A screen for the windows of whole programs."""
+"""A screen for the windows of complete programs."""
 
 import os
 import shutil
@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def screen() -> Iterator[str]:
-    """A screen without hooks of its own."""
+    """Starts a screen without hooks of its own."""
     if shutil.which("Xvfb") is None:
         pytest.skip("the windows need Xvfb")
     read, write = os.pipe()

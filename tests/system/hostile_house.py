@@ -1,4 +1,4 @@
-"""A real edge in the test's own process, and visitors that speak to it by raw sockets."""
+"""A real edge in the test's own process, and visitors that connect by raw sockets."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BOX_DATA = character_bytes(project_of_mesh(BOX_MESH, "box"), "box")
 
 
 class NoSensor:
-    """A sensor without frames; the test gives them by hand."""
+    """A sensor without frames; the test provides them."""
 
     name, fps = "given", 30.0
 
@@ -57,18 +57,18 @@ class House:
         self.visitors: list[Visitor] = []
 
     def frame(self) -> None:
-        """One frame of the edge with the house's people in view."""
+        """Runs one frame of the edge with the house's people in view."""
         self.time_ns += FRAME_NS
         self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
         self.edge._listen()
 
     def visitor(self) -> Visitor:
-        """A new connection to the control port."""
+        """Opens a new connection to the control port."""
         self.visitors.append(Visitor(self))
         return self.visitors[-1]
 
     def until(self, done: Callable[[], object], *polled: Callable[[], object]) -> None:
-        """Frames until something is so."""
+        """Runs frames until a condition holds."""
         deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, "it never came to be"
@@ -94,7 +94,7 @@ class Visitor:
         self.socket.connect(house.outlet.publisher.endpoint.control_address)
 
     def ask(self, body: requests.Ask) -> requests.Answer:
-        """Sends a request, and lets the edge work until it is answered."""
+        """Sends a request, and runs the edge until it is answered."""
         self.number += 1
         self.socket.send(pack_control(requests.Request(self.number, body)))
         self.house.until(lambda: self.socket.poll(0))
@@ -105,12 +105,12 @@ class Visitor:
     def announce(
         self, name: str, revision: int = 1, data: bytes = BOX_DATA
     ) -> tuple[requests.PutCharacter, requests.Answer]:
-        """Announces a character; returns the order and its answer."""
+        """Announces a character; returns the request and its answer."""
         order = requests.PutCharacter(name, revision, hashlib.sha256(data).digest(), len(data))
         return order, self.ask(order)
 
     def put(self, name: str, revision: int = 1, data: bytes = BOX_DATA) -> requests.Answer:
-        """Announces and delivers a character; returns Done once it stands there, else the refusal."""
+        """Announces and sends a character; returns Done once it is on the stage, else the refusal."""
         order, answer = self.announce(name, revision, data)
         while isinstance(answer, requests.Awaited):
             if answer.received < len(data):

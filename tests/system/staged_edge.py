@@ -1,7 +1,7 @@
-"""An edge as a program of its own that replays a performer for ever, with a chair that the performer holds.
+"""An edge program that replays a performer for ever, with a chair attached to the performer.
 
-Says its ports (free ones, or those that it is given), serves until SIGTERM, and then says the longest frame:
-its milliseconds of processor time.
+Prints its ports (free ones, or the given ones), serves until SIGTERM, and then prints the processor time of
+the longest frame in milliseconds.
 """
 
 import logging
@@ -31,7 +31,7 @@ FRAMES, STEP_NS = 60, 33_333_333
 
 
 def performer(i: int) -> Body:
-    """Returns a person who lifts the left knee and puts it down again."""
+    """Returns a person lifting the left knee and putting it down again."""
     rotations = standing(arm_forward=0.1, elbow=1.5)
     lift = 0.5 - 0.5 * np.cos(2 * np.pi * i / FRAMES)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
@@ -41,7 +41,7 @@ def performer(i: int) -> Body:
 
 
 def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int = 0) -> None:
-    """Serves."""
+    """Runs the edge."""
     logging.basicConfig(level=logging.WARNING)
     path = folder / "performer.mcap"
     with Recorder(path, overwrite=True) as recorder:

@@ -1,6 +1,7 @@
-"""An edge as a program of its own, for tests that would take their own process down with it.
+"""An edge program, for tests that would take their own process down with it.
 
-Replays a small recording for ever, with one large character to fetch. Says its ports, serves until SIGTERM.
+Replays a small recording for ever, with one large character to fetch. Prints its ports, and serves until
+SIGTERM.
 """
 
 import logging
@@ -28,7 +29,7 @@ VERTICES = 60_000
 
 
 def statue() -> Character:
-    """A character of 60,000 vertices, a megabyte and more on the wire."""
+    """Returns a character of 60,000 vertices, over a megabyte on the wire."""
     random = np.random.default_rng(0)
     vertices = random.normal(size=(VERTICES, 3)).astype(np.float32)
     faces = random.integers(0, VERTICES, (VERTICES, 3)).astype(np.int32)
@@ -37,7 +38,7 @@ def statue() -> Character:
 
 
 def main(name: str) -> None:
-    """Serves."""
+    """Runs the edge."""
     logging.basicConfig(level=logging.WARNING)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "second.mcap"

@@ -1,6 +1,6 @@
-"""What cannot be used is said in one line with an exit code, and never with a traceback or a hang.
+"""Tests that unusable input gives a one-line error and an exit code, never a traceback or a hang.
 
-One file of each kind is given to the program as a process, with all that its start and end add; the others to
+One file of each kind is given to the program as a process, including its start and end; the others to
 the same command line in this process, which costs a tenth.
 """
 
@@ -23,12 +23,12 @@ pytestmark = pytest.mark.system
 
 
 AS_PROCESS = {"foreign.obj", "foreign.mcap"}
-"""Files that are given to a process."""
+"""Files that are tested in a separate process."""
 
 
 @dataclass
 class Said:
-    """The exit code of a command line, and everything on standard error."""
+    """The exit code of a command line, and its standard error."""
 
     returncode: int
     stderr: str
@@ -41,7 +41,7 @@ def started(*arguments: str) -> subprocess.CompletedProcess:
 
 @pytest.fixture
 def enliven(capsys, caplog):
-    """A command line in this process."""
+    """Runs a command line in this process."""
 
     def run(*arguments: str) -> Said:
         with caplog.at_level(logging.INFO):
@@ -52,7 +52,7 @@ def enliven(capsys, caplog):
 
 
 def recorded(path, depth_of, frames=20):
-    """A recording whose depth images are what ``depth_of`` gives for each number."""
+    """Writes a recording with the depth image ``depth_of(number)`` in each frame."""
     with Recorder(path) as recorder:
         for i in range(frames):
             intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
@@ -102,8 +102,8 @@ def test_a_recording_that_cannot_be_used(tmp_path, name, content, enliven):
 
 
 @pytest.mark.parametrize("value", [0, 65535, 2000])
-def test_frames_with_nobody_in_them_pass(tmp_path, value, enliven):
-    """Zeros, all 65535, a wall: the edge runs to the end, and nobody takes hold."""
+def test_frames_without_people_are_processed(tmp_path, value, enliven):
+    """Zeros, all 65535, a wall: the edge runs to the end without attaching a character."""
     path = recorded(tmp_path / "nobody.mcap", lambda i: np.full((120, 160), value, np.uint16))
     ports = ["--port", "0", "--control-port", "0", "--name", f"nobody-{value}"]
     asked = enliven("edge", "--recording", str(path), "--speed", "0", "--possess-at", "0.1", *ports)
@@ -117,7 +117,7 @@ def test_a_port_in_use(enliven):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        # Before anything is prepared: it is not even known yet that there is no such mesh.
+        # Before anything is prepared, so that the missing mesh is not noticed yet.
         ports = ["--port", str(port), "--control-port", "0", "--name", "taken"]
         asked = enliven("edge", "--mesh", "none.obj", *ports)
     assert asked.returncode == 4, asked.stderr
@@ -142,12 +142,12 @@ def test_two_edges_of_one_name(tmp_path, enliven):
     assert first.returncode == 0
 
 
-def test_an_edge_that_is_not_listened_to_any_more_goes_on_and_ends_well(tmp_path):
-    """The reader of its log goes; what it says from then on is lost, and nothing else."""
+def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
+    """The reader of its log disappears; only later messages are lost."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)
     ports = ["--port", "0", "--control-port", "0", "--name", "unheard"]
     command = [sys.executable, "-m", "enliven", "edge", "--recording", str(path), *ports]
-    # Python keeps what could not be written, unless told not to, and tries again at its end.
+    # Python keeps unwritten output unless told not to, and tries again at exit.
     usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=usual) as edge:
         try:
@@ -193,9 +193,7 @@ def test_settings_with_a_misspelt_key(tmp_path, enliven):
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_what_is_wrong_on_a_command_line_is_said_before_any_work(
-    tmp_path, monkeypatch, enliven, words, code, said
-):
+def test_command_line_errors_are_reported_before_any_work(tmp_path, monkeypatch, enliven, words, code, said):
     (tmp_path / "movies").mkdir()
     for name in ("x.glb", "x.enliven"):
         (tmp_path / name).touch()

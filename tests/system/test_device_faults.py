@@ -1,4 +1,4 @@
-"""A failing card, a lost network drive and a full disk are reported with path and advice."""
+"""Tests that a failing card, a lost network drive and a full disk are reported with path and advice."""
 
 import errno
 import os
@@ -29,7 +29,7 @@ def hook(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(hook: Path, path: Path, number: int, first: int, *words: str | Path) -> tuple[int, str]:
-    """Runs enliven while reads of a file fail from one byte on; returns exit code and messages."""
+    """Runs enliven while reads of a file fail from a byte on; returns exit code and messages."""
     faults = {"FAULT_READ": path.name, "FAULT_FROM": str(first), "FAULT_ERRNO": str(number)}
     command = [sys.executable, "-m", "enliven", *map(str, words)]
     shown = subprocess.run(
@@ -66,7 +66,7 @@ def test_a_device_that_fails_is_named(hook, tmp_path, name, words) -> None:
     assert "fault of enliven" not in said and "Error:" not in said
 
 
-def test_what_a_failing_card_still_gives_is_recovered(hook, tmp_path) -> None:
+def test_readable_part_of_a_failing_card_is_recovered(hook, tmp_path) -> None:
     path, saved = tmp_path / "take.mcap", tmp_path / "saved.mcap"
     shutil.copyfile(CHAIR, path)
     code, said = run(hook, path, errno.EIO, path.stat().st_size // 2, "recover", path, "-o", saved)
@@ -93,7 +93,7 @@ def test_reads_name_the_file_and_not_its_descriptor(tmp_path) -> None:
 
 
 def test_a_part_that_unpacks_to_a_flood_names_its_file(monkeypatch) -> None:
-    """The message named the file "3", which was its descriptor."""
+    """The message used to name the file "3", its descriptor."""
     monkeypatch.setattr("enliven.recording.chunks._MAX_RATIO", 0)
     monkeypatch.setattr("enliven.recording.chunks._FREE_BYTES", 10)
     with pytest.raises(InputError, match=rf"^{CHAIR}, byte \d+: a part of \d+ bytes states"):

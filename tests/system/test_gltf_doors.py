@@ -1,4 +1,4 @@
-"""Every way by which a glTF file comes in shows the same surface: one reader for all of them."""
+"""Tests that every entry point shows the same surface for a glTF file, since all use one reader."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ SUFFIXES = (".glb", ".vrm")
 
 
 @pytest.mark.parametrize("door", DOORS)
-def test_every_door_shows_what_the_reader_reads(tmp_path, door):
+def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
     for number, (name, made) in enumerate(TWINS.items()):
-        if name == "flat_matrix":  # some doors leave out faces that lie on one another
+        if name == "flat_matrix":  # some entry points drop coincident faces
             continue
         path = made().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
-        is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # else their clips do that
+        is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # otherwise their clips do that
         mesh = load_mesh(path).mesh if is_still else read_gltf(path).shape.mesh
         shown = measures(DOORS[door](path))
         np.testing.assert_allclose(shown, measures((mesh.vertices, mesh.faces)), rtol=2e-3, err_msg=name)
 
 
-def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
+def test_every_entry_point_refuses_unknown_compression(tmp_path):
     twin = TWINS["waving"]()
     twin.extension("ACME_compression", True)
     path = twin.write(tmp_path / "a.glb")
@@ -37,7 +37,7 @@ def test_every_door_refuses_what_is_compressed_unknown(tmp_path):
             door(path)
 
 
-def test_every_way_in_says_that_morph_targets_stand_still(tmp_path, capsys, caplog):
+def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplog):
     path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
     words, editor = "are left out over time", Editor()
     add_file(editor, path)

@@ -1,4 +1,4 @@
-"""A hostile edge cannot fill a viewer's memory, stop its drawing, or speak to the user's terminal."""
+"""Tests that a malicious edge cannot fill a viewer's memory, stop its drawing, or write to the terminal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOISE = os.urandom(250_000)
 
 
 class HostileEdge:
-    """Raw sockets in an edge's place: welcomes each viewer with a list of characters, then sends anything."""
+    """Raw sockets in place of an edge: sends each viewer a list of characters, and then anything."""
 
     def __init__(self) -> None:
         self.context = zmq.Context()
@@ -43,7 +43,7 @@ class HostileEdge:
         self.answer: Callable[[requests.Ask], requests.Answer | None] = lambda body: None
 
     def turn(self) -> None:
-        """Answers what was asked, says that it is there, and lets the viewer poll."""
+        """Answers requests, announces itself, and lets the viewer poll."""
         while self.router.poll(0):
             viewer, data = self.router.recv_multipart()
             self.viewers.add(viewer)
@@ -76,7 +76,7 @@ def edge() -> Iterator[HostileEdge]:
 
 
 def held_bytes(edge: HostileEdge) -> int:
-    """Bytes that the viewer counts for all that it keeps."""
+    """Returns the bytes that the viewer counts for everything it keeps."""
     own = edge.link.edges[0]
     kept = [*own.inbox.values(), *own.latest.values(), own._waiting, own._unsure]
     return sum(each.bytes for each in kept)

@@ -1,5 +1,4 @@
-"""Files, animations, sensors and devices with terminal escapes and markup in their names, as commands list
-them."""
+"""Tests of files, animations, sensors and devices with terminal escapes and markup in their names."""
 
 from __future__ import annotations
 
@@ -23,13 +22,13 @@ from enliven_edge.sensors.attached_cameras import attached
 
 HOSTILE = "a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
 SHOWN = r"a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
-"""As it is shown. Some commands write a line end as \\n, the library for options as \\x0a."""
+r"""The displayed form. Some commands write a line end as \n, the option library as \x0a."""
 Print = Callable[..., str]
 
 
 @pytest.fixture
 def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Print:
-    """Runs a command and returns all that it prints; tables are wide enough to break no name."""
+    """Runs a command and returns its output; tables are wide enough not to wrap names."""
     monkeypatch.setenv("COLUMNS", "600")
 
     def call(*words: object) -> str:

@@ -1,4 +1,4 @@
-"""Visitors who fill the stage, jump revisions, reserve places or leave: the artist goes on, nothing grows."""
+"""Tests that visitors cannot block the artist or grow memory, whatever they put, reserve or leave."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from ..shared.test_logs_escaped import EVIL, is_safe
 from .hostile_house import BOX_DATA, BOX_MESH, House
 
 VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
-"""Characters that come and go in the soak test; `make test-long` takes 10,000."""
+"""Number of characters that come and go in the soak test; `make test-long` takes 10,000."""
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_the_artist_replaces_a_character_that_a_visitor_put_as_high_as_it_may(ho
     artist.close()
 
 
-def test_an_artist_goes_on_with_an_edge_that_was_started_again(house: House) -> None:
+def test_artist_continues_with_a_restarted_edge(house: House) -> None:
     """The artist counted to 200; the new edge counts from 1 and refuses such a jump."""
     artist = EdgeClient([house.outlet.publisher.endpoint])
     house.until(lambda: artist.status is not None, artist.poll)
@@ -145,8 +145,8 @@ def test_a_default_stage_takes_sixteen() -> None:
     house.close()
 
 
-def test_announced_characters_that_never_come_do_not_keep_the_artist_from_adding_one(house: House) -> None:
-    """Four of one visitor, and one each of thirty: the artist's comes at once."""
+def test_undelivered_characters_do_not_block_the_artist(house: House) -> None:
+    """Four by one visitor, and one each by thirty: the artist's character is added at once."""
     rude = house.visitor()
     for name in "abcd":
         rude.announce(name)
@@ -177,7 +177,7 @@ def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
 
 
 def latched(house: House) -> list[tuple[str, str]]:
-    """The topic and key of each message that a newcomer is told."""
+    """Returns topic and key of each message that a newcomer receives."""
     welcome = house.visitor().ask(Hello("newcomer", True))
     house.visitors.pop().close()
     assert isinstance(welcome, Welcome)
@@ -186,22 +186,20 @@ def latched(house: House) -> list[tuple[str, str]]:
 
 
 def box_actor(graph: DeformationGraph, box: Character, name: str) -> EmbeddedActor:
-    """An actor of a small box, in which no person is searched."""
+    """Returns an actor of a small box in which no person is searched."""
     return EmbeddedActor(replace(box, id=name), graph, ActorSettings(), 1.0, None, lambda: None)
 
 
 def memory() -> float:
-    """Megabytes resident, after unreachable objects were collected."""
+    """Returns resident memory in megabytes, after garbage collection."""
     gc.collect()
     status = Path("/proc/self/status").read_text()
     return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
-def test_thousands_of_departed_characters_leave_nothing_behind(
-    house: House, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Each is put, held, resized and removed: memory and what newcomers are told stay as they are."""
+def test_departed_characters_leave_no_memory(house: House, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each is put, attached, resized and removed: memory and the newcomer's messages stay the same."""
     viewer, visitor = EdgeClient([house.outlet.publisher.endpoint]), house.visitor()
     house.until(lambda: viewer.status is not None, viewer.poll)
     graph = DeformationGraph.build(BOX_MESH, nodes=8)
@@ -214,7 +212,7 @@ def test_thousands_of_departed_characters_leave_nothing_behind(
         house.stage.put(box_actor(graph, box, name))
         house.frame()
         house.edge.carry_out(Resize("set", name, size=1.5))
-        if number % 10 == 0:  # to take hold and to ask over the network takes longer than all the rest
+        if number % 10 == 0:  # attaching and network requests take longer than everything else
             assert visitor.ask(Possess(name)) == Done()
             house.frame()
             assert visitor.ask(Release(name)) == visitor.ask(RemoveCharacter(name)) == Done()

@@ -1,4 +1,4 @@
-"""Posing to choose over real sockets: a viewer looks, goes through the matches by keys, and takes one."""
+"""Tests of choosing by posing over real sockets: a viewer browses the matches by keys, and takes one."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ STEP = 33_333_333
 
 
 class Pointing:
-    """A sensor of one body, whose arms point where they are told to."""
+    """A sensor of one body with arms in given directions."""
 
     name = "pointing"
 
@@ -53,7 +53,7 @@ class Pointing:
 
 
 class House:
-    """An edge with a star and a viewer without a window, stepped in turn."""
+    """An edge with a star and a windowless viewer, stepped in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.actor = RigActor(star(), MatchingSettings(fade=0.1))
@@ -89,7 +89,7 @@ class House:
 
     @property
     def tips(self) -> list[str]:
-        """The limbs that the viewer shows as meant, by where their tips are."""
+        """Returns the limbs that the viewer shows as meant, by the positions of their tips."""
         names, joints = self.actor.live_shape.shape.skeleton.names, self.actor.live_shape.joints
         lines = self.board.rows[self.board.shown].lines
         return [names[int(np.linalg.norm(joints - line[-1], axis=1).argmin())][:-2] for line in lines]

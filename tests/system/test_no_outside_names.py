@@ -1,4 +1,4 @@
-"""No program of enliven looks up an outside name, sends to an outside address, or leaves telemetry behind."""
+"""Tests that no program looks up an outside name, sends to an outside address, or leaves telemetry behind."""
 
 import contextlib
 import shutil
@@ -16,7 +16,7 @@ from enliven.wire import free_ports
 
 CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
 LONGEST_DELAY = 9.5
-"""Seconds after which the library's telemetry looks its host up for the first time: 8.9 to 9.0 measured."""
+"""Seconds until the library's telemetry first looks up its host: measured 8.9 to 9.0."""
 COMMAND_THAT_STAYS = (
     "import sys, time; from enliven.cli import run; run(sys.argv[2:]); time.sleep(float(sys.argv[1]))"
 )
@@ -47,7 +47,7 @@ NETWORK = CHAIR.with_name("estimator.onnx")
 
 
 def ended(process: subprocess.Popen[str]) -> str:
-    """Ends a program, and returns what it wrote."""
+    """Ends a program, and returns its output."""
     process.terminate()
     try:
         return process.communicate(timeout=20)[0]
@@ -57,17 +57,17 @@ def ended(process: subprocess.Popen[str]) -> str:
 
 
 def fenced(*words: str | Path) -> list[str | Path]:
-    """Returns the command line of ``enliven`` with these words, without a network if possible."""
+    """Returns the command line of ``enliven`` with these arguments, without a network if possible."""
     if shutil.which("unshare") is None or subprocess.run(["unshare", "-rn", "true"]).returncode:
         return [sys.executable, "-m", "enliven", *words]
     return ["unshare", "-rn", sys.executable, "-c", LOOPBACK_ALONE, *words]
 
 
 def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> None:
-    """Runs every program at once under the hook, and next to them the library as it is without enliven.
+    """Runs every program at once under the hook, and also the bare library without enliven.
 
-    ``enliven run`` starts ``enliven edge`` and ``enliven view``, which inherit the hook. If it is allowed, it
-    runs in a network namespace with nothing but a loopback device, as behind a firewall.
+    ``enliven run`` starts ``enliven edge`` and ``enliven view``, which inherit the hook. If permitted, it
+    runs in a network namespace with only a loopback device, as behind a firewall.
     """
     hook, old = NameHook(tmp_path / "ours"), NameHook(tmp_path / "old")
     with contextlib.ExitStack() as stack:

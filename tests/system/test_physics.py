@@ -1,4 +1,4 @@
-"""Both programs with physics: a performer walks a chair through a tower, a late viewer sees the boxes too."""
+"""Tests of both programs with physics: a chair walks through a tower, and a late viewer sees the boxes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ with_engine = pytest.mark.skipif(
 
 
 def walk(path: Path) -> None:
-    """A recording of somebody who stands for half a second, and then walks to their left."""
+    """Writes a recording of a person that stands for half a second, and then walks to their left."""
     with Recorder(path) as recorder:
         for k in range(FRAMES):
             hip = np.array([max(0.0, 0.045 * (k - 15)), 0.95, 0.0])
@@ -59,17 +59,17 @@ def test_a_chair_walks_through_a_tower(tmp_path):
         message_to_props(msgspec.msgpack.decode(data, type=PropsMessage))
         for _, data in Recording(take).messages("props")
     ]
-    # They are there as soon as the performer has shown where, in every frame from then on.
+    # They exist as soon as the performer's position is known, in every frame from then on.
     times = [k * 33_333_333 for k in range(FRAMES)]
     assert 30 < len(props) < FRAMES and [p.time_ns for p in props] == times[-len(props) :]
     first, last = props[0].positions, props[-1].positions
     assert np.abs(props[3].positions - first).max() < 0.005, "the towers do not stand"
-    # The first tower, 0.62 m to the left, is in the way; its boxes go where the chair goes.
+    # The first tower, 0.62 m to the left, is in the way; its boxes move in the chair's direction.
     assert (last[:24, 1] - first[:24, 1]).min() < -0.3
     assert (last[:24, 0] - first[:24, 0]).mean() > 0.15
     half = float(props[0].sizes[0, 0])
     lowest = np.array([p.positions[:, 1].min() for p in props])
-    # What the chair presses on the floor gives way for a moment; nothing stays in it, or falls through.
+    # Boxes that the chair presses into the floor yield for a moment; none stays in it or falls through.
     assert lowest.min() > 0.5 * half and np.maximum(lowest[1:], lowest[:-1]).min() > 0.85 * half
     assert "boxes down" in props[-1].note
     with av.open(str(tmp_path / "enliven.mp4")) as film:
@@ -79,13 +79,13 @@ def test_a_chair_walks_through_a_tower(tmp_path):
 
 
 def greens(picture: np.ndarray) -> int:
-    """Pixels as green as the boxes of the second layer, unlike the chair and the floor."""
+    """Returns the number of pixels as green as the second layer's boxes, unlike the chair and the floor."""
     red, green, blue = picture.astype(float).transpose(2, 0, 1)
     return int(((green > 1.15 * red) & (green > 1.1 * blue)).sum())
 
 
-def test_without_the_engine_it_says_what_to_install(tmp_path):
-    """As on a machine without the extra: the engine cannot be found."""
+def test_missing_physics_engine_is_reported_with_the_install_command(tmp_path):
+    """As on a machine without the extra: the engine is not installed."""
     blind = "import importlib.util as u, sys; find = u.find_spec\n"
     blind += "u.find_spec = lambda name, *more: None if name == 'mujoco' else find(name, *more)\n"
     blind += (
@@ -96,7 +96,7 @@ def test_without_the_engine_it_says_what_to_install(tmp_path):
     assert "enliven-edge[physics]" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_a_late_joiner_sees_what_lies_about():
+def test_late_viewer_sees_the_props():
     props = Props(
         5,
         np.arange(2),

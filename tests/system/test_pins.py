@@ -1,4 +1,4 @@
-"""constraints.txt and locks/ name all that is installed, for every Python and machine that setup.sh takes."""
+"""Tests that constraints.txt and locks/ list every dependency, for every Python and machine of setup.sh."""
 
 import importlib.util
 import re
@@ -14,7 +14,7 @@ HOUSE = Path(__file__).parents[2]
 
 
 def script(name: str):
-    """A script of the house as a module."""
+    """Imports one of the repository's scripts as a module."""
     spec = importlib.util.spec_from_file_location(name, HOUSE / "scripts" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -24,17 +24,17 @@ def script(name: str):
 lock, audit = script("lock"), script("audit")
 EVERYWHERE = {f"{at['platform_machine']} {at['python_version']}": at for at in lock.environments()}
 WITHOUT_WHEEL = {"aarch64": {"3.12", "3.13", "3.14"}}
-"""Where moderngl has no wheel, so that setup.sh takes no such Python there."""
+"""Pythons without a moderngl wheel there, which setup.sh therefore refuses."""
 
 
 def lock_lines(kind: str) -> list[str]:
-    """A lock file's requirements, with the hashes that belong to each."""
+    """Returns a lock file's requirements with their hashes."""
     text = (HOUSE / "locks" / f"{kind}.txt").read_text().replace("\\\n", " ")
     return [line for line in text.splitlines() if not line.startswith("#")]
 
 
 def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
-    """Name and version of what a lock file installs in an environment."""
+    """Returns name and version of the packages that a lock file installs in an environment."""
     found = [Requirement(line.partition("--hash")[0]) for line in lock_lines(kind)]
     fitting = [pin for pin in found if pin.marker is None or pin.marker.evaluate(where)]
     assert len({pin.name for pin in fitting}) == len(fitting), "one release of a package, not two"
@@ -54,7 +54,7 @@ def test_all_that_is_needed_has_a_pin(where) -> None:
 
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
-def test_a_lock_installs_what_is_needed_and_nothing_else(kind, where) -> None:
+def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
     pins, names = lock.pins(), lock.needed(lock.wanted(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
@@ -64,7 +64,7 @@ def test_a_lock_installs_what_is_needed_and_nothing_else(kind, where) -> None:
         assert locked(kind, where) == wanted
 
 
-def test_what_is_installed_here_is_what_is_pinned() -> None:
+def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
     pins = lock.pins()
     for name in lock.needed(lock.wanted("dev"), here):
@@ -161,7 +161,7 @@ def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
     assert f"0 of {count} releases" in capsys.readouterr().out
 
 
-def test_the_audit_without_a_network_says_what_it_leaves_out(monkeypatch, capsys) -> None:
+def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
     for part in ("licences", "bundled", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])

@@ -1,4 +1,4 @@
-"""enliven possess, and what the wire and a take say of holds: the promises of docs/possession.md."""
+"""Tests of enliven possess, and of the attachments in wire and take: the claims of docs/possession.md."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 
 OLD = Path(__file__).parent / "references" / "two_characters.mcap"
-"""A recording that was made before holds were told."""
+"""A recording from before attachments were published."""
 
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory) -> Path:
-    """Two performers: one takes the chair, one joins and lets go; 1.5 s."""
+    """Records two performers: one takes the chair, one joins and releases; 1.5 s."""
     path = tmp_path_factory.mktemp("possess") / "take.mcap"
     told = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
     refused = perform(
@@ -76,7 +76,7 @@ def test_another_mesh_performs_the_recording(take, tmp_path, monkeypatch):
     assert read_gltf(tmp_path / "cactus.glb").clips[0].duration == pytest.approx(44 / 30, abs=0.04)
 
 
-def test_other_parts_take_hold_of_the_recorded_mesh(take, tmp_path, capsys):
+def test_other_parts_are_attached_to_the_recorded_mesh(take, tmp_path, capsys):
     out = tmp_path / "again.enliven"
     assert cli.run(["possess", str(take), "-o", str(out)]) == 0
     whole = read_project(out)
@@ -91,7 +91,7 @@ def test_other_parts_take_hold_of_the_recorded_mesh(take, tmp_path, capsys):
     assert "chair" in capsys.readouterr().out
 
 
-def test_what_cannot_be_done_is_said(take, tmp_path, capsys):
+def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
     out = str(tmp_path / "no.enliven")
     for asked, said in (
         ([str(take), "-c", "table", "-o", out], "Known: chair"),
@@ -112,7 +112,7 @@ def test_a_recording_of_before_has_its_motion_and_no_performers():
     assert all(part.possession is None for shape in project.graphs.values() for part in shape.parts)
 
 
-def test_who_joins_late_is_told_who_holds_and_a_removal_is_told(tmp_path):
+def test_late_viewer_receives_attachments_and_removals(tmp_path):
     wire = WireSettings(name=f"holds-{time.time_ns()}", port=0, control_port=0)
     with Outlet(wire, "performers", record=tmp_path / "take.mcap") as outlet:
         stage = Stage([chair_actor(ActorSettings()), chair_actor(ActorSettings(), name="twin")])

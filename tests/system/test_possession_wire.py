@@ -1,4 +1,4 @@
-"""From the viewer's keys to the held nodes and back: an edge, a link and an app over real sockets."""
+"""Tests from the viewer's keys to attached nodes and back: an edge, a link and an app over real sockets."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STEP = 33_333_333
 
 
 class TwoPeople:
-    """A sensor of bodies that sees two people, in and beside each other, for as long as it is read."""
+    """A sensor of bodies with two people, one inside and one next to the mesh, for as long as it is read."""
 
     name = "two people"
 
@@ -53,7 +53,7 @@ class TwoPeople:
 
 
 class House:
-    """An edge and a viewer without a window, stepped in turn."""
+    """An edge and a windowless viewer, stepped in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         mesh = make_chair(0.05)
@@ -100,7 +100,7 @@ def house() -> Iterator[House]:
         made.feed.close()
 
 
-def test_two_performers_take_hold_with_their_parts_from_the_keys(house: House) -> None:
+def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
     assert house.cues.state == "preview" and not house.cues.firm.any()
     house.live.choose_parts(2)
     whole = set(house.cues.nodes)
@@ -141,9 +141,9 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
     assert not house.live.possession.locked
 
 
-def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House) -> None:
-    """The sensor falls silent: only what was asked goes through, as between two depth frames."""
-    house.edge.tracker = Tracker()  # it has seen nothing yet
+def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
+    """The sensor falls silent: only requests are processed, as between two depth frames."""
+    house.edge.tracker = Tracker()  # no frame has been read yet
     tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.live.toggle_lock()
@@ -153,7 +153,7 @@ def test_who_is_tracked_in_depth_is_locked_from_the_key_and_let_go(house: House)
         assert house.live.possession.locked == wanted and tracker._people.roster.lock.ids == ids
 
 
-def test_what_is_refused_is_said(house: House) -> None:
+def test_refused_possession_is_reported(house: House) -> None:
     house.live.possession.body = 9
     house.live.possess()
     house.until(lambda: "performer 9 is not in view" in house.document.edge.message)

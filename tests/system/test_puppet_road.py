@@ -1,4 +1,4 @@
-"""A puppet over sockets and as processes: performers move it, viewers solve its surface, takes keep it."""
+"""Tests of a puppet over sockets and as processes: performers move it, viewers solve it, takes keep it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LEFT, RIGHT = (1 + NAMES.index(name) for name in ("left hand", "right hand"))
 
 
 class Waving:
-    """A sensor of two people, whose left arms are as high as they are told to be."""
+    """A sensor of two people with left arms at given heights."""
 
     name = "waving"
 
@@ -68,7 +68,7 @@ class Waving:
 
 
 class House:
-    """An edge with the cactus and a viewer without a window, stepped in turn."""
+    """An edge with the cactus and a windowless viewer, stepped in turn."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.1))
@@ -98,12 +98,12 @@ class House:
 
     @property
     def vertices(self) -> np.ndarray | None:
-        """(V, 3) metres, the surface that the viewer shows."""
+        """Returns the (V, 3) surface that the viewer shows, metres."""
         actors = self.live.scene.actors
         return actors[0].vertices if actors else None
 
     def hand(self, point: int) -> float:
-        """Metres of the surface's height at a control point."""
+        """Returns the surface's height at a control point, metres."""
         return float(self.vertices[PUPPET.points[point - 1].vertex, 1])
 
 
@@ -117,7 +117,7 @@ def house() -> Iterator[House]:
         made.feed.close()
 
 
-def test_the_viewer_solves_what_performers_do(house: House) -> None:
+def test_viewer_solves_the_performers_puppet(house: House) -> None:
     assert house.document.characters["cactus"].kind == "points"
     house.live.possess()
     house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
@@ -130,7 +130,7 @@ def test_the_viewer_solves_what_performers_do(house: House) -> None:
     assert set(cues.owners.tolist()) == {1}
 
 
-def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
+def test_second_performer_joins_with_parts_and_releases(house: House) -> None:
     house.live.possess()
     house.until(lambda: house.live.scene.actors[0].cues.state == "possessed")
     house.live.possession.body, house.live.possession.parts = 2, "right arm"
@@ -145,7 +145,7 @@ def test_a_second_performer_joins_with_parts_and_lets_go(house: House) -> None:
     house.until(lambda: "no control point goes with" in house.document.edge.message)
 
 
-def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
+def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
     house.live.possess()
     house.sensor.left = 2.7
     house.until(lambda: house.hand(LEFT) > 1.05)
@@ -153,7 +153,7 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
     feed = EdgeFeed(EdgeClient([house.outlet.publisher.endpoint]))
 
     def hand() -> float:
-        """Metres of the left hand's height as the late viewer sees it."""
+        """Returns the height of the left hand in the late viewer, metres."""
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
@@ -166,7 +166,7 @@ def test_who_comes_late_sees_the_whole_of_it(house: House) -> None:
 
 @pytest.fixture(scope="module")
 def road(tmp_path_factory) -> Path:
-    """The folder with film, sheet and take of the shipped cactus and the shipped recording."""
+    """Returns the folder with film, sheet and take of the shipped cactus and recording."""
     folder = tmp_path_factory.mktemp("cactus")
     command = [sys.executable, "-m", "enliven", "run", "--mesh", "cactus", "--film", "--out", str(folder)]
     command += ["--possess-at", "0.5", "--seconds", "3", "--record", str(folder / "take.mcap")]
@@ -178,7 +178,7 @@ def road(tmp_path_factory) -> Path:
 
 
 def taken(take: Path) -> tuple[Character, list[Pose], list[int]]:
-    """The character, its poses, and how many bytes each took."""
+    """Returns the character, its poses, and the size of each in bytes."""
     recording = Recording(take)
     (_, data), *_ = recording.messages("character")
     character = message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage))
@@ -197,7 +197,7 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
     np.testing.assert_allclose(local[10], character.pivots, atol=1e-3)
     assert np.abs(local[60:] - character.pivots).max() > 0.4
     paces = np.linalg.norm(np.diff([p.positions for p in poses], axis=0), axis=2) * 30
-    # It goes to the performer when they appear, within a fifth of a second.
+    # It moves to the performer when they appear, within a fifth of a second.
     assert paces[6:].max() < 5.0
 
 
@@ -205,7 +205,7 @@ def test_the_shipped_recording_drives_the_shipped_cactus(road: Path) -> None:
 def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
     sheet = np.asarray(Image.open(road / "enliven.png").convert("RGB")).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 40) & (sheet[..., 1] > sheet[..., 2] + 30)
-    # The performer is in the picture from the first frame on, so the cactus fills less of it.
+    # The performer is in the image from the first frame on, so the cactus fills less of it.
     assert green.mean() > 0.0095
     assert (road / "enliven.mp4").stat().st_size > 20_000
 

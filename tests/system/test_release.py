@@ -1,4 +1,4 @@
-"""What `make release` builds and refuses. It also tries the wheels, which takes minutes and a network."""
+"""Tests of what `make release` builds and refuses. Trying the wheels takes minutes and a network."""
 
 import importlib.util
 import platform
@@ -22,7 +22,7 @@ ITS = release.version()
 
 @pytest.fixture(scope="module")
 def archives(tmp_path_factory) -> Path:
-    """The sdists and wheels of the two packages that differ most in how they are built."""
+    """Builds the sdists and wheels of the two packages with the most different builds."""
     if not (ROOT / ".git").exists():
         pytest.skip("this is no checkout of git, so nothing says which files belong to the packages")
     place = tmp_path_factory.mktemp("archives")
@@ -32,7 +32,7 @@ def archives(tmp_path_factory) -> Path:
 
 
 def metadata(archives: Path, package: str):
-    """The metadata of a wheel."""
+    """Returns the metadata of a wheel."""
     (wheel,) = archives.glob(f"{package}-*.whl")
     with zipfile.ZipFile(wheel) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
@@ -158,7 +158,7 @@ def test_a_version_without_notes_is_refused(of):
 
 @pytest.fixture
 def repository(tmp_path, monkeypatch):
-    """A repository with one commit that the script takes for the checkout."""
+    """Creates a repository with one commit that the script takes for the checkout."""
 
     def git(*words: str) -> None:
         who = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]

@@ -1,4 +1,4 @@
-"""``enliven doctor --remote``: the health of an edge that runs, from another terminal or machine."""
+"""Tests of ``enliven doctor --remote``: the health of a running edge, from another terminal or machine."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FINE = StatusMessage("stage", 7, 1, 0, "camera 1", "tracking", fps=29.7, latency
 
 @contextlib.contextmanager
 def published(*messages: bytes) -> Iterator[str]:
-    """The address of a socket that publishes messages over and over, as an edge does."""
+    """Returns the address of a socket that publishes messages repeatedly, as an edge does."""
     (port,) = free_ports(1)
     socket, ended = zmq.Context.instance().socket(zmq.PUB), threading.Event()
     socket.setsockopt(zmq.LINGER, 0)
@@ -45,7 +45,7 @@ def published(*messages: bytes) -> Iterator[str]:
 
 
 def checked(address: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, dict]]:
-    """The exit code, and the checks by name."""
+    """Returns the exit code, and the checks by name."""
     code = cli.run(["doctor", "--remote", address, "--json"])
     return code, {check["name"]: check for check in json.loads(capsys.readouterr().out)}
 
@@ -66,7 +66,7 @@ def test_an_edge_that_is_well(capsys):
         ({"health": [HealthMessage("sensor lost", 2, 0, "It was unplugged.", "Plug it in.")]}, "sensor lost"),
     ],
 )
-def test_what_is_wrong_there_is_told_with_what_to_do(change, wrong, capsys):
+def test_remote_problems_are_reported_with_advice(change, wrong, capsys):
     with published(pack_stream(replace(FINE, **change))) as address:
         code, checks = checked(address, capsys)
     assert code == LACKING and [name for name, check in checks.items() if not check["ok"]] == [wrong]
@@ -81,14 +81,14 @@ def test_a_note_alone_is_no_fault_and_other_messages_are_passed_over(capsys):
     assert code == 0 and checks["learning the room"]["ok"]
 
 
-def test_silence_is_told_with_the_address(monkeypatch, capsys):
+def test_silent_edge_is_reported_with_its_address(monkeypatch, capsys):
     monkeypatch.setattr(doctor, "PATIENCE_S", 0.2)
     (port,) = free_ports(1)
     code, checks = checked(f"127.0.0.1:{port}", capsys)
     assert code == LACKING and str(port) in checks["edge"]["detail"] and "firewall" in checks["edge"]["mend"]
 
 
-def test_another_version_is_told(monkeypatch, capsys):
+def test_edge_of_another_version_is_reported(monkeypatch, capsys):
     monkeypatch.setattr(doctor, "PATIENCE_S", 0.5)
     other = bytearray(pack_stream(FINE))
     other[len("status") + 1] += 1  # after the topic and a zero

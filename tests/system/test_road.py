@@ -1,6 +1,6 @@
-"""Both programs as processes, the edge to the recording's end: poses and picture as they were stored.
+"""Tests of both programs as processes, to the recording's end: poses and image match the references.
 
-``pytest tests/system --record-references`` (or ``make record-references``) stores them again, on purpose.
+``pytest tests/system --record-references`` (or ``make record-references``) stores new references.
 """
 
 import functools
@@ -30,25 +30,26 @@ from enliven.wire.streams import BodiesMessage, PoseMessage
 REFERENCES = Path(__file__).parent / "references"
 POSES, PICTURE = REFERENCES / "road.npz", REFERENCES / "road.png"
 SHOWN = 4.0
-"""Seconds of the recording that are filmed, which is most of the work; the edge alone goes on to its end."""
+"""Seconds of the recording that are filmed, which is most of the work; only the edge runs to its end."""
 WIDE, HIGH = 640, 360
-"""Pixels of the film: a quarter of the usual ones, and as many as the compared picture has."""
+"""Size of the film in pixels: a quarter of the default, and equal to the reference image."""
 EVERY = 9
-"""Frames between the ones that are stored."""
+"""Every ninth frame is stored."""
 JOINT_TOLERANCE, NODE_TOLERANCE, LINEAR_TOLERANCE = 0.05, 0.06, 0.25
-"""Metres, metres, and entries of the linear parts: what another processor's rounding may lead to, when one
-contact of the fit falls the other way. A broken stage is off by far more."""
+"""Tolerances in metres, metres, and entries of the linear parts: another processor's rounding may flip one
+contact of the fit. A broken stage is off by far more."""
 PICTURE_TOLERANCE = 12.0
-"""Mean difference of 8-bit channels at a quarter of the size, after a blur: another OpenGL's antialiasing."""
+"""Maximum mean difference of 8-bit channels at a quarter of the size, after a blur: OpenGL's antialiasing
+differs."""
 APPEARS = 6
-"""Frames, a fifth of a second, within which the performer of the first one is there."""
+"""Frames, a fifth of a second, within which a performer in the first frame is detected."""
 
 pytestmark = pytest.mark.system
 
 
 @pytest.fixture(scope="module")
 def road(tmp_path_factory):
-    """The folder with film, sheet and take of one run of the main job."""
+    """Returns the folder with film, sheet and take of one run of the main job."""
     folder = tmp_path_factory.mktemp("road")
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder)]
     command += ["--seconds", str(SHOWN), "--record", str(folder / "take.mcap"), "--size", f"{WIDE}x{HIGH}"]
@@ -60,7 +61,7 @@ def road(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """The fields of the edge's take of the whole recording, with what the main job gives it."""
+    """Returns the fields of the edge's take of the whole recording, with the main job's options."""
     take = tmp_path_factory.mktemp("whole") / "take.mcap"
     words = ["edge", "--possess-at", "1.5", "--speed", "0", "--port", "0", "--control-port", "0"]
     assert cli.run([*words, "--name", "whole", "--record", str(take)]) == 0
@@ -68,7 +69,7 @@ def whole(tmp_path_factory):
 
 
 def fields_of(take: Path) -> dict[str, np.ndarray]:
-    """Every ninth frame of a take but the first: times, joints, confidences, node positions, linear parts."""
+    """Returns every ninth frame of a take but the first: times, joints, confidences, nodes, linear parts."""
     recording = Recording(take)
     (_, data), *_ = recording.messages("character")
     codec = PoseCodec(message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage)))
@@ -106,7 +107,7 @@ def test_poses_are_those_of_the_reference(road, whole, request):
 
 
 def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> None:
-    """Every ninth frame is that of the reference, which may go on."""
+    """Checks that every ninth frame equals the reference, which may be longer."""
     count = len(found["time_ns"])
     np.testing.assert_array_equal(found["time_ns"], reference["time_ns"][:count])
     for name, tolerance in (
@@ -119,8 +120,8 @@ def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) ->
     assert np.abs(found["confidence"] - reference["confidence"][:count]).mean() < 0.1
 
 
-def test_the_tracked_joints_are_the_true_ones(whole):
-    """Against the truth in the shipped recording, not against what was once computed."""
+def test_tracked_joints_match_the_truth(whole):
+    """Compared with the truth in the shipped recording, not with an earlier result."""
     from enliven_edge.assets import CHAIR
 
     truth = {frame.time_ns: frame.bodies[0].joints for frame in Recording(CHAIR).truth()}
@@ -150,7 +151,7 @@ def test_the_film_holds_every_moment(road):
 
 
 def test_the_picture_is_that_of_the_reference(road, request):
-    """The contact sheet, blurred and compared channel by channel."""
+    """The contact sheet is blurred and compared channel by channel."""
     sheet = Image.open(road / "enliven.png").convert("RGB")
     small = sheet.resize((sheet.width // 4, sheet.height // 4), Image.Resampling.BOX)
     if request.config.getoption("--record-references"):
@@ -175,7 +176,7 @@ def test_ctrl_c_leaves_no_orphan(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="process groups of POSIX")
 @pytest.mark.parametrize("while_it", ["imports", "starts its programs"])
 def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
-    """The log of imports says when modules of enliven are being loaded."""
+    """The import log shows when modules of enliven are being loaded."""
     command = [sys.executable, "-X", "importtime", "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
     hearing = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with (tmp_path / "said.txt").open("w+") as said:
@@ -192,7 +193,7 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
 
 
 def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
-    """As while a dataclass is made: Python would end the process by the signal, although it was caught."""
+    """For example while a dataclass is created: Python would end by the signal, although it was caught."""
     broken = "import enliven.cli, enliven.__main__ as start\n"
     broken += "enliven.cli.main = lambda: exec('raise KeyboardInterrupt')\nstart.main()"
     (tmp_path / "broken.py").write_text(broken)
@@ -210,7 +211,7 @@ def test_children_of_a_killed_run_end_by_themselves(tmp_path):
 
 
 def holds_poses(take: Path) -> bool:
-    """Whether a take that is being written has poses on disk."""
+    """Returns True if a take in progress has poses on disk."""
     try:
         with warnings.catch_warnings(action="ignore"):
             return "pose" in Recording(take).info.topics
@@ -219,15 +220,15 @@ def holds_poses(take: Path) -> bool:
 
 
 def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
-    """An endless run of the main job, both its programs at work, in a process group of its own."""
+    """Starts an endless run of the main job, with both programs working, in its own process group."""
     take = folder / "take.mcap"
     command = [sys.executable, "-m", "enliven", "run", "--film", "--out", str(folder), "--record", str(take)]
     command += ["--sensor", "synthetic", "--seconds", "3600", "--size", "160x90"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "start_new_session": True}
-    # What a shell starts in the background ignores Ctrl-C, and so would this.
+    # A shell's background processes ignore Ctrl-C, and so would this one.
     options["preexec_fn"] = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     started = subprocess.Popen(command, **options)
-    # The edge waits for its viewer, so poses that were recorded say that both are at work.
+    # The edge waits for its viewer, so recorded poses show that both are running.
     until(lambda: holds_poses(take), "a recorded take", patience=180)
     children = children_of(started.pid)
     assert len(children) == 2, "the programs did not start"
@@ -235,13 +236,13 @@ def started_run(folder: Path) -> tuple[subprocess.Popen, list[int]]:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a process exists and is more than an entry that nobody has collected."""
+    """Returns True if a process exists and is not a zombie."""
     state = subprocess.run(["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True).stdout
     return bool(state.strip()) and not state.startswith("Z")
 
 
 def children_of(parent: int) -> list[int]:
-    """The process ids whose parent this is (Linux; elsewhere by ps)."""
+    """Returns the process ids with this parent (Linux; elsewhere by ps)."""
     listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, text=True).stdout
     pairs = (line.split() for line in listed.splitlines())
     return [int(pid) for pid, ppid in pairs if int(ppid) == parent]

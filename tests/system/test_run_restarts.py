@@ -1,4 +1,6 @@
-"""The window of ``enliven run`` outlives its edge, which is started again; closing it ends everything."""
+"""Tests that the window of ``enliven run`` survives a crash of its edge, which is restarted; closing it ends
+all.
+"""
 
 import os
 import signal
@@ -18,7 +20,7 @@ FAILS, WAITS, DONE = ["run", "--recording", "nowhere.mcap"], ["doctor"], ["--ver
 
 
 def child(parent: int, command: str) -> int | None:
-    """Returns the process id of the child that runs an enliven command; None if there is none."""
+    """Returns the process id of the child with an enliven command; None if there is none."""
     for number in Path(f"/proc/{parent}/task/{parent}/children").read_text().split():
         words = Path(f"/proc/{number}/cmdline").read_bytes().split(b"\0")
         if b"enliven" in words and command.encode() in words:

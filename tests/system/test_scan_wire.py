@@ -1,4 +1,4 @@
-"""Scanning over the wire: an edge scans what its camera sees, a viewer that comes late sees all of it."""
+"""Tests of scanning over the wire: an edge scans its camera's view, and a late viewer sees all of it."""
 
 import sys
 from dataclasses import replace
@@ -72,7 +72,7 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     size = np.ptp(made.vertices, axis=0)
     assert abs(size[1] - 0.5) < 0.03 and made.colours is not None and running.said().character == "box"
     running.until(lambda: not running.edge.scans.active, "performers again")
-    # Scanning on adds to it.
+    # Continuing the scan extends it.
     before = running.said().fused
     running.ask(Scan("go on"))
     running.show(frames[-8:])
@@ -81,7 +81,7 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     assert running.said().fused > before and list(running.stage.characters) == ["box"]
 
 
-def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_gone(running, frames) -> None:
+def test_impossible_scan_gives_the_reason_and_cancelled_scan_is_gone(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016))
     running.until(lambda: running.said().phase == "scanning", "the beginning")
@@ -103,7 +103,7 @@ def test_a_scan_that_cannot_be_made_says_why_and_goes_on_and_a_cancelled_one_is_
         running.edge.carry_out(Scan("done"))
 
 
-def test_a_thing_that_is_to_turn_is_scanned_in_fine_voxels(running, frames) -> None:
+def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
     viewer = running.viewer()
     running.ask(Scan("start", voxel=0.016, turned=True))
     running.until(lambda: running.said().phase == "scanning", "the beginning")
@@ -114,7 +114,7 @@ def test_a_thing_that_is_to_turn_is_scanned_in_fine_voxels(running, frames) -> N
     running.ask(Scan("cancel"))
 
 
-def test_what_was_scanned_stands_beside_what_is_there(frames) -> None:
+def test_scanned_character_is_placed_next_to_the_others(frames) -> None:
     chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
     running = ScanningEdge([chair])
     try:

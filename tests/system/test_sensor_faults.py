@@ -1,4 +1,4 @@
-"""A sensor that another package brings, with every fault that a camera has, before the real programs."""
+"""Tests of a third-party sensor with every fault of a camera, in the real programs."""
 
 import contextlib
 import os
@@ -23,13 +23,13 @@ pytestmark = pytest.mark.system
 
 DRIVER = Path(__file__).parent.parent / "edge" / "sensors" / "troubled.py"
 PATIENCE = 300.0
-"""Seconds for a program to start and end on a loaded machine."""
+"""Timeout in seconds for a program to start and end on a loaded machine."""
 FAULTS = "OSError,another size,focal length nan,negative time,RuntimeError,wrong type,endless time,no frame"
 
 
 @pytest.fixture
 def installed(tmp_path) -> dict[str, str]:
-    """The environment in which the driver is an installed package."""
+    """Returns an environment with the driver installed as a package."""
     site = tmp_path / "site"
     about = site / "troubled-1.0.dist-info"
     about.mkdir(parents=True)
@@ -48,7 +48,7 @@ def edge(name: str, *arguments: str) -> list[str]:
     return command("edge", "--sensor", "troubled", *ports, *arguments)
 
 
-def test_the_edge_outlives_every_fault_and_says_it(tmp_path, installed):
+def test_edge_survives_and_reports_every_fault(tmp_path, installed):
     options = ["--set", "frames=120", "--set", f"faults={FAULTS}", "--set", "every=10", "--set", "pace=0.01"]
     asked = edge("outlives", *options, "--record", str(tmp_path / "take.mcap"))
     done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
@@ -61,7 +61,7 @@ def test_the_edge_outlives_every_fault_and_says_it(tmp_path, installed):
     assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == 120
 
 
-def test_it_ends_at_the_first_where_asked_for(installed):
+def test_once_option_ends_the_program_at_first_fault(installed):
     options = ["--set", "faults=OSError", "--set", "frames=1000000", "--set", "pace=0.01"]
     done = subprocess.run(
         edge("once", *options, "--once"), env=installed, capture_output=True, text=True, timeout=PATIENCE
@@ -94,7 +94,7 @@ def test_a_read_that_never_returns_is_ended_by_sigterm_and_the_take_is_whole(tmp
     assert recording.info.complete and len(list(recording.messages("bodies"))) == 30
 
 
-def test_a_recording_of_such_a_sensor_goes_on(tmp_path, installed):
+def test_recording_continues_over_every_sensor_fault(tmp_path, installed):
     options = ["--set", "frames=60", "--set", f"faults={FAULTS}"]
     asked = command("record", "--sensor", "troubled", *options, "-o", str(tmp_path / "a.mcap"))
     done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
@@ -109,17 +109,17 @@ MISSING = "an OAK is not connected"
 PLUG = f"{MISSING}. Plug it into a USB 3 port, check with enliven doctor that it is connected, and type: "
 NO_LIBRARY = "depthai is not installed"
 INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
-"""What docs/tour.md's first line with a camera says without one, and where its library is missing too."""
+"""Error of docs/tour.md's first camera command without a camera; also if its library is missing."""
 
 
 @pytest.fixture
 def no_camera():
-    """Nothing of the kind is beside this machine, which the doctor would say."""
+    """Skips the test if such a camera is connected, since the doctor would report it."""
     if any(camera.kind.sensor == "oak" for camera in attached()):
         pytest.skip("there is one")
 
 
-def test_run_without_its_camera_says_what_to_plug_in_and_what_to_type(no_camera):
+def test_run_without_its_camera_gives_advice_and_command(no_camera):
     asked = command("run", "--sensor", "oak", "--window")
     done = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 4, done.stderr
@@ -129,7 +129,7 @@ def test_run_without_its_camera_says_what_to_plug_in_and_what_to_type(no_camera)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
-def test_a_kiosk_that_starts_before_its_camera_waits_and_tells_its_viewers(no_camera, tmp_path):
+def test_edge_started_before_its_camera_waits_and_informs_viewers(no_camera, tmp_path):
     port, control = free_ports()
     ports = ["--port", str(port), "--control-port", str(control), "--name", "kiosk"]
     with (tmp_path / "log").open("w+") as log:

@@ -1,4 +1,4 @@
-"""A performance through the real edge is solved again from its recording: on the same mesh it is the same."""
+"""Tests that solving a performance again from its recording, on the same mesh, gives the same result."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from enliven.wire import Possess, Release
 from enliven.wire.quantize import POSITION_ERROR
 
 LINEAR = 6e-3
-"""Entries of a linear part: rotation and stretch on the wire, at most 0.85 mrad and sqrt(3) 0.001 off."""
+"""Maximum error of entries of a linear part: rotation and stretch on the wire, 0.85 mrad and sqrt(3)
+0.001."""
 FRAMES = 40
 parts = st.sampled_from(["all", "legs", "upper body", "hip + right arm"])
 modes = st.sampled_from(["alone", "join", "extend"])
@@ -46,8 +47,8 @@ hows = st.fixed_dictionaries(
     late=st.integers(0, 3),
     seed=st.integers(0, 99),
 )
-def test_on_the_same_mesh_it_is_what_was_recorded(how, given_orders, absent, late, seed):
-    """For any holds and settings, performers who leave and come back, and hand-overs."""
+def test_solving_again_on_the_same_mesh_equals_the_recording(how, given_orders, absent, late, seed):
+    """For any attachments and settings, leaving and returning performers, and hand-overs."""
     first, gone = absent
     away = 0.0 if how["place"] == "fixed" else 2.5
     seen = [set() if n < late else {2} if first <= n < first + gone else {1, 2} for n in range(FRAMES)]
@@ -61,7 +62,7 @@ def test_on_the_same_mesh_it_is_what_was_recorded(how, given_orders, absent, lat
 
 
 def test_characters_side_by_side_and_a_hold_that_is_taken_over(tmp_path):
-    """Where each waited, and who took over from whom, is in the recording: both depend on the others."""
+    """Waiting positions and hand-overs are in the recording, since both depend on the other characters."""
     how = ActorSettings(how="beside", fade=0.2, hand_over=0.3)
     actors = [chair_actor(how), chair_actor(how, name="twin")]
     told = {3: (Possess("twin", 2, "all"),), 6: (Possess("chair", 1, "upper body"),)}

@@ -1,4 +1,4 @@
-"""A client puts characters on the stage of a real edge, replaces those that perform, and removes them."""
+"""Tests that a client puts characters on a real edge's stage, replaces performing ones, and removes them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class StagedEdge:
         return answers[0]
 
     def end(self) -> float:
-        """Ends the edge; returns its longest frame, milliseconds of processor time."""
+        """Ends the edge; returns the processor time of its longest frame in milliseconds."""
         self.link.close()
         self.process.terminate()
         return float(self.process.communicate(timeout=PATIENCE)[0])
@@ -141,7 +141,7 @@ def test_a_large_one_arrives_in_spite_of_the_limit_of_requests_and_only_the_newe
     assert answers == [(0, Done()), (4, Done())] and not edge.link.stage.busy
 
 
-def test_the_command_lists_puts_and_removes_and_says_what_is_wrong(edge: StagedEdge, tmp_path: Path) -> None:
+def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, tmp_path: Path) -> None:
     def run(*words: str) -> str:
         found = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])
         return found.output if found.exit_code == 0 else str(found.exception)

@@ -1,4 +1,4 @@
-"""What a stranger on the network does to a whole edge: it goes on, and grows by no more than a little."""
+"""Tests that an edge survives network attacks by strangers, with bounded memory growth."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
 from enliven.wire.zmtp import GREETING, framed
 
 PATIENCE = 60.0
-"""Seconds until a test gives up; a loaded machine takes its time."""
+"""Timeout of a test in seconds, long enough for a loaded machine."""
 ATTACK = 2.0
-"""Seconds that an attack lasts."""
+"""Duration of an attack in seconds."""
 MOST_GROWTH_MB = 30.0
-"""Of the edge's memory by one attack; each took 100 to 1,400 where nothing held it."""
+"""Maximum growth of the edge's memory by one attack; without limits each took 100 to 1,400 MB."""
 PING = framed(b"\x04PING\0\0", 4)
 
 pytestmark = [
@@ -36,7 +36,7 @@ pytestmark = [
 
 
 class RunningEdge:
-    """The program of strange_edge.py, and what can be seen of it."""
+    """The program of strange_edge.py, and its observable state."""
 
     def __init__(self, descriptors: int | None = None) -> None:
         script = Path(__file__).with_name("strange_edge.py")
@@ -49,17 +49,17 @@ class RunningEdge:
         self.memory = self.megabytes()
 
     def megabytes(self) -> float:
-        """Resident memory."""
+        """Returns resident memory in megabytes."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
 
     @property
     def grown(self) -> float:
-        """Megabytes since it started."""
+        """Returns the memory growth since the start, megabytes."""
         return self.megabytes() - self.memory
 
     def hear_bodies(self, count: int) -> None:
-        """A new viewer hears so many frames of bodies."""
+        """Waits until a new viewer has received some frames of bodies."""
         with zmq.Context() as context, context.socket(zmq.SUB) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.setsockopt(zmq.SUBSCRIBE, b"bodies")
@@ -73,7 +73,7 @@ class RunningEdge:
                     count -= 1
 
     def answer(self) -> None:
-        """A new viewer asks, and is answered."""
+        """Sends a new viewer's request, and waits for the answer."""
         with zmq.Context() as context, context.socket(zmq.DEALER) as viewer:
             viewer.setsockopt(zmq.LINGER, 0)
             viewer.connect(f"tcp://127.0.0.1:{self.control_port}")
@@ -85,12 +85,12 @@ class RunningEdge:
             assert isinstance(unpack_control(viewer.recv(), topics.REPLY).body, requests.Pong)
 
     def goes_on(self) -> None:
-        """It serves newcomers, beyond the recording's end and the loop's beginning."""
+        """Checks that it serves newcomers beyond the end of the recording, after the loop has restarted."""
         self.answer()
         self.hear_bodies(40)
 
     def close(self) -> int:
-        """How it ends when it is asked to."""
+        """Asks it to end, and returns how it ended."""
         self.process.send_signal(signal.SIGTERM)
         try:
             return self.process.wait(PATIENCE)
@@ -101,7 +101,7 @@ class RunningEdge:
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[list[RunningEdge]]:
-    """The edge that the attacks share, started again where one ended it."""
+    """Returns the edge that the attacks share, restarted if one ended it."""
     made: list[RunningEdge] = []
     yield made
     for each in made:
@@ -117,7 +117,7 @@ def edge(running: list[RunningEdge]) -> RunningEdge:
 
 
 def connected(port: int, kind: str) -> socket.socket:
-    """A raw connection that has introduced itself as a DEALER or SUB."""
+    """Opens a raw connection that has introduced itself as a DEALER or SUB."""
     made = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
     about = b"\x0bSocket-Type" + struct.pack(">I", len(kind)) + kind.encode()
     made.sendall(GREETING + framed(b"\x05READY" + about, 4))
@@ -129,7 +129,7 @@ def connected(port: int, kind: str) -> socket.socket:
 
 
 def pushed(connections: list[socket.socket], data: bytes, seconds: float = ATTACK) -> int:
-    """Sends the same again and again to each, as fast as it is taken; how many bytes went."""
+    """Sends the same bytes repeatedly to each, as fast as they are accepted; returns the number of bytes."""
     deadline, sent = time.monotonic() + seconds, 0
     rest = dict.fromkeys(connections, data)
     while time.monotonic() < deadline and rest:
@@ -146,18 +146,18 @@ def pushed(connections: list[socket.socket], data: bytes, seconds: float = ATTAC
 
 
 def reset(connection: socket.socket) -> None:
-    """Ends it the rude way."""
+    """Resets a connection without closing it properly."""
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     connection.close()
 
 
 def request(body: requests.Ask) -> bytes:
-    """One request as it goes on the wire."""
+    """Returns one request in its wire format."""
     return framed(pack_control(requests.Request(1, body)))
 
 
 def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge) -> None:
-    """Orders by the ten thousand from libzmq's own socket, closed while they wait."""
+    """Ten thousands of commands from libzmq's own socket, which is closed while they wait."""
     context = zmq.Context()
     dealer = context.socket(zmq.DEALER)
     dealer.connect(f"tcp://127.0.0.1:{edge.control_port}")
@@ -199,7 +199,7 @@ def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge)
 
 
 def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
-    """More than the edge may have descriptors, half of them to each port."""
+    """More connections than the edge has descriptors, half of them to each port."""
     edge, idle = RunningEdge(descriptors=256), []
     try:
         for number in range(1100):
@@ -229,7 +229,7 @@ def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
         reset(each)
 
 
-def test_characters_for_who_does_not_read_take_no_memory(edge: RunningEdge) -> None:
+def test_unread_characters_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(3)]
     pushed(rude, request(requests.GetState("statue")) * 100, 0.5)
     deadline = time.monotonic() + ATTACK

@@ -1,4 +1,4 @@
-"""Two rendered depth cameras that do not know where they stand, from the recordings to the fused bodies."""
+"""Tests of two rendered depth cameras at unknown poses, from the recordings to the fused bodies."""
 
 import dataclasses
 import sys
@@ -25,15 +25,17 @@ pytestmark = pytest.mark.system
 SECONDS = 8.0
 COMING = 15
 COVERED = (3.0, 5.0)
-"""Seconds of the room in which somebody stands before the left lens."""
+"""Seconds of room time in which a person blocks the left lens."""
 PUBLISHED = 3.0
-"""Seconds of both recordings that an edge is given."""
+"""Seconds of both recordings that the edge plays."""
 PERFORMER = walker(12.0)
 
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
-    """The folder with left.mcap and right.mcap, and covered.mcap: left, its lens covered for a while."""
+    """Returns the folder with left.mcap, right.mcap, and covered.mcap: left with its lens covered for a
+    while.
+    """
     folder = tmp_path_factory.mktemp("space")
     for seed, name in enumerate(("left", "right")):
         view = View(name, (PERFORMER,), seed=seed)
@@ -50,7 +52,7 @@ def takes(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def space(takes):
-    """What ``enliven calibrate`` wrote."""
+    """Returns the output file of ``enliven calibrate``."""
     path = takes / "space.toml"
     assert run(["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]) == 0
     return load_space(path)
@@ -58,12 +60,12 @@ def space(takes):
 
 @pytest.fixture(scope="module")
 def found():
-    """(bodies, state) by recording and time, of every frame that was tracked."""
+    """Returns (bodies, state) of every tracked frame, by recording and time."""
     return {}
 
 
 class TrackedOnce(Tracker):
-    """A tracker of a recording: a frame that any of them tracked before is not tracked again."""
+    """A tracker of a recording with a cache: no frame is tracked twice."""
 
     def __init__(self, file, found):
         super().__init__(settings_before_fusion(TrackerSettings()))
@@ -81,7 +83,7 @@ class TrackedOnce(Tracker):
 
 
 def performed(takes, space, recordings, found):
-    """The bodies by time of recordings by name, fused or alone."""
+    """Returns the bodies by time of named recordings, fused or alone."""
     sensors = {name: ReplaySensor(takes / f"{file}.mcap", speed=0.0) for name, file in recordings.items()}
     trackers = {name: TrackedOnce(file, found) for name, file in recordings.items()}
     made = {}
@@ -92,7 +94,7 @@ def performed(takes, space, recordings, found):
 
 
 def errors(space, made):
-    """(N, 20) metres between the bodies and the truth, in the first sensor's level frame."""
+    """Returns (N, 20) distances between bodies and truth, metres, in the first sensor's level frame."""
     view = View("left", ())
     world_from_room = space.sensors["left"].camera @ inverse(view.world_from_camera)
     return np.array(
@@ -108,7 +110,7 @@ def errors(space, made):
 
 
 def test_the_exact_place_is_found(space):
-    """Rendered and tracked, nothing told: 2.5 cm, 1 degree and 8 ms at the most."""
+    """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
     found = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     assert np.linalg.norm(found[:3, 3] - true[:3, 3]) < 0.025
@@ -117,13 +119,13 @@ def test_the_exact_place_is_found(space):
     assert abs(offset * 1e-9 - (CLOCKS["left"] - CLOCKS["right"])) < 0.008
 
 
-def test_two_see_better_than_one(takes, space, found):
+def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     both = performed(takes, space, {"left": "left", "right": "right"}, found)
     alone = [errors(space, performed(takes, space, {n: n}, found)) for n in ("left", "right")]
     fused = errors(space, both)
     assert len(fused) > 0.95 * SECONDS * RATE
     assert {body.id for bodies in both.values() for body in bodies} == {1}
-    # Who has just come in may be taken for turned about for some frames, by one sensor or by both.
+    # A person that has just come in may be turned about for some frames, in one sensor or both.
     fused, alone = fused[COMING:], [e[COMING:] for e in alone]
     assert fused.mean() < min(e.mean() for e in alone)
     # Both are near 1 on this clean take: half of one percent is a hand in a dozen frames.
@@ -142,7 +144,7 @@ def test_a_covered_lens_hands_over_and_takes_back(takes, space, found):
 
 
 def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
-    """The first second is not enough; what an earlier calibration wrote is still there, bit by bit."""
+    """The first second is not enough; an earlier calibration file stays unchanged, bit by bit."""
     path = tmp_path / "space.toml"
     path.write_bytes((takes / "space.toml").read_bytes())
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
@@ -154,7 +156,7 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
 
 
 def test_an_edge_with_two_recordings_publishes_fused_bodies(takes, space, tmp_path):
-    """The command line to the take: one performer all the time, the chair follows."""
+    """From the command line to the take: one performer all the time, and the chair follows."""
     take = tmp_path / "take.mcap"
     words = ["edge", "--speed", "0", "--space", str(takes / "space.toml"), "--possess-at", "1"]
     words += ["--seconds", str(PUBLISHED)]

@@ -1,4 +1,4 @@
-"""Files of enliven 0.1 open, and files of a later version are refused with one sentence and kept.
+"""Tests that files of enliven 0.1 open, and files of a later version are refused with an error and kept.
 
 The folder versions/0.1 was written by a commit of version 0.1, and is never made again. Its settings
 state every key, and its preferences every action, so none can be renamed without a way for old files.
@@ -48,7 +48,7 @@ TOML_READERS = {
 
 @pytest.fixture
 def stored(tmp_path) -> Path:
-    """A copy of the files of enliven 0.1."""
+    """Returns a copy of the files of enliven 0.1."""
     return Path(shutil.copytree(STORED, tmp_path / "0.1"))
 
 
@@ -145,7 +145,7 @@ def test_a_version_that_is_none_is_refused(tmp_path, version):
 
 @pytest.fixture(params=["whole", "cut off"])
 def later_recording(request, tmp_path, monkeypatch) -> Path:
-    """A recording that a later version wrote."""
+    """Writes a recording of a later version."""
     path = tmp_path / "later.mcap"
     with monkeypatch.context() as patch:
         patch.setattr("enliven.recording.recorder.__version__", "0.9.0")

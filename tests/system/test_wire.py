@@ -1,4 +1,4 @@
-"""Publisher and Link over real sockets: late joiners, restarts, rivals, noise, other versions."""
+"""Tests of publisher and Link over real sockets: late joiners, restarts, rivals, noise, other versions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def character(name: str = "chair", count: int = 8) -> Character:
 
 
 def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> list[Command]:
-    """Both sides' loops, until something is so; the commands that came."""
+    """Runs both sides' loops until a condition holds; returns the received commands."""
     commands: list[Command] = []
     deadline = time.monotonic() + PATIENCE
     while True:
@@ -67,13 +67,13 @@ def link(publisher: Publisher) -> Iterator[EdgeClient]:
 
 
 def pivots_of(link: EdgeClient) -> int:
-    """How many pivots the chair has in the viewer, 0 where there is none."""
+    """Returns the number of the chair's pivots in the viewer, 0 if there is none."""
     chair = link.characters.get("chair")
     return len(chair.pivots) if chair else 0
 
 
 def joined(link: EdgeClient, publisher: Publisher) -> None:
-    """Until nothing is missed any more."""
+    """Runs until nothing is missing any more."""
     until(link, lambda: "chair" in link.characters and publisher.viewers == 1, publisher)
     link.take(POSE)
 
@@ -92,7 +92,7 @@ def test_every_pose_comes_once_in_order_with_its_times(link: EdgeClient, publish
     assert link.health[publisher.endpoint].lost == 0 and link.clock_offset_ns == 0
 
 
-def test_a_late_joiner_gets_what_it_missed(publisher: Publisher) -> None:
+def test_late_viewer_gets_the_missed_messages(publisher: Publisher) -> None:
     publisher.set_character(character("lamp", 5))
     publisher.set_status(phase="tracking", note="on stage", sensor="kinect")
     publisher.publish(cues_to_message("lamp", "possessed", np.array([1, 2]), np.array([0.5, 1]), 3))
@@ -165,7 +165,7 @@ def test_commands_and_their_replies(link: EdgeClient, publisher: Publisher) -> N
     assert "sofa" in notice.text and "chair" in notice.text
 
 
-def test_a_command_that_nobody_answers_ends_with_a_notice(
+def test_unanswered_command_ends_with_a_notice(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
@@ -202,7 +202,7 @@ def test_a_viewer_that_is_first_waits_and_a_restarted_edge_is_picked_up() -> Non
     link.close()
 
 
-def test_silence_and_the_end_are_told(
+def test_silence_and_end_of_the_edge_are_reported(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
@@ -215,7 +215,7 @@ def test_silence_and_the_end_are_told(
 
 
 class FakeEdge:
-    """Raw sockets in an edge's place, that send whatever they are told."""
+    """Raw sockets in place of an edge, which send given messages."""
 
     def __init__(self) -> None:
         self.context = zmq.Context()
@@ -224,7 +224,7 @@ class FakeEdge:
         self.endpoint = Endpoint("127.0.0.1", *ports)
 
     def answer(self, make: Callable[[int], bytes]) -> None:
-        """Reply to every request that has come with the bytes that ``make`` gives for its number."""
+        """Replies to every request with the bytes that ``make`` returns for its number."""
         while self.router.poll(0):
             viewer, data = self.router.recv_multipart()
             number = 0
@@ -268,7 +268,7 @@ def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
     link.close()
 
 
-def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) -> None:
+def test_contradictory_character_or_pose_is_dropped(fake: FakeEdge) -> None:
     link = EdgeClient([fake.endpoint])
     status = streams.StatusMessage("fake", 1, 1, time.time_ns())
     bad = characters.CharacterMessage(
@@ -288,7 +288,7 @@ def test_a_character_or_pose_that_contradicts_itself_is_dropped(fake: FakeEdge) 
 
 
 @pytest.mark.parametrize("way", ["stream", "reply"])
-def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> None:
+def test_another_version_is_reported_once(fake: FakeEdge, way: str) -> None:
     link = EdgeClient([fake.endpoint])
     status = streams.StatusMessage("fake", 1, 0, time.time_ns())
     theirs = pack_stream(status).replace(b"status\0\1", b"status\0\7")
@@ -313,7 +313,7 @@ def test_another_version_is_said_once_and_clearly(fake: FakeEdge, way: str) -> N
     link.close()
 
 
-def test_two_edges_of_one_name_are_told(fake: FakeEdge) -> None:
+def test_two_edges_of_one_name_are_reported(fake: FakeEdge) -> None:
     other = FakeEdge()
     link = EdgeClient([fake.endpoint, other.endpoint])
 
@@ -380,7 +380,7 @@ SECOND = 1_000_000_000
 
 
 def test_the_clock_is_found_between_its_bounds() -> None:
-    """Delays at random, one way long: the truth stays inside, and is found closely."""
+    """Random delays, one direction slow: the truth stays within the bounds, and is estimated closely."""
     rng, offset, clock = np.random.default_rng(0), 5 * SECOND, ClockEstimate()
     assert clock.offset_ns == 0 and not clock.known
     now = 0

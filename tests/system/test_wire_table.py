@@ -1,9 +1,9 @@
-"""The one table of the wire: a new message and a new request, the health of each topic, and a stored take.
+"""Tests of the wire's table: a new message and request, the health of each topic, and a stored take.
 
 A new stream message touches four files: its class in ``wire/streams.py``, its row in ``wire/topics.py``, its
-name on the door of ``wire``, and the line in ``network/outlet.py`` that makes it of a frame's result. A new
-request touches four: its class and entry in ``wire/requests.py``, its name on the door, its handler in
-``enliven_edge/orders.py``, and the key or button that asks. What is registered here stands for those lines.
+public name in ``wire``, and the line in ``network/outlet.py`` that makes it from a frame's result. A new
+request touches four: its class and entry in ``wire/requests.py``, its public name, its handler in
+``enliven_edge/orders.py``, and the key or button that sends it. The registrations here stand for those lines.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 
 STORED = Path(__file__).parent / "references" / "two_characters.mcap"
-"""A take of two characters that the first edge with several wrote; the format's version is 1."""
+"""A take of two characters, written by the first edge that supported several; format version 1."""
 STEP = 33_333_333
 
 
 class WindMessage(msgspec.Struct, array_like=True, frozen=True):
-    """A message that no program of today knows."""
+    """A message that no current program knows."""
 
     time_ns: int
     metres_a_second: float
 
 
 class Blow(Order, frozen=True):
-    """A request that no edge of today knows."""
+    """A request that no current edge knows."""
 
     metres_a_second: float
 
@@ -96,7 +96,7 @@ def until(done: Callable[[], object], *polled: Callable[[], object]) -> None:
         time.sleep(0.001)
 
 
-def test_a_new_message_is_carried_recorded_told_late_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:
+def test_new_message_is_sent_recorded_latched_and_on_the_timeline(wind: Topic, tmp_path: Path) -> None:
     with outlet_of(tmp_path / "wind.mcap") as outlet:
         outlet.introduce(block("box"))
         outlet.publish(Tick(BodyFrame([], STEP, "x"), poses=[block("box").rest_pose(STEP)]))
@@ -145,14 +145,14 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
         ("fe80::1%eth0", "this machine", "own machine"),
     ],
 )
-def test_who_may_ask_is_said_where_the_handler_stands(address: str, who, told: str) -> None:
+def test_handler_declares_who_may_send_its_request(address: str, who, told: str) -> None:
     asked: list[Order] = []
     answer = carried_out({Lock: Handler(asked.append, who=who)}, Lock(True), address)
     assert told in answer.reason if told else answer == Done()
     assert len(asked) == (not told)
 
 
-def test_what_a_handler_refuses_is_said_and_an_end_is_an_end() -> None:
+def test_handler_error_and_ended_stream_are_refusals() -> None:
     def refuse(order: Order) -> None:
         raise InputError("it is bolted down", where="the chair", mend="Unscrew it.")
 
@@ -193,14 +193,14 @@ def test_each_topic_is_known_to_be_alive_on_rate_and_valid(
 
 
 def placed(name: str, frame: int) -> Pose:
-    """The pose of a character of the stored take in a frame."""
+    """Returns the pose of a character of the stored take in a frame."""
     rest = block(name).rest_pose(frame * STEP)
     away = np.float32([0.01 * frame * (1 if name == "left" else -1), 0, 0])
     return Pose(name, rest.time_ns, rest.linear, rest.positions + away)
 
 
 def write_stored(path: Path) -> None:
-    """Writes the stored take anew: 30 frames, in which the second character comes at the tenth."""
+    """Writes the stored take again: 30 frames; the second character appears at the tenth."""
     with outlet_of(path) as outlet:
         for frame in range(30):
             names = ["left", "right"][: 1 + (frame >= 10)]
@@ -225,7 +225,7 @@ def test_a_stored_take_of_two_characters_is_read(tmp_path: Path) -> None:
         assert set(read_possessed(path).graphs) == {"left", "right"}
 
 
-def test_bodies_are_bit_by_bit_what_they_were() -> None:
-    """The row of the table changed, the bytes did not."""
+def test_body_messages_are_bitwise_unchanged() -> None:
+    """The table's row changed, the bytes did not."""
 
     assert pack_stream(BodiesMessage(7, 8, [])) == b"bodies\0\1\x93\x07\x08\x90"

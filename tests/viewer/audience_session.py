@@ -1,5 +1,7 @@
-"""Shows an audience a stage in a window that fills the screen; its edge is lost, and comes back.
-Prints what came of it. A second argument is a folder for pictures."""
+"""Shows an installation's stage in full screen; its edge is lost and returns.
+
+Prints the results. A second argument is a folder for pictures.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +27,14 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 60.0
-"""Seconds in which anything has happened."""
+"""Timeout in seconds."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 pictures: dict[str, np.ndarray] = {}
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -> None:
-    """What happens to an installation."""
+    """Plays the events of an installation."""
     workspace, loop = window.workspace, window._idle_loop
     perform = workspace.perform
 

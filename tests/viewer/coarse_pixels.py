@@ -1,4 +1,4 @@
-"""Draws a window with few pixels while its picture does not matter: software OpenGL costs by the pixel."""
+"""Draws a window with few pixels if its image does not matter: software OpenGL's cost is per pixel."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from enliven_viewer.studio.pictures import WindowPictures
 from enliven_viewer.studio.places import Area
 
 SHARE = 0.125
-"""Pixels drawn over usual pixels, each way: what is laid out, hovered and clicked stays the same."""
+"""Ratio of drawn to usual pixels, in each direction: layout, hovering and clicking stay the same."""
 EVERY = 8
-"""Frames of a window for each picture of the scene behind its panels, which was two thirds of their cost.
-A click in a menu takes more frames than this, so the scene that an action leaves is still drawn."""
+"""Window frames per image of the scene behind the panels, which was two thirds of their cost. A click in a
+menu takes more frames, so the scene after an action is still drawn."""
 
 
 @contextmanager
 def coarse_pixels(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -> Iterator[None]:
-    """Lets every window draw a 64th of its pixels and few pictures of its scene, except while ``fine()``.
+    """Lets every window draw a 64th of its pixels and few images of its scene, except while ``fine()``.
 
     Args:
         every: frames for each picture of the scene; 1 draws both each time.

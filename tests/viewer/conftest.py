@@ -1,4 +1,4 @@
-"""Characters and bodies that the viewer's tests draw."""
+"""Characters and bodies for the viewer's tests."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from enliven.person.body import Body
 from enliven.person.joints import BONES
 from enliven_viewer.render.gl.context import offscreen_context
 
-sys.path.insert(0, str(Path(__file__).parent))  # what tests share is found beside this
+sys.path.insert(0, str(Path(__file__).parent))  # lets tests import the helpers in this folder
 
 SQUARES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
 def box_mesh(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """(8, 3) vertices and (12, 3) faces, outwards, of a box."""
+    """Returns (8, 3) vertices and (12, 3) faces of a box, oriented outward."""
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
     vertices = np.array(low) + corners * (np.array(high) - np.array(low))
     faces = [f for a, b, c, d in SQUARES for f in ((a, b, c), (a, c, d))]
@@ -33,7 +33,7 @@ def box_mesh(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[np.ndarra
 
 
 def character_of(vertices: np.ndarray, faces: np.ndarray, nodes: int, seed: int = 0) -> Character:
-    """A character whose graph nodes are random vertices, with inverse distance weights."""
+    """Returns a character with random vertices as graph nodes and inverse distance weights."""
     rng = np.random.default_rng(seed)
     pivots = vertices[rng.integers(0, len(vertices), nodes)] + rng.normal(0, 0.01, (nodes, 3))
     distance = np.linalg.norm(vertices[:, None] - pivots[None], axis=2)
@@ -48,25 +48,25 @@ def character_of(vertices: np.ndarray, faces: np.ndarray, nodes: int, seed: int 
 
 @pytest.fixture
 def box() -> Character:
-    """A box of half a metre's width that stands on the floor, with 6 nodes."""
+    """Returns a box of half a metre's width that stands on the floor, with 6 nodes."""
     return character_of(*box_mesh((-0.25, 0.0, -0.25), (0.25, 1.0, 0.25)), nodes=6)
 
 
 @pytest.fixture
 def make_character() -> Callable[..., Character]:
-    """Build a character from vertices and faces."""
+    """Returns the function that builds a character from vertices and faces."""
     return character_of
 
 
 @pytest.fixture
 def make_box() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """Build the mesh of a box."""
+    """Returns the function that builds the mesh of a box."""
     return box_mesh
 
 
 @pytest.fixture
 def make_body() -> Callable[..., Body]:
-    """A body that stands upright at a place, its bones a hand long."""
+    """Returns the function that builds an upright body at a place, with bones of 10 cm."""
 
     def make(at: tuple[float, float, float] = (0.0, 1.0, 0.0), confidence: float = 1.0) -> Body:
         ways = np.random.default_rng(3).normal(0, 1, (len(BONES), 3))
@@ -82,7 +82,7 @@ def make_body() -> Callable[..., Body]:
 
 @pytest.fixture(scope="session")
 def one_gl() -> Iterator[moderngl.Context]:
-    """An OpenGL context without a window."""
+    """Creates an OpenGL context without a window."""
     try:
         ctx = offscreen_context()
     except ResourceError as error:
@@ -93,14 +93,14 @@ def one_gl() -> Iterator[moderngl.Context]:
 
 @pytest.fixture(scope="module")
 def gl(one_gl) -> Iterator[moderngl.Context]:
-    """The context, current again: what another module drew may have made one of its own."""
+    """Makes the context current again, since another module may have made its own current."""
     with one_gl:
         yield one_gl
 
 
 @pytest.fixture
 def make_limb() -> Callable[..., Shape]:
-    """A closed square tube along +Y with a chain of bones in it, weighted rigidly."""
+    """Returns a closed square tube along +Y with a chain of bones in it, weighted rigidly."""
 
     def make(
         name: str = "limb", bones: int = 4, length: float = 1.0, at: tuple[float, ...] = (0.0, 0.2, 0.0)

@@ -1,4 +1,4 @@
-"""What sessions in the real window share: a script of ImGui's test engine, and actions by menu and by key."""
+"""Helpers for sessions in the real window: scripts for ImGui's test engine, actions by menu and by key."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from imgui_bundle import hello_imgui, imgui
 from enliven_viewer.studio.actions import KEYS, Action
 
 PATIENCE = 900.0
-"""Seconds that a script may take. After its usual minute the engine ends it: whatever it then does with mouse
-and keys has no effect, without a word, which on a busy machine looks like a window that does not hear."""
+"""Timeout in seconds of a script. The engine's default is one minute. After it, mouse and key input silently
+has no effect, which looks like an unresponsive window on a busy machine."""
 
 
 def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[[], None]:
-    """Returns what lets a window do a script from its first picture on: its ``register_tests``.
+    """Returns a window's ``register_tests`` that runs a script from the first frame on.
 
     A script that raises ends the window.
     """
@@ -39,22 +39,22 @@ def scripted(work: Callable[[imgui.test_engine.TestContext], None]) -> Callable[
 
 
 def by_menu(ctx: imgui.test_engine.TestContext, action: Action) -> None:
-    """Click an action in its menu."""
+    """Clicks an action in its menu."""
     ctx.menu_click(menu_path(action.place))
 
 
 def menu_path(place: str) -> str:
-    """The test engine's path of an entry of the menus, such as "File/Save": English ids in any language."""
+    """Returns the test engine's path of a menu entry, such as "File/Save": English ids in any language."""
     return "/".join(["##MainMenuBar", *(f"###{part}" for part in place.split("/"))])
 
 
 def by_key(ctx: imgui.test_engine.TestContext, action: Action) -> None:
-    """Press the first key of an action."""
+    """Presses the first key of an action."""
     press(ctx, action.keys[0])
 
 
 def press(ctx: imgui.test_engine.TestContext, key: str) -> None:
-    """Press a key by its name, such as "ctrl+shift+z"."""
+    """Presses a key by its name, such as "ctrl+shift+z"."""
     *modifiers, name = key.split("+")
     chord = int(KEYS[name])
     for modifier in modifiers:

@@ -15,7 +15,7 @@ import pytest
 
 
 def in_a_window(session: Path, *arguments: str, seconds: float = 400.0, screen: str = "1400x900x24") -> dict:
-    """What a session in the real window printed within so many seconds.
+    """Runs a session in the real window and returns its output; fails after ``seconds``.
 
     Args:
         screen: pixels and bits of the screen that is made if there is none.
@@ -25,7 +25,7 @@ def in_a_window(session: Path, *arguments: str, seconds: float = 400.0, screen: 
         if shutil.which("xvfb-run") is None:
             pytest.skip("there is no display, and no xvfb-run to make one")
         command = ["xvfb-run", "-a", "-s", f"-screen 0 {screen}", *command]
-    # Processes of their own group: neither window nor edge nor Xvfb outlives a test that gave up.
+    # The processes have their own group: window, edge and Xvfb end with a test that timed out.
     started = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -1,4 +1,4 @@
-"""A small project in which every action of the studio can be done, and what each needs to be chosen."""
+"""Builds a small project in which every action of the studio is possible, and its required selection."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ NEEDS: dict[str, dict[str, object]] = {
     "paint.clear": POST,
     "file.session": STAR,
 }
-"""What is chosen for an action; a limb where nothing is said."""
+"""Selection that an action needs; a limb if there is no entry."""
 
 
 def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspace:
-    """A workspace with a limb that waves, a possessed post and a puppet, each with an edit in the past."""
+    """Returns a workspace with a limb that waves, a possessed post and a puppet; each was edited once."""
     project = project_with("head", "left", "right", "foot", take="sway")
     rest = project.puppets["star"].rest
     for seconds, places in ((0.0, rest), (0.8, np.add(rest, [0.1, 0.03, 0.0]))):
@@ -69,7 +69,7 @@ def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspac
 
 
 def ready_for(workspace: Workspace, action: Action) -> None:
-    """Choose what an action needs, and see to it that something can be undone, done again and pasted."""
+    """Selects what an action needs, and makes undo, redo and paste possible."""
     editor = workspace.editor
     workspace.perform.room = (action.rooms or ("Animate",))[0]
     workspace.input.take("choose")
@@ -111,7 +111,7 @@ def ready_for(workspace: Workspace, action: Action) -> None:
 
 
 def two_takes(project: Project) -> Project:
-    """The limb's wave as a take of which another one is kept beside."""
+    """Returns the limb's wave as a take with an alternative take."""
     shape = project.shape("limb")
     first = replace(shape.layers[0], recorded="take 1", alternatives="take 1")
     other = {"layer_id": "again", "muted": True, "recorded": "take 2", "alternatives": "take 1"}
@@ -120,7 +120,7 @@ def two_takes(project: Project) -> Project:
 
 
 def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
-    """A pixel on the surface of a character."""
+    """Returns a pixel on the surface of a character."""
     one, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
     middles = one.vertices[one.character.mesh.faces].mean(1)
     for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):

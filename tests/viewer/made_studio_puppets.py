@@ -1,4 +1,4 @@
-"""A studio with a puppet for tests: a star of five limbs, and the library's takes."""
+"""A studio for tests with a puppet, a star of five limbs, and the library's takes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIPS = {
     "other": (0.2, 0.0),
     "right": (0.45, 0.55),
 }
-"""x, y metres of the limbs' ends."""
+"""Positions of the limbs' ends, x and y in metres."""
 _GAPS = ((-0.09, 0.66), (-0.1, 0.42), (0.0, 0.22), (0.1, 0.42), (0.09, 0.66))
 SIDES = Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 JOINTS = {"head": "bone 3", "left": "bone 1", "right": "bone 2", "foot": "root"}
@@ -34,7 +34,7 @@ JOINTS = {"head": "bone 3", "left": "bone 1", "right": "bone 2", "foot": "root"}
 
 @cache
 def star() -> Mesh:
-    """A figure with a head, two arms and two legs, symmetric in x = 0 but for rounding; it stands."""
+    """Returns a standing figure with a head, two arms and two legs, symmetric in x = 0 but for rounding."""
     ring: list[np.ndarray] = []
     for tip, gap in zip(TIPS.values(), _GAPS, strict=True):
         way = np.array(tip) - np.array([0.0, 0.5])
@@ -46,13 +46,13 @@ def star() -> Mesh:
 
 
 def vertex(name: str) -> int:
-    """The star's vertex at the end of a limb."""
+    """Returns the star's vertex at the end of a limb."""
     x, y = TIPS[name]
     return int(np.linalg.norm(star().vertices - [x, y, 0.0], axis=1).argmin())
 
 
 def project_with(*names: str, take: str = "") -> Project:
-    """The library's takes and the star, with control points at the ends of limbs."""
+    """Returns a project with the library's takes and the star, with control points at the ends of limbs."""
     from enliven_viewer.studio.motions import library
 
     project = make_puppet(Project().with_takes(*library()), star(), "star")
@@ -64,7 +64,7 @@ def project_with(*names: str, take: str = "") -> Project:
 
 
 def studio(folder: Path, *names: str, take: str = "") -> tuple[Workspace, HeadlessStage]:
-    """A workspace on such a project, its puppet chosen and its tool active, and a stage without a window."""
+    """Returns a workspace on such a project, its puppet selected and its tool active; and a stage."""
     render = RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=1100, height=720)), folder)
     workspace.store.new(project_with(*names, take=take))

@@ -1,4 +1,4 @@
-"""Performs in the real window with a real edge, which is killed and started again; prints what came of it."""
+"""Performs in the real window with a real edge, which is killed and restarted; prints the results."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 EDGE = Path(__file__).parents[1] / "system" / "staged_edge.py"
 PATIENCE = 150.0
-"""Seconds in which anything has happened: kernels may have to be compiled first."""
+"""Timeout in seconds: kernels may have to be compiled first."""
 CLICKS = 3
-"""Times that an entry of a menu is clicked: a slow picture closes a menu under the pointer now and then."""
+"""Number of clicks on a menu entry: a slow frame sometimes closes a menu under the pointer."""
 RECORDING = (
     "perform.record_or_end_the_recording",
     "perform.record_again_from_where_it_began",
     "perform.record_beside_what_was_recorded_last",
 )
 TAKE_OFF = "perform.take_the_chosen_character_from_the_stage"
-"""These are done last, one after the other: they change what is recorded, and what stands there."""
+"""These are done last, one after the other: they change what is recorded, and the stage."""
 AGAIN = 5.0
-"""Seconds after which an artist asks again: an edge that compiles is silent, and refuses."""
+"""Seconds until an artist tries again: an edge that compiles is silent, and refuses."""
 PAUSE = 0.02
-"""Seconds between two looks at what is waited for, so that the edge has the processor."""
+"""Seconds between two polls, so that the edge gets processor time."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
 class RealEdge:
-    """The program of staged_edge.py, which can be killed and started again at its ports."""
+    """The program of staged_edge.py, which can be killed and restarted at its ports."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.ports = folder, list[str]()
@@ -68,7 +68,7 @@ class RealEdge:
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge) -> None:
-    """What an artist does, and what happens to the edge meanwhile."""
+    """Plays an artist's actions, and the edge's failures meanwhile."""
     workspace = window.workspace
     editor, perform = workspace.editor, workspace.perform
 
@@ -105,7 +105,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         until(lambda: not wanted, "a picture")
 
     def recording(seconds: float) -> bool:
-        # On a loaded machine the edge may be silent for long enough to end a recording.
+        # On a loaded machine the edge may be silent long enough to end a recording.
         if perform.recording.phase == "idle" and perform.connected:
             perform.recording.record()
         return perform.recording.recorder.seconds > seconds
@@ -168,7 +168,7 @@ def close_by(
     until: Callable,
     shot: Callable[[str], None],
 ) -> None:
-    """Let the chair go; the view goes to the legs that would be held next, and back as all of it is held."""
+    """Releases the chair; the view moves to the legs that would be attached next, and back afterwards."""
     perform, camera = window.workspace.perform, window.workspace.editor.camera
     until(lambda: not perform.holders, "a chair that is free", lambda: ctx.key_press(int(imgui.Key.r)))
     before = camera.goal
@@ -190,7 +190,7 @@ def layered(
     until: Callable,
     recording: Callable[[float], bool],
 ) -> None:
-    """Step into the chosen arm, record, and record over it while it plays; it is cut in between."""
+    """Steps into the selected arm, records, and records over it during playback; it is cut in between."""
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.meant == "arm", "the arm")
@@ -205,7 +205,7 @@ def layered(
             until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
         holds = lambda: "arm" in {one.character for one in perform.holders}  # noqa: E731
         until(holds, "who holds the arm", lambda: ctx.key_press(int(imgui.Key.p)))
-        # While the edge casts the cut arm there is none of it, and the project's own is seen.
+        # While the edge prepares the cut arm, the project's own arm is shown.
         until(lambda: recording(seconds) and "arm" in perform.hidden, "a recording of the arm")  # noqa: B023
         seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
         perform.recording.record()
@@ -216,7 +216,7 @@ def layered(
 def each_action(
     ctx: imgui.test_engine.TestContext, window: StudioWindow, until: Callable
 ) -> dict[str, list[str]]:
-    """Do every action on a stage once from its menu and once by its key; returns those that were refused."""
+    """Does every stage action once from its menu and once by its key; returns the refused ones."""
     workspace, refused = window.workspace, dict[str, list[str]]()
     recording = workspace.perform.recording
     stage = [one for one in workspace.actions if one.id.startswith("perform.")]
@@ -238,7 +238,7 @@ def each_action(
             workspace.editor.marked = None
             if recording.phase != "idle":
                 until(lambda: recording.recorder.seconds > 0.4, "something that is recorded")
-            # Where the stage was busy meanwhile nothing moved: it is recorded once more.
+            # If the stage was busy nothing moved, so it is recorded once more.
             until(lambda: not action.why_not(), f"what {action.id} needs", recording.record)  # noqa: B023
         why_not = action.why_not()
         for _ in range(CLICKS):

@@ -1,4 +1,4 @@
-"""Scans in the real window with a real edge that replays a carried camera; prints what came of it.
+"""Scans in the real window with a real edge that replays a carried camera; prints the results.
 
 xvfb-run -a .venv/bin/python tests/viewer/scan_session.py FOLDER CARRIED.mcap [FOLDER OF PICTURES]
 """
@@ -25,15 +25,15 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Seconds in which anything has happened: kernels may have to be compiled first."""
+"""Timeout in seconds: kernels may have to be compiled first."""
 PAUSE = 0.05
-"""Seconds between two pictures while something is waited for: each takes the processor from the edge."""
+"""Seconds between two frames while waiting: each frame takes processor time from the edge."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: str) -> None:
-    """What an artist does."""
+    """Plays an artist's actions."""
     workspace = window.workspace
     editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
     places = set[tuple[int, ...]]()
@@ -50,11 +50,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             time.sleep(PAUSE)
 
     def watch() -> None:
-        """Note where the buttons of a scan are, in the picture that was drawn last."""
+        """Notes the positions of a scan's buttons in the last frame."""
         names = ("scan progress", "scan pause", "scan undo", "scan keep box", "scan done", "scan cancel")
         found = [workspace.widgets.get(name) for name in names]
         if scan.active and not scan.boxed and all(found):
-            top = found[0][1]  # what is scrolled is scrolled together
+            top = found[0][1]  # scrolled widgets move together
             tops = [round(one[1] - top * (number < 4)) for number, one in enumerate(found)]
             places.add(tuple(tops))
 
@@ -69,7 +69,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         ctx.yield_()
 
     def press(name: str, done: Callable[[], object]) -> None:
-        """Click until it had its effect: on a busy machine the edge may be silent just then."""
+        """Clicks until it has an effect: on a busy machine the edge may be silent."""
         end = time.monotonic() + PATIENCE
         while not done() and time.monotonic() < end:
             click(name)
@@ -85,7 +85,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         until(lambda: not wanted, "a picture")
 
     def drag_the_box() -> None:
-        """Drag the dot at the top of the box down by the mouse, twice."""
+        """Drags the dot at the top of the box down by the mouse, twice."""
         press("scan keep box", lambda: scan.boxed)
         seen: list[np.ndarray] = []
 
@@ -97,7 +97,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         before, eye = scan.box.corners.copy(), seen[-1]
         shot("box")
         area = window.places.viewport
-        for _ in range(2):  # The dot of the top, and once more that of the box as it is then.
+        for _ in range(2):  # First the top's dot, then the dot of the box that resulted.
             ((x, y),) = editor.lens.pixels_of(scan.box._handle(1, 1)[None])
             ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
             ctx.mouse_down(0)

@@ -1,4 +1,4 @@
-"""Scans, steps in, records, speaks and plays with loose boxes in one window that nothing restarts.
+"""Scans, steps in, records, speaks and plays with loose boxes in a single window session.
 
 xvfb-run -a .venv/bin/python tests/viewer/sitting_session.py FOLDER DEPTH.mcap EDGE.toml [FOLDER OF PICTURES]
 """
@@ -23,21 +23,21 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Seconds in which anything has happened: kernels may have to be compiled first."""
+"""Timeout in seconds: kernels may have to be compiled first."""
 PAUSE = 0.05
-"""Seconds between two pictures while something is waited for: each takes the processor from the edge."""
+"""Seconds between two frames while waiting: each frame takes processor time from the edge."""
 AWAY = (300.0, 330.0)
-"""Pixels of a place over the picture: the pointer there shows no tip."""
+"""A position over the picture, in pixels, where the pointer shows no tooltip."""
 FALLEN_M = 0.12
-"""Metres by which a box of a tower has come down that was knocked over: most of its height."""
+"""Minimum drop in metres of a tower's box that was knocked over: most of its height."""
 FUSED = 42 if len(sys.argv) > 4 else 8
-"""Images of the chair that are enough: most of a round for pictures, and else a part of one."""
+"""Number of fused images of the chair that is enough: most of a round for pictures, otherwise a part."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, settings: str) -> None:
-    """Do and say what an artist does and says."""
+    """Plays an artist's actions and spoken commands."""
     workspace = window.workspace
     editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
     voice, physics = perform.voice, perform.physics
@@ -74,7 +74,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         until(lambda: not wanted, "a picture")
 
     def possess() -> None:
-        # One press, whether or not somebody is in view: the window does it as soon as it can.
+        # A single press, with or without a person in view: the window acts as soon as it can.
         until(lambda: not perform.performers, "a moment in which nobody is in view")
         click("possess")
         said["waits"] = perform.stepping_in.words
@@ -127,7 +127,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     workspace.actions.do("scan.open")
     until(lambda: perform.performers, "the performer once more")
     until(lambda: not perform.performers, "the camera that is carried about")
-    scan.size = "room"  # in its larger voxels a busy machine keeps up with the camera
+    scan.size = "room"  # with larger voxels a busy machine keeps up with the camera
     until(lambda: scan.active, "a scan", lambda: workspace.actions.do("scan.start"))
     until(lambda: scan.said.fused > FUSED and scan.surface, "a surface")
     shot("5 scanning")

@@ -1,4 +1,4 @@
-"""The light of shaders/light.glsl and the curve of shaders/develop.glsl for one point, slow and plain."""
+"""Computes the light of shaders/light.glsl and the curve of shaders/develop.glsl for one point, slowly."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def surroundings(way, roughness: float, settings: RenderSettings):
 
 
 def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):
-    """(3,) light towards the eye from a point that the key light reaches."""
+    """Returns the (3,) light towards the eye from a point that the key light reaches."""
     look, to_light = LOOKS[settings.look], to_key(settings)
     albedo, roughness = np.asarray(albedo), min(max(roughness, 0.09), 1.0)
     v = unit(np.asarray(eye) - p)
@@ -57,7 +57,7 @@ def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):
 
 
 def developed(light, at, size):
-    """(3,) 0..1 of a pixel, without the dither."""
+    """Returns the (3,) colour 0..1 of a pixel, without the dither."""
     q = (np.asarray(at) + 0.5) / size - 0.5
     light = np.maximum(light * (0.98 - 0.72 * (q @ q)) - 0.002, 0.0)
     return light * (6.2 * light + 0.5) / (light * (6.2 * light + 1.7) + 0.06)

@@ -1,6 +1,6 @@
 """Opens the studio's window and does every action of its table, once from its menu and once by its key.
 
-Prints what was done as JSON; with a folder as second argument it leaves pictures there.
+Prints the results as JSON; a second argument is a folder for pictures.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 said: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
 wanted: list[str] = []
 SELDOM = 12
-"""Pictures of the window for one in which its 3-D picture is drawn anew, while menus and keys are tried."""
+"""Window frames per redraw of the 3-D picture, while menus and keys are tried."""
 
 
 def without_stage(workspace: Any) -> list[Action]:
-    """The actions that need no edge; perform_session.py does the others."""
+    """Returns the actions that need no edge; perform_session.py does the others."""
     return [one for one in workspace.actions if "stage is" not in one.why_not()]
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Every action, from its menu and by its key; then the palette, other keys, and the list of steps."""
+    """Does every action from its menu and by its key; then the palette, other keys, and the history."""
     workspace = window.workspace
-    workspace.editor.show_meshes = False  # there are thousands of pictures
+    workspace.editor.show_meshes = False  # there are thousands of frames
     always = drawn_seldom()
     with coarse_pixels():
         tried(ctx, workspace)
@@ -56,7 +56,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
-    """Do every action from its menu, then by its key."""
+    """Does every action from its menu, then by its key."""
     for name, way in (("menu", by_menu), ("keys", by_key)):
         for action in without_stage(workspace):
             if name == "keys" and not action.keys:
@@ -71,7 +71,7 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
             said["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
             if workspace.outliner.renaming:
                 workspace.outliner.renaming = ""
-                ctx.yield_(3)  # the field lets the keys go
+                ctx.yield_(3)  # the field releases the keys
             if workspace.asking:
                 workspace.cancel()
                 ctx.yield_()
@@ -80,7 +80,7 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
 
 
 def drawn_seldom() -> Callable[[], None]:
-    """Draws the 3-D picture once in a while, until what is returned is called."""
+    """Redraws the 3-D picture only now and then, until the returned function is called."""
     draw, count = Viewport.draw, itertools.count()
 
     def seldom(self: Viewport, *args: Any, **how: Any) -> None:
@@ -92,26 +92,26 @@ def drawn_seldom() -> Callable[[], None]:
 
 
 def picture(ctx: imgui.test_engine.TestContext, name: str) -> None:
-    """Take a picture of the window as it is."""
+    """Takes a picture of the current window."""
     ctx.yield_(3)
     wanted.append(name)
     ctx.yield_(2)
 
 
 def greyed(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """An action that cannot be done is grey, and says why on its tooltip."""
+    """Checks that an impossible action is grey, and gives the reason on its tooltip."""
     workspace = window.workspace
     workspace.editor.select(character=None)
     ctx.yield_(2)
     ctx.menu_action(imgui.test_engine.TestAction.hover, menu_path("Shape/Make a puppet of it"))
-    ctx.sleep_no_skip(1.0, 0.1)  # a tooltip shows once the pointer rests
+    ctx.sleep_no_skip(1.0, 0.1)  # a tooltip appears once the pointer rests
     picture(ctx, "greyed")
     press(ctx, "escape")
     press(ctx, "escape")
 
 
 def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Find an action by some letters, and do it by Enter."""
+    """Finds an action by some letters, and does it by Enter."""
     workspace = window.workspace
     workspace.editor.show_bones = True
     press(ctx, "ctrl+k")
@@ -136,7 +136,7 @@ def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Give an action another key: first one that is free, then one of another action."""
+    """Gives an action another key: first a free one, then another action's."""
     workspace = window.workspace
     actions, bones = workspace.actions, workspace.actions["view.bones"]
     workspace.ask("preferences")
@@ -170,7 +170,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def change_key(ctx: imgui.test_engine.TestContext, action_id: str, key: str) -> None:
-    """Click on an action's key in the preferences, and press another."""
+    """Clicks on an action's key in the preferences, and presses another."""
     keys = ctx.window_info("//###Preferences/##keys").id_
     ctx.set_ref(keys)
     ctx.item_click(f"###key {action_id}")
@@ -180,7 +180,7 @@ def change_key(ctx: imgui.test_engine.TestContext, action_id: str, key: str) -> 
 
 
 def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Click on a step of the list of steps."""
+    """Clicks on an entry of the history."""
     workspace = window.workspace
     workspace.history_shown = True
     ctx.yield_(3)
@@ -212,7 +212,7 @@ def main() -> None:
 
 
 def keep(name: str, pixels: np.ndarray) -> None:
-    """Write a picture where a folder is given."""
+    """Writes a picture if a folder is given."""
     said.setdefault("spread", {})[name] = float(pixels.std())
     if len(sys.argv) > 2:
         from PIL import Image

@@ -1,4 +1,4 @@
-"""Opens the studio's window on a star, makes it act through the example panel, and prints what came of it."""
+"""Opens the studio's window on a star, animates it through the example panel, and prints the results."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 said: dict[str, object] = {}
 STEP = pace.STEP = 0.12
-"""Seconds a picture: a third of the pictures of a film."""
+"""Seconds per frame: a third of a film's frame rate."""
 
 
 def work(workspace: Workspace) -> Iterator[Action]:
-    """Choose a take, pair by hand and by guessing, pose twice, retime, change a setting, play."""
+    """Chooses a take, pairs by hand and automatically, poses twice, retimes, changes a setting, plays."""
 
     def star():
         return workspace.editor.project.puppets["star"]
@@ -50,14 +50,14 @@ def work(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("takes"))
     yield Click(Widget("pick sway"))
     said["plays"] = [layer.take for layer in star().layers]
-    yield Drag((Widget("grip"), Widget("filter")), 0.2)  # more room for the points
+    yield Drag((Widget("grip"), Widget("filter")), 0.2)  # more space for the points
     yield Click(Widget("point head"))
     yield Click(PerformerJoint("bone 3"))
     said["paired"] = star().points[0].joint
     yield Click(Widget("foot"))
     said["foot"] = star().points[0].foot
     yield Click(Widget("foot"))
-    yield Click(Widget("point head"))  # its fields are put away
+    yield Click(Widget("point head"))  # its fields are collapsed
     yield Click(Widget("guess joints"))
     said["joints"] = all(point.joint for point in star().points)
     yield Key("escape")

@@ -1,4 +1,4 @@
-"""Opens the studio's window and saves, drops and films files as an artist does; prints what came of it."""
+"""Opens the studio's window and saves, drops and films files as an artist does; prints the results."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ said: dict[str, Any] = {"done": False}
 
 
 def title() -> str:
-    """The title of the window on the desktop."""
+    """Returns the title of the window on the desktop."""
     return glfw.get_window_title(glfw_window_hello_imgui())
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Save by Ctrl+S and Enter, change something, save again, drop a mesh, write a film."""
+    """Saves by Ctrl+S and Enter, changes something, saves again, drops a mesh, writes a film."""
     workspace = window.workspace
     ctx.yield_(3)
     said["at first"] = title()
@@ -74,7 +74,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
 
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Choose "no clip" and then the clip again for the model that was dropped."""
+    """Chooses "no clip" and then the clip again for the dropped model."""
     editor = window.workspace.editor
     dropped = editor.chosen(Shape)
     assert dropped is not None
@@ -88,7 +88,7 @@ def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> Non
 
 
 def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
-    """Press Ctrl and a key, perhaps type a name, and press Enter."""
+    """Presses Ctrl and a key, optionally types a name, and presses Enter."""
     ctx.key_press(int(imgui.Key.mod_ctrl) | key)
     ctx.yield_(3)
     if name:
@@ -99,7 +99,7 @@ def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
 
 
 def drop(*paths: str) -> None:
-    """Drop files as the desktop does: through the window's own callback."""
+    """Drops files as the desktop does: through the window's own callback."""
     window = glfw_window_hello_imgui()
     called = glfw.set_drop_callback(window, None)
     glfw.set_drop_callback(window, called)
@@ -108,7 +108,7 @@ def drop(*paths: str) -> None:
 
 
 def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Write a film with sound from the menu, while the window goes on."""
+    """Writes a film with sound from the menu, while the window continues."""
     workspace, pictures = window.workspace, window.pictures
     tone = (20_000 * np.sin(np.arange(SOUND_RATE) * 2 * np.pi * 440 / SOUND_RATE)).astype(np.int16)
     workspace.editor.edit("a sound", lambda project: project.with_sounds(Sound("tone", tone)))
@@ -147,7 +147,7 @@ def main() -> None:
             window.close()
 
     def after(window: StudioWindow) -> None:
-        # Only before the swap does the screen hold the picture.
+        # The screen holds the picture only before the swap.
         if "still drawn" in said and said["still drawn"] is None:
             said["still drawn"] = float(window.pixels().std())
 

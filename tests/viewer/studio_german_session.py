@@ -21,7 +21,7 @@ from enliven_viewer.studio.workspace import Workspace
 
 DIALOGS = ("preferences", "help", "palette", "unsaved")
 SETTLED = 6
-"""Frames until ImGui has its contents' places."""
+"""Frames until ImGui has laid out its contents."""
 
 
 def show(workspace: Workspace, name: str) -> None:

@@ -1,7 +1,7 @@
-"""Works in studios that are killed at random moments; prints what each next one recovered.
+"""Works in studios that are killed at random moments; prints what each next studio recovered.
 
-A clock of its own ticks 7 seconds for every edit, so that a kill comes minutes into the work. Each studio
-is a forked process: the modules are imported once.
+A simulated clock advances 7 seconds per edit, so that a kill comes minutes into the work. Each studio is a
+forked process, so the modules are imported once.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 
 KILLS = 50
-"""Studios that are killed."""
+"""Number of studios that are killed."""
 TICK = 7.0
-"""Seconds of the studio's clock from one edit to the next: two edits are lost at most."""
+"""Seconds of the studio's clock between two edits: at most two edits are lost."""
 EDITS = 14
-"""Edits that one makes at most before it is killed: four recovery files, however slow the machine is."""
+"""Maximum number of edits before a kill: four recovery files, however slow the machine is."""
 LONGEST = 0.01
-"""Seconds that it works on at most: about as long as a recovery file is written."""
+"""Maximum seconds that it continues: about as long as a recovery file is written."""
 
 
 def bone(number: int) -> Shape:
-    """A shape whose place says which edit made it."""
+    """Returns a shape with a position that encodes the number of its edit."""
     places = np.random.default_rng(1).normal(0, 1, (40, 3))
     places[0] = number, 0.0, 0.0
     names = tuple(f"bone {k}" for k in range(40))
@@ -41,12 +41,12 @@ def bone(number: int) -> Shape:
 
 
 def edited(project: Project) -> int:
-    """The number of the last edit in a project; 0 where there is none."""
+    """Returns the number of the last edit in a project; 0 if there is none."""
     return int(round(project.shapes["bone"].skeleton.positions[0, 0])) if project.shapes else 0
 
 
 def work(folder: Path, told: int) -> None:
-    """Edit without end, some seconds an edit by the studio's own clock; tell the number of each edit."""
+    """Edits for ever, some seconds per edit by the studio's own clock; reports the number of each edit."""
     editor = Editor()
     store = ProjectStore(editor, folder)
     store.new()
@@ -59,10 +59,10 @@ def work(folder: Path, told: int) -> None:
 
 
 def killed(folder: Path, edits: int, moment: float) -> tuple[int, int]:
-    """Let a studio make so many edits, work on for a moment, and kill it.
+    """Lets a studio make ``edits`` edits and work on for a moment, and kills it.
 
     Returns:
-        The last edit that it told of, and the last that is recovered.
+        The last reported edit, and the last recovered one.
     """
     read, write = os.pipe()
     child = os.fork()

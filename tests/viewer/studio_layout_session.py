@@ -30,10 +30,10 @@ SIZES = {
     "3840x2160": (3840, 2160, 1.0),
 }
 PAGES = {"600x400": (600, 400, 1.0), "1000x640 at 200 %": (1000, 640, 2.0)}
-"""Small windows for the start page, which has more lines than they have room for."""
+"""Small windows for the start page, which has more lines than fit."""
 SMALL = ("600x400", "1280x720 at 200 %")
 FRAMED, SETTLED = 4, 6
-"""Frames until a window of a new size has its size, and ImGui its contents' places."""
+"""Frames until a window has its new size, and until ImGui has laid out its contents."""
 ROOMS = ("Perform", "Animate", "Model")
 said: dict[str, dict] = {}
 
@@ -67,7 +67,7 @@ STATES = {
     "a brush": lambda workspace: enter(workspace, "Model", chosen="post", tool="paint"),
     "a scan": scan,
 }
-"""What is shown, by its name: three workspaces at all sizes, the others in small windows."""
+"""The shown states by name: three workspaces at all sizes, the others in small windows."""
 
 
 def main() -> None:

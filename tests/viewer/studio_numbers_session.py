@@ -1,4 +1,4 @@
-"""Opens the studio's window and types numbers into the fields; prints what came of it as JSON."""
+"""Opens the studio's window and types numbers into the fields; prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ said: dict[str, object] = {"done": False, "complaints": []}
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """A place as a sum, a height in centimetres, and what is no number."""
+    """Types a position as a sum, a height in centimetres, and a text that is not a number."""
     workspace = window.workspace
     editor, figures = workspace.editor, workspace.figures
     ctx.yield_(4)

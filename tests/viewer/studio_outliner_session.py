@@ -1,4 +1,4 @@
-"""Opens the studio's window and works in the outliner; prints what came of it as JSON."""
+"""Opens the studio's window and works in the outliner; prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ pictures: list[np.ndarray] = []
 
 
 def picture(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> np.ndarray:
-    """The viewport as it is drawn: read where the window's own context is current."""
+    """Returns the drawn viewport, read while the window's own context is current."""
     wanted.append(True)
     ctx.yield_(2)
     left, top, wide, high = (round(number) for number in window.places.viewport)
@@ -33,7 +33,7 @@ def picture(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> np.ndar
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """Choose two rows, hide both by one eye, lock, rename in place, and drag a row."""
+    """Selects two rows, hides both by one eye, locks, renames in place, and drags a row."""
     workspace = window.workspace
     editor, handling = workspace.editor, lambda: workspace.editor.project.handling
     ctx.yield_(4)

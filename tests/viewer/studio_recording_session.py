@@ -1,5 +1,7 @@
-"""Records in the real window with a real edge: slow presses, a panel that stays still, and a window that is
-closed meanwhile; prints what came of it. A second argument is a folder for pictures."""
+"""Records in the real window with a real edge: slow presses, a steady panel, and closing meanwhile.
+
+Prints the results. A second argument is a folder for pictures.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,7 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 HELD = 0.3
-"""Seconds that a button is pressed: as long as people press who aim."""
+"""Seconds that a button is pressed: people that aim press this long."""
 SAID = "The camera sees little: the room is dark, and what is behind the performer is very near to the camera"
 WRONG = tuple(
     HealthState("low frame rate", Severity.WARNING, 0, f"{SAID} ({n})", "Switch on a light. " * 6)
@@ -49,13 +51,13 @@ STEADY = (
     "physics",
     "count in",
 )
-"""Widgets whose places are looked at."""
+"""Widgets with positions that are checked."""
 said: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdge, folder: Path) -> None:
-    """What an artist does."""
+    """Plays an artist's actions."""
     workspace = window.workspace
     perform, recording = workspace.perform, workspace.perform.recording
 
@@ -86,7 +88,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
         until(lambda: not wanted, "a picture")
 
     def places(health: tuple[HealthState, ...], message: str = "", nobody: bool = False) -> list[object]:
-        """Where the widgets are while the edge says this of its health."""
+        """Returns the positions of the widgets while the edge reports this health."""
         document, feed = perform.live.document, perform.live.feed
         poll = feed.poll
 
@@ -137,7 +139,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
 
 def characters_come(ctx, window, until, places) -> list[object]:
-    """Where the widgets are as an own character goes onto the stage, and as a visitor brings one."""
+    """Returns the positions of the widgets as an own and a visitor's character come onto the stage."""
     workspace, perform, seen = window.workspace, window.workspace.perform, []
     pill = limb(np.array([[0.0, 0.6], [-0.05, 0.3], [-0.2, 0.0]]), np.array([0.09, 0.06, 0.045]))
     arm = shape_from_stroke(np.add(pill, [-0.8, 0.5]), id="arm")
@@ -163,7 +165,9 @@ def characters_come(ctx, window, until, places) -> list[object]:
 
 
 def close(ctx, window, press, until, shot, folder: Path) -> None:
-    """Close the window while it records: it asks; the recording goes on, and is then saved with the rest."""
+    """Closes the window during a recording: it asks, the recording continues, and is then saved with the
+    rest.
+    """
     workspace, recording = window.workspace, window.workspace.perform.recording
     workspace.store.save(folder / "clean.enliven")
     recording.record()

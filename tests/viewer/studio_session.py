@@ -1,4 +1,4 @@
-"""Opens the studio's window and lets ImGui's test engine work in it; prints what came of it as JSON."""
+"""Opens the studio's window and lets ImGui's test engine work in it; prints the results as JSON."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ said: dict[str, object] = {"done": False, "errors": []}
 
 
 def settle(ctx: imgui.test_engine.TestContext, frames: int = 4) -> None:
-    """Lets the window draw some frames: an event is seen in the next one."""
+    """Lets the window draw some frames: an event has effect in the next one."""
     for _ in range(frames):
         ctx.yield_()
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
-    """What an artist does: tools, a menu, a drag in the viewport, keys, the dialogue at the end."""
+    """Plays an artist's actions: tools, a menu, a drag in the viewport, keys, the dialog at the end."""
     workspace = window.workspace
     editor = workspace.editor
 
@@ -46,7 +46,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
         return ImVec2(*where(place, WindowStage(window)))
 
-    # The panels find their places in the first frames, and what is where depends on them.
+    # The panels are placed in the first frames, and the layout depends on them.
     settle(ctx)
     said["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")
@@ -72,7 +72,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     said["renamed"] = sorted(editor.project.shapes)
     ctx.item_click("side/###edit.duplicate")
     said["copied"] = sorted(editor.project.shapes)
-    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot join the keys themselves
+    ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot combine the keys itself
     said["after ctrl z"] = sorted(editor.project.shapes)
     ctx.item_click(ROW.format("take wave"))
     said["source"] = [workspace.input.tool.name, workspace.input.tool.source.take]

@@ -1,4 +1,4 @@
-"""Shows the start page, the Perform panel and a scan for seconds; prints where their widgets were as JSON.
+"""Shows the start page, the Perform panel and a scan for seconds; prints their widgets' positions as JSON.
 
 xvfb-run -a .venv/bin/python tests/viewer/studio_steady_session.py FOLDER [FOLDER OF PICTURES]
 """
@@ -23,11 +23,11 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE_S = 60.0
-"""Seconds that the edge's program may take to list its cameras on a busy machine."""
+"""Timeout in seconds for the edge's program to list its cameras on a busy machine."""
 SETTLED = 2
-"""Frames until ImGui knows how large a window is that fits its contents; it hides it meanwhile."""
+"""Frames until ImGui knows the size of an auto-sized window, which it hides meanwhile."""
 FRAMES = 5
-"""Frames that each list of cameras is shown."""
+"""Number of frames that each list of cameras is shown."""
 MADE_UP = Camera("A made-up person in front of a wall, far away", "synthetic", {"width": "160"})
 LACKING = Camera("OAK-D Lite", "oak", {}, "depthai is not installed", "Type: pip install enliven-edge[oak]")
 NO_DRIVER = Camera("Kinect", "", {}, "no driver ships for it", "Add one, as docs/add-a-sensor.md describes.")
@@ -36,7 +36,7 @@ said: dict[str, object] = {}
 
 
 def moved(frames: list[dict[str, tuple[float, ...]]]) -> dict[str, list[tuple[float, ...]]]:
-    """Returns the widgets that were in more than one place, and where."""
+    """Returns the widgets with more than one position, and the positions."""
     places = dict[str, set[tuple[float, ...]]]()
     for frame in frames:
         for name, place in frame.items():
@@ -45,7 +45,7 @@ def moved(frames: list[dict[str, tuple[float, ...]]]) -> dict[str, list[tuple[fl
 
 
 class Steps:
-    """What is shown, one after the other; each frame's widgets are kept by the name of what is shown."""
+    """The shown states, one after the other; each frame's widgets are stored by the state's name."""
 
     def __init__(self, workspace: Workspace, pictures: Path | None) -> None:
         self.workspace, self.pictures = workspace, pictures
@@ -58,7 +58,7 @@ class Steps:
         self.shown, self.count = name, 0
 
     def steps(self):  # type: ignore[no-untyped-def]
-        """Yields whether what is shown stays."""
+        """Yields True if the shown state stays."""
         workspace, search = self.workspace, self.workspace.perform.cameras
         workspace.starting = True
         self.show("start page")

@@ -1,4 +1,4 @@
-"""Shows three workspaces in both themes, changed while the window is open; prints colours as JSON.
+"""Shows three workspaces in both themes, switched while the window is open; prints colours as JSON.
 
 Arguments: a folder for preferences, and perhaps a folder for pictures.
 """
@@ -21,7 +21,7 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.theme import THEMES
 
 SETTLED = 5
-"""Frames until colours and panels are those of a step."""
+"""Frames until colours and panels have changed to those of a step."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Takes the tour in the real window, by hand or by "Show me"; prints how far it came as JSON.
+"""Takes the tour in the real window, by hand or by "Show me"; prints its progress as JSON.
 
 xvfb-run -a .venv/bin/python tests/viewer/studio_tour_session.py FOLDER hand|show [PICTURES [SIZE [TEXT]]]
 """
@@ -27,18 +27,18 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 150.0
-"""Seconds in which anything has happened: kernels may have to be compiled first."""
+"""Timeout in seconds: kernels may have to be compiled first."""
 CALM = 0.02
-"""Seconds of sleep a picture while the stage is waited for: it needs the processor."""
+"""Seconds of sleep per frame while waiting for the stage, which needs the processor."""
 LONG_STEP = 0.12
-"""Seconds of a picture where none is looked at: ticks, hands and views arrive after few of them."""
+"""Seconds per frame if the image does not matter: ticks, hands and views need few frames then."""
 said: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
 stages: list[WindowStage] = []
 
 
 def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterator[Action]:
-    """Wait for something, by the clock on the wall."""
+    """Waits for a condition, by wall clock."""
     end = time.monotonic() + PATIENCE
     while not done():
         if time.monotonic() > end:
@@ -56,18 +56,18 @@ def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterat
 
 
 def shot(name: str) -> Iterator[Action]:
-    """Take a picture, if pictures are wanted."""
+    """Takes a picture, if pictures are wanted."""
     yield Do(lambda _: wanted.append(name))
     yield Wait(STEP)
 
 
 def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator[Action]:
-    """Wait for the outline of a part; note it, and the widget that it has to enclose."""
+    """Waits for the outline of a part; notes it, and the widget that it must enclose."""
     shown = lambda: "tour outline" in workspace.widgets  # noqa: E731
     if not picture:
         fits = lambda: shown() and name in workspace.tour.target.widgets  # noqa: E731
         yield from until(workspace, fits, f"the outline of {name}")
-        yield Wait(3 * STEP)  # scrolled into sight by then
+        yield Wait(3 * STEP)  # scrolled into view by then
         there = workspace.widget(name)
     else:
         fits = lambda: shown() and workspace.tour.target.path  # noqa: E731
@@ -79,7 +79,7 @@ def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator
 
 
 def by_hand(workspace: Workspace) -> Iterator[Action]:
-    """Do what a child does after reading each sentence."""
+    """Does what a child does after reading each sentence."""
     editor, perform = workspace.editor, workspace.perform
     yield from meets(workspace, "do Armchair")
     yield Click(Widget("do Armchair"))
@@ -139,7 +139,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
 
 
 def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterator[Action]:
-    """Click until it had its effect: a window that is busy may miss a click."""
+    """Clicks until it has an effect: a busy window may miss a click."""
     end = time.monotonic() + PATIENCE
     while not done() and time.monotonic() < end:
         yield Click(Widget(name))
@@ -149,14 +149,14 @@ def press(workspace: Workspace, name: str, done: Callable[[], object]) -> Iterat
 
 
 def typed(text: str):
-    """What types letters into the field that has the focus."""
+    """Returns the action that types letters into the focused field."""
     from imgui_bundle import imgui
 
     return lambda workspace: imgui.get_io().add_input_characters_utf8(text)
 
 
 def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
-    """Leave the tour in its middle, and take it again from the menu."""
+    """Leaves the tour in its middle, and resumes it from the menu."""
     yield from until(workspace, lambda: "tour later" in workspace.widgets, "the card")
     number = workspace.tour.number
     yield Click(Widget("tour later"))
@@ -168,7 +168,7 @@ def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
 
 
 def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
-    """Open a menu, in a narrow window through the one that has all."""
+    """Opens a menu; in a narrow window through the combined menu."""
     if "menu all" in workspace.widgets:
         yield Click(Widget("menu all"))
         yield Wait(0.2)
@@ -177,8 +177,8 @@ def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
 
 
 def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[Action]:
-    """Go to the begin of the arrow, where the chair holds still, and drag along it."""
-    for _ in range(16):  # the view may still be gliding there
+    """Goes to the start of the arrow, where the chair is still, and drags along it."""
+    for _ in range(16):  # the view may still be moving
         yield Do(lambda _: stages[0].move(where(on_picture(workspace)[0], stages[0])))
     yield Wait(2 * STEP)
     said["holds still"] = said.get("holds still", True) and not workspace.editor.playing
@@ -186,12 +186,12 @@ def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[A
 
 
 def on_picture(workspace: Workspace) -> tuple[Near, ...]:
-    """The ends of the arrow as places of the driver."""
+    """Returns the ends of the arrow as positions for the driver."""
     return tuple(Near(Pixel(0.0, 0.0), x, y) for x, y in workspace.tour.target.path)
 
 
 def by_showing(workspace: Workspace) -> Iterator[Action]:
-    """Press "Show me" in each step."""
+    """Presses "Show me" in each step."""
     number = -1
     while workspace.tour is not None and workspace.tour.step is not None:
         tour = workspace.tour
@@ -210,7 +210,7 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
 
 
 def work(workspace: Workspace, how: str) -> Iterator[Action]:
-    """Open the start page, begin the tour by its button, and do each step."""
+    """Opens the start page, begins the tour by its button, and does each step."""
     yield Wait(0.3)
     yield from shot("00 start")
     yield Click(Widget("do Take the tour"))

@@ -1,5 +1,7 @@
-"""Saves in the real window a project that another program saved meanwhile. A second argument is a folder for
-pictures."""
+"""Saves a project in the real window that another program has saved meanwhile.
+
+A second argument is a folder for pictures.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ def bone(name: str):
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -> None:
-    """Save, cancel, save again, compare, take over, save over."""
+    """Saves, cancels, saves again, compares, takes over, saves over."""
     workspace, asked = window.workspace, list[str]()
 
     def click(name: str) -> None:

@@ -2,7 +2,7 @@
 
     python tests/viewer/studio_window_killed.py FOLDER 50          # make test-long does this
 
-Each window moves a shape a little, picture by picture, and tells when; it is killed at a random moment.
+Each window moves a shape slightly in each frame and prints the time; it is killed at a random moment.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 AUTOSAVE = 0.5
-"""Seconds between two recovery files here: a studio waits 20, and would have to be killed for hours."""
+"""Seconds between two recovery files: a real studio waits 20, so it would have to be killed for hours."""
 STEP = 0.001
-"""Metres that a shape goes at each edit: its place says how many there were."""
+"""Metres per edit: the shape's position counts the edits."""
 LONGEST = 4.0
-"""Seconds of work at most before a window is killed: some eight recovery files."""
+"""Maximum seconds of work before a window is killed: some eight recovery files."""
 
 
 def place(project) -> float:
-    """Metres that the shape was moved to the right in all."""
+    """Returns the total shift of the shape to the right in metres."""
     return float(project.shapes["limb"].place[0])
 
 
 def work(folder: Path) -> None:
-    """Move a shape in the real window without end, and tell of each edit when it was."""
+    """Moves a shape in the real window for ever, and reports the time of each edit."""
     settings = StudioSettings(
         render=RenderSettings(shadow_size=64, contact_size=32, samples=1),
         width=700,
@@ -67,7 +67,7 @@ def work(folder: Path) -> None:
 
 
 def killed(folder: Path, chance: random.Random) -> dict[str, float]:
-    """Let a window work, kill it, and recover what it did; what was lost, in edits and in seconds."""
+    """Lets a window work, kills it, and recovers its work; returns the loss in edits and in seconds."""
     folder.mkdir(parents=True)
     command = [sys.executable, str(Path(__file__)), str(folder)]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)

@@ -13,7 +13,7 @@ from enliven_edge.settings import EdgeSettings
 FILES = sorted((Path(__file__).resolve().parents[3] / "firmware_configs" / "controls").glob("*.toml"))
 
 
-def test_there_is_one_of_each_kind():
+def test_shipped_settings_cover_every_control_kind():
     kinds = {one.kind for path in FILES for one in load_settings(EdgeSettings, path).controls.values()}
     assert kinds == {"serial", "hid", "voice"}
 

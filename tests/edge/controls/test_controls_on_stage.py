@@ -39,7 +39,7 @@ STEP = 33_333_333
 
 
 class People:
-    """A sensor of whoever is asked for."""
+    """A sensor that returns the people in ``bodies``."""
 
     name = "people"
 
@@ -54,7 +54,7 @@ class People:
 
 
 class Say:
-    """A control that says what the test tells it to."""
+    """A control that sends the commands that the test gives it."""
 
     name = "test"
     there = True
@@ -121,8 +121,8 @@ def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet
         second = house.shown
         assert second != first
         pedal.send(b"A\n")
-        # The chosen place lapses after seconds of the sensor's clock, which runs fast here: what counts is
-        # the match that is shown as the pedal is heard.
+        # The selection expires after seconds of the sensor's clock, which runs fast here. Only the match
+        # shown when the pedal is pressed counts.
         shown = [second]
         house.until(lambda: house.actor.holds or shown.append(house.shown))
         assert house.driven == [(1, shown[-1])]
@@ -131,7 +131,7 @@ def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet
     pedal.close()
 
 
-def test_every_word_does_what_a_viewer_would_ask_for(outlet, caplog):
+def test_every_control_word_equals_a_viewers_request(outlet, caplog):
     say = Say()
     house = House(outlet, Controls([say]))
 
@@ -241,7 +241,7 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     say.words = ["possess"]
     house.step()
     assert say.lamps == Lamps(possess="steady")
-    house.edge.tracker = Tracker()  # it has seen nothing yet
+    house.edge.tracker = Tracker()  # no frame has been read yet
     house.edge.tracker.lock()
     house.edge._listen()
     assert say.lamps == Lamps(possess="steady", locked="steady")
@@ -254,7 +254,7 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"
 
 
-def test_all_words_are_known_to_somebody():
+def test_there_are_14_control_words():
     assert len(set(WORDS)) == 14
 
 

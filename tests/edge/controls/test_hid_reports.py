@@ -83,7 +83,7 @@ def test_too_many_keys_at_once_change_nothing():
     assert edges.feed(boot(["a"])) == ["a"]
 
 
-def test_a_device_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):
+def test_missing_device_is_searched_while_the_edge_continues(caplog):
     pytest.importorskip("hid", reason="hidapi is not installed (the extra 'controls')")
     caplog.set_level(logging.INFO)
     settings = ControlSettings("hid", {"page down": "next"}, vendor=0xF055, product=0x0001, retry=0.01)

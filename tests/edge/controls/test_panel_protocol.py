@@ -108,12 +108,12 @@ def test_beats_count_on_through_their_end(steps, first):
 
 
 @pytest.mark.parametrize("body", ["H1P", "H01X", "P000", "P0000", "P0000G", "Q", "P" + "0" * 40, "H01P ", ""])
-def test_a_message_of_another_protocol_is_nothing(body):
+def test_message_of_another_protocol_is_ignored(body):
     keys = PanelKeys()
     assert keys.feed(encode(body)) == [] and keys.version == ""
 
 
-def test_a_greeting_says_protocol_and_cause():
+def test_greeting_contains_protocol_and_cause():
     keys = PanelKeys()
     keys.feed(encode("H02W"))
     assert (keys.version, keys.cause, keys.heard) == ("02", "W", 1)

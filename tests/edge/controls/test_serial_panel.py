@@ -23,7 +23,7 @@ pytest.importorskip("serial", reason="pyserial is not installed (the extra 'cont
 
 
 class Port(Pedal):
-    """A port on which the test plays the panel, and reads the edge's output."""
+    """A port on which the test plays the panel; it also reads the edge's output."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -73,7 +73,7 @@ def test_a_panel_that_runs_already_is_asked_for_its_greeting(port):
         until(lambda: not controls.missing)
 
 
-def test_a_panel_of_another_protocol_is_not_there_and_that_is_said_once(port, caplog):
+def test_panel_of_another_protocol_is_ignored_and_reported_once(port, caplog):
     def greeted() -> str:
         port.send(encode("H07P"))
         return caplog.text
@@ -101,7 +101,7 @@ class Ear:
         return self.said.count(body) >= times
 
 
-def test_lamps_are_said_again_and_again_while_the_edge_lives(port, caplog):
+def test_lamp_states_are_repeated_while_the_edge_runs(port, caplog):
     with opened(port) as controls:
         ear = Ear(port, controls)
         until(lambda: ear.hears(Lamps(attract="breathing"), "LB---", 3))

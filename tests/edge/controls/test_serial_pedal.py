@@ -38,7 +38,7 @@ def opened(pedal: Pedal, **more):
 
 
 class Ear:
-    """Collects what is said."""
+    """Collects the reported messages."""
 
     def __init__(self, controls) -> None:
         (self._control,) = controls._controls
@@ -72,7 +72,7 @@ def test_a_byte_is_a_press(pedal, caplog):
     assert ear.words == ["possess", "next", "release"]
 
 
-def test_a_pedal_that_is_unplugged_is_found_again_and_both_are_said_once(pedal, caplog):
+def test_unplugged_pedal_is_found_again_and_both_are_reported_once(pedal, caplog):
     caplog.set_level(logging.INFO)
     with opened(pedal) as controls:
         ear = Ear(controls)
@@ -147,6 +147,6 @@ def test_invalid_settings_are_refused(settings, message):
         device_of("pedal", settings)
 
 
-def test_a_missing_library_says_what_to_install():
+def test_missing_serial_library_is_reported_with_the_install_command():
     with pytest.raises(ResourceError, match=r"pip install .enliven-edge\[controls\]"):
         need("a_library_that_nobody_has", "controls", "controls.pedal")

@@ -40,7 +40,7 @@ spoken = pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="espeak-ng
 
 @functools.cache
 def said(text: str, voice: str = "en-us") -> bytes:
-    """Returns a phrase spoken in a quiet room, with a second of silence before and after; 16 kHz."""
+    """Returns a phrase spoken in a quiet room, 16 kHz, with a second of silence before and after it."""
     command = ["espeak-ng", "-v", voice, "-s", "140", "--stdout", text]
     with wave.open(io.BytesIO(subprocess.run(command, capture_output=True, check=True).stdout)) as file:
         # espeak writes to a pipe, and does not know the length that it announces.
@@ -61,7 +61,7 @@ def other() -> OtherSpeech:
 @pytest.fixture
 def recogniser(other: OtherSpeech) -> Recogniser:
     """Returns a new recogniser, since a recogniser adapts to the sound level."""
-    other.forget()  # what the test before said last
+    other.forget()  # the phrase of the previous test
     return Recogniser(list(SETTINGS.map), other=other)
 
 
@@ -126,7 +126,7 @@ def test_sounds_without_speech_give_no_command(recogniser, kind):
 
 
 @spoken
-def test_viewers_are_told_what_was_heard_and_what_it_set_off(tmp_path):
+def test_viewers_receive_heard_phrases_and_their_commands(tmp_path):
     written(tmp_path / "say.wav", said("puppet follow my pose") + said("look at the lights"))
     for hides_talk in (False, True):
         settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
@@ -145,7 +145,7 @@ def test_viewers_are_told_what_was_heard_and_what_it_set_off(tmp_path):
         assert "listening" in {one.state for one in states} and len(states[0].phrases) == len(SETTINGS.map)
 
 
-def test_a_microphone_is_opened_and_closed_by_an_order_or_says_what_it_lacks():
+def test_microphone_is_opened_and_closed_by_command_or_gives_a_reason():
     pytest.importorskip("sounddevice", reason="sounddevice is not installed", exc_type=(ImportError, OSError))
     told: list[VoiceMessage] = []
 
@@ -208,7 +208,7 @@ def test_another_kind_of_wav_is_refused(tmp_path):
         SoundRecording(path).open(960)
 
 
-def test_a_microphone_that_is_not_there_is_looked_for_and_the_edge_goes_on(caplog):
+def test_missing_microphone_is_searched_while_the_edge_continues(caplog):
     try:
         import sounddevice  # noqa: F401
     except (ImportError, OSError) as error:

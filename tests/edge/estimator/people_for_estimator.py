@@ -1,4 +1,4 @@
-"""Images of people that the network was not trained on, with the ground truth; and scenes of pure noise."""
+"""Images of people that the network was not trained on, with ground truth; and scenes of noise."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from enliven_edge.tracking.estimator.labels import facing_in_plan
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 _DICE = 2024
-"""No album is rendered with these."""
+"""Seed that no training album uses."""
 
 
 @dataclass(frozen=True)
 class Fresh:
-    """One picture.
+    """One picture with its ground truth.
 
     Attributes:
-        picture: as the studio took it.
-        z: (h, w) metres of all that is measured.
-        mask: (h, w) the person's pixels.
-        facing: radians, the truth.
+        picture: the rendered picture.
+        z: (h, w) measured depth, metres.
+        mask: (h, w) True on the person's pixels.
+        facing: true facing, radians.
     """
 
     picture: RenderedPerson
@@ -41,7 +41,7 @@ class Fresh:
 
 @cache
 def fresh(number: int, frontal: float = 0.4) -> Fresh:
-    """The picture of a number."""
+    """Returns the picture with a number."""
     taken = _studio().render_person(np.random.default_rng([_DICE, number]), frontal=frontal)
     mask = taken.z > 0
     chest = taken.figure.frames[Limb.CHEST]
@@ -55,13 +55,13 @@ def _studio() -> PersonRenderer:
 
 
 def turned_at_random(dice: np.random.Generator) -> np.ndarray:
-    """(3, 3) a rotation, any alike."""
+    """Returns a (3, 3) rotation that is uniformly distributed."""
     made, _ = np.linalg.qr(dice.normal(size=(3, 3)))
     return made * np.linalg.det(made)
 
 
 def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(z, mask, camera, world_from_camera) of a blob among noise, seen by a sensor that hangs anyhow.
+    """Returns (z, mask, camera, world_from_camera) of a blob among noise, seen by a sensor at a random tilt.
 
     Less than 500 pixels are the blob's, so that none is left out where its place is found.
     """

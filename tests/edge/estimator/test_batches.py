@@ -1,4 +1,4 @@
-"""Samples as tensors: those of the data set, and mirrored without a trace."""
+"""Tests of samples as tensors: batches equal the data set's samples, and mirroring is correct."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def same(one: TensorBatch, other: TensorBatch | Batch) -> bool:
 
 
 def slowly_mirrored(batch: Batch, some: np.ndarray) -> Batch:
-    """The obvious twin of :meth:`TensorBatch.mirrored`: sample by sample, part by part, joint by joint."""
+    """Mirrors a batch sample by sample, part by part and joint by joint: the slow reference."""
     arrays = {name: getattr(batch, name).copy() for name in NAMES}
     for n in np.flatnonzero(some):
         arrays["image"][n] = np.flip(batch.image[n], 2)

@@ -1,4 +1,4 @@
-"""The crop: what a slow one is made of, the same however the sensor hangs and however far it is."""
+"""Tests of the crop: it equals a slow reference, and does not depend on the sensor's tilt or distance."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ QUARTERS = (0.25, 0.75)
 
 
 def slow_image(z, mask, camera, pose, crop: Crop) -> np.ndarray:
-    """The four channels by what each quarter of a cell sees, one after the other."""
+    """Returns the four channels as the mean of the four quarters of each cell, one quarter at a time."""
     image = np.zeros((CHANNELS, ROWS, COLUMNS))
     for below in QUARTERS:
         for right in QUARTERS:
@@ -39,7 +39,7 @@ def slow_image(z, mask, camera, pose, crop: Crop) -> np.ndarray:
 
 
 def quarter(z, mask, camera, pose, crop: Crop, points) -> np.ndarray:
-    """(N, 4) what the pixels nearest to N points in the camera's frame show."""
+    """Returns (N, 4) channels of the pixels nearest to N points in the camera's frame."""
     u = np.floor(camera[0] * points[:, 0] / points[:, 2] + camera[2] + 0.5).astype(int)
     v = np.floor(camera[1] * points[:, 1] / points[:, 2] + camera[3] + 0.5).astype(int)
     inside = (u >= 0) & (v >= 0) & (u < z.shape[1]) & (v < z.shape[0])
@@ -53,7 +53,7 @@ def quarter(z, mask, camera, pose, crop: Crop, points) -> np.ndarray:
 
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_the_compiled_crop_is_the_slow_one(seed):
+def test_compiled_crop_matches_the_slow_reference(seed):
     z, mask, camera, pose = scene(seed)
     crop = crop_person(z, mask, camera, pose)
     np.testing.assert_allclose(crop.image, slow_image(z, mask, camera, pose, crop), atol=1e-4)
@@ -90,13 +90,13 @@ def test_up_in_the_world_is_up_in_the_crop(seed):
     np.testing.assert_allclose(crop.axes @ crop.axes.T, np.eye(2), atol=1e-12)
     assert np.linalg.det(crop.axes) == pytest.approx(1.0), "left and right are never exchanged"
     right, down = crop.axes @ pose[1, :2]
-    hanging = np.hypot(*pose[1, :2]) < 0.2  # seen from above or below, nothing is upright
+    hanging = np.hypot(*pose[1, :2]) < 0.2  # seen from above or below, no direction in the image is vertical
     assert hanging or (abs(right) < 1e-9 and down < 0)
 
 
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
-def test_to_the_camera_and_back_is_where_one_was(seed):
+def test_crop_and_camera_frames_are_inverse(seed):
     crop = crop_person(*scene(seed))
     points = np.random.default_rng(seed).normal([0, 0, 2], [1, 1, 0.5], (30, 3))
     points = points[points[:, 2] > 0.2]
@@ -119,7 +119,7 @@ def test_a_ray_meets_the_cell_that_its_points_are_in(seed):
 def test_a_sensor_that_hangs_upside_down_sees_the_same(seed):
     z, mask, camera, pose = scene(seed)
     if np.hypot(*pose[1, :2]) < 0.2:
-        return  # seen from above, nothing is upright
+        return  # seen from above, no direction in the image is vertical
     height, width = z.shape
     turned, hung = pose.copy(), camera.copy()
     turned[:3, :2] *= -1.0
@@ -132,7 +132,7 @@ def test_a_sensor_that_hangs_upside_down_sees_the_same(seed):
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_a_person_twice_as_far_through_twice_the_lens_looks_the_same(seed):
-    """But for the perspective of somebody who is not flat."""
+    """Only the perspective of a body with depth differs."""
     z, mask, camera, _ = scene(seed)
     level = np.diag([1.0, -1.0, -1.0, 1.0])
     near = crop_person(z, mask, camera, level)
@@ -145,7 +145,7 @@ def test_a_person_twice_as_far_through_twice_the_lens_looks_the_same(seed):
 
 @given(SEEDS, st.floats(-0.5, 0.5))
 @settings(max_examples=25, deadline=None)
-def test_a_lower_floor_lifts_the_person_and_nothing_else(seed, raised):
+def test_lower_floor_only_changes_the_persons_height(seed, raised):
     case = scene(seed)
     there, higher = crop_person(*case).image, crop_person(*case, raised=raised).image
     np.testing.assert_allclose(higher[2], there[2] + raised * there[0], atol=1e-5)

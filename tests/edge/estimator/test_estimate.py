@@ -1,4 +1,4 @@
-"""An estimate: parts between the cells as a slow look-up says, and joints believed by how sure they are."""
+"""Tests of an estimate: parts are interpolated as by a slow look-up, joints are weighted by confidence."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEEDS = st.integers(0, 100_000)
 
 
 def made_up(seed: int) -> Estimate:
-    """An estimate by dice."""
+    """Returns a random estimate."""
     dice = np.random.default_rng(seed)
     parts = dice.normal(0, 3, (PARTS, LABEL_ROWS, LABEL_COLUMNS)).astype(np.float32)
     crop = crop_person(*scene(seed))
@@ -31,7 +31,7 @@ def made_up(seed: int) -> Estimate:
 
 
 def rays_of(estimate: Estimate, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """(N, 2) rays to places in the crop, counted in cells from its upper left corner."""
+    """Returns (N, 2) rays to places in the crop, counted in cells from its upper left corner."""
     cell = estimate.crop.cell
     flat = np.stack([(columns - COLUMNS / 2) * cell, (rows - ROWS / 2) * cell, 0.0 * rows], 1)
     points = estimate.crop.to_camera(flat)
@@ -41,7 +41,7 @@ def rays_of(estimate: Estimate, columns: np.ndarray, rows: np.ndarray) -> np.nda
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_parts_at_a_ray_are_those_of_the_slow_look_up(seed):
-    """Between the middles of the cells linearly; beyond the outermost as there."""
+    """Linear between cell centres; constant beyond the outermost ones."""
     estimate, dice = made_up(seed), np.random.default_rng(seed)
     columns, rows = dice.uniform(-20, COLUMNS + 20, 60), dice.uniform(-20, ROWS + 20, 60)
     logits = np.stack(
@@ -59,7 +59,7 @@ def test_parts_at_a_ray_are_those_of_the_slow_look_up(seed):
 @given(st.floats(-120.0, 80.0, width=32))
 @settings(max_examples=300, deadline=None)
 def test_the_exponential_is_the_exponential(x):
-    """To a few units in the last place of single precision; nearly nothing below what that holds."""
+    """To a few units in the last place of single precision; nearly 0 below its range."""
     slow = np.exp(np.float64(max(x, -87.0)))
     assert powered(np.float32(x)) == pytest.approx(slow, rel=4e-7)
 
@@ -92,14 +92,14 @@ def test_the_surer_a_joint_the_more_it_weighs(seed):
     assert landmarks[:, 4].min() >= 0.12 and landmarks[:, 4].max() <= 0.4
 
 
-def test_joints_that_are_all_as_sure_as_usual_weigh_one_together():
+def test_joints_of_usual_confidence_have_total_weight_one():
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, 0.05))
     assert estimate.landmarks[:, 3].sum() == pytest.approx(TRUST.mean())
     assert TRUST[12:].max() < TRUST[:12].min(), "legs weigh less than trunk and arms"
 
 
 @pytest.mark.parametrize("spread", [0.01, 0.03, 0.05, 0.2])
-def test_beside_depth_no_joint_is_surer_than_usual(spread):
+def test_guide_weights_are_capped_at_the_usual_confidence(spread):
     estimate = dataclasses.replace(made_up(0), spread=np.full(20, spread))
     capped = dataclasses.replace(estimate, spread=np.full(20, max(spread, 0.05)))
     np.testing.assert_allclose(estimate.guides, capped.landmarks)
@@ -110,7 +110,7 @@ def test_beside_depth_no_joint_is_surer_than_usual(spread):
 @given(SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_network_output_is_decoded_as_in_training(seed):
-    """Places turned into the world, spreads and probabilities from their logarithms."""
+    """Positions are transformed to the world; spreads and probabilities come from their logarithms."""
     dice = np.random.default_rng(seed)
     here, spread = dice.normal(size=(20, 3)), dice.normal(-3, 2, 20).astype(np.float32)
     facing, pose = dice.normal(0, 4, 9).astype(np.float32), np.eye(4)
@@ -133,7 +133,7 @@ def test_a_landmark_is_weighed_by_its_spread(seed):
 
 @given(SEEDS, st.integers(0, 19))
 @settings(max_examples=25, deadline=None)
-def test_a_joint_is_elsewhere_beyond_what_it_may_be_off(seed, joint):
+def test_joint_counts_as_apart_beyond_its_expected_error(seed, joint):
     estimate = made_up(seed)
     assert estimate.count_apart(estimate.joints) == 0
     way = np.random.default_rng(seed).normal(size=3)

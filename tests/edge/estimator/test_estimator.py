@@ -1,4 +1,4 @@
-"""The shipped network: where joints are, how surely, which way people face; the same alone and in company."""
+"""Tests of the shipped network: joint accuracy, confidence and facing, for one person or several."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from enliven_synthesis.training.rendering import PersonRenderer
 PICTURES = 60
 # Each bound below lies just beyond the value of the shipped network on these pictures.
 WITHIN_TOLD, WITHIN_NOT_TOLD = 0.72, 0.715
-"""Least share of the joints within 10 cm, hidden ones too, where the facing is told and where it is not."""
+"""Minimum fraction of the joints within 10 cm, occluded ones included, with and without the facing as
+input."""
 FACING_RIGHT, FACING_NEARLY_RIGHT = 0.8, 0.94
-"""Minimum fraction of people whose facing is estimated correctly, and to an eighth of a turn."""
+"""Minimum fraction of people with the correct facing, and with a facing within an eighth of a turn."""
 PARTS_RIGHT = 0.82
 """Minimum fraction of the person's pixels with the correct body part."""
 BELIEVED, PEOPLE_BELIEVED, THINGS_BELIEVED = 0.8, 0.97, 0.1
-"""Probability of being a person from which one is believed; the least share of the people, many of them
-mostly hidden, and the largest of the things of which it is said."""
+"""Person probability above which a blob is accepted; minimum fraction of people above it, many of them mostly
+occluded; maximum fraction of objects above it."""
 RANKED = 0.83
-"""Least rank correlation of how far a joint is said to be off and how far it is."""
+"""Minimum rank correlation of the estimated and the true joint error."""
 SAID = (0.9, 1.35)
-"""How many times as far as is said joints are off: on average, of the many and of the few that are sure."""
+"""Bounds of true over estimated joint error: on average, among the many joints and the few confident ones."""
 SURE, UNSURE = 0.06, 0.3
-"""Metres: a joint that is said to be off by less is nearly seen, and by more is guessed."""
+"""Metres: a joint with a smaller estimated error counts as visible, with a larger one as guessed."""
 MIRRORED_WITHIN = 0.035
-"""Metres, most often, between what is seen of a person and of their mirror image."""
+"""Maximum median difference, metres, between a person's joints and those of their mirror image."""
 
 
 @cache
 def judged(told: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(60, 20) metres that every joint is off, and is said to be."""
+    """Returns (60, 20) true and estimated errors of every joint, metres."""
     seen = [(fresh(n), fresh(n).estimate(told)) for n in range(PICTURES)]
     off = [np.linalg.norm(e.joints - f.picture.figure.joints, axis=1) for f, e in seen]
     return np.stack(off), np.stack([e.spread for _, e in seen])
@@ -54,7 +55,7 @@ def test_joints_are_found_in_fresh_pictures(told, least):
     assert np.mean(off < 0.1) > least
 
 
-def test_a_joint_that_is_said_to_be_off_is_off():
+def test_estimated_joint_error_matches_the_true_error():
     off, said = judged(False)
     assert spearmanr(off.ravel(), said.ravel()).statistic > RANKED
     for some in (said < SURE, (said >= SURE) & (said < UNSURE)):
@@ -62,7 +63,7 @@ def test_a_joint_that_is_said_to_be_off_is_off():
         assert SAID[0] < off[some].mean() / said[some].mean() < SAID[1]
 
 
-def test_the_way_to_face_is_told():
+def test_facing_is_estimated_correctly():
     wrong = []
     for n in range(PICTURES):
         told = int(fresh(n).estimate(False).facing.argmax())
@@ -71,8 +72,10 @@ def test_the_way_to_face_is_told():
     assert np.mean(np.isin(wrong, (0, 1, FACINGS - 1))) > FACING_NEARLY_RIGHT
 
 
-def test_people_are_told_from_things():
-    """Measured on new images of both, at the probability above which the tracker accepts a person."""
+def test_people_are_distinguished_from_objects():
+    """Measured on new images of people and objects, at the probability above which the tracker accepts a
+    person.
+    """
     studio = PersonRenderer()
     people = [fresh(n).estimate(False).person_probability for n in range(PICTURES)]
     things = []
@@ -86,14 +89,14 @@ def test_people_are_told_from_things():
     assert np.mean(np.array(things) > BELIEVED) < THINGS_BELIEVED
 
 
-def test_the_ways_to_face_are_probabilities_and_not_what_was_told():
+def test_facings_are_probabilities_independent_of_the_input():
     for n in range(10):
         estimate = fresh(n).estimate(False)
         assert np.exp(estimate.facing).sum() == pytest.approx(1.0)
         np.testing.assert_allclose(fresh(n).estimate(True).facing, estimate.facing, atol=1e-4)
 
 
-def test_the_parts_are_told():
+def test_body_parts_are_estimated_correctly():
     right = []
     for n in range(PICTURES):
         case = fresh(n)
@@ -140,7 +143,7 @@ def test_world_frame_changes_only_joint_positions():
         np.testing.assert_allclose(here.spread, there.spread, atol=1e-3)
 
 
-def test_several_facings_at_once_are_as_one_by_one():
+def test_batched_facings_equal_single_ones():
     facings = [None, 0.0, 1.0, -2.0, np.pi]
     for n in range(5):
         case = fresh(n)
@@ -153,7 +156,7 @@ def test_several_facings_at_once_are_as_one_by_one():
                 np.testing.assert_allclose(getattr(made, name), getattr(alone, name), atol=2e-3)
 
 
-def test_several_threads_see_what_one_sees():
+def test_several_threads_give_the_same_estimates():
     one = [fresh(n).estimate(True) for n in range(12)]
     with ThreadPoolExecutor(4) as pool:
         several = list(pool.map(lambda n: fresh(n % 12).estimate(True), range(36)))
@@ -167,13 +170,13 @@ def test_the_file_is_small():
     assert ESTIMATOR.stat().st_size < 10e6
 
 
-def test_a_missing_file_is_said_to_be_missing_and_what_to_do(tmp_path):
+def test_missing_network_file_is_reported_with_advice(tmp_path):
     with pytest.raises(InputError, match=r"none\.onnx: the network cannot be read.*tracker\.estimator"):
         PoseEstimator(tmp_path / "none.onnx")
 
 
 @pytest.mark.parametrize("keep", [0, 10, 4000, -30])
-def test_a_damaged_file_is_refused_and_said_what_to_do(tmp_path, keep):
+def test_damaged_network_file_is_refused_with_advice(tmp_path, keep):
     (tmp_path / "cut.onnx").write_bytes(ESTIMATOR.read_bytes()[:keep])
     with pytest.raises(InputError, match=r"cut\.onnx: the network cannot be read.*Install enliven again"):
         PoseEstimator(tmp_path / "cut.onnx")
@@ -185,6 +188,6 @@ def test_a_file_of_something_else_is_refused(tmp_path):
         PoseEstimator(tmp_path / "other.onnx")
 
 
-def test_the_shipped_file_names_no_folder_of_whoever_trained_it():
+def test_shipped_network_contains_no_source_paths():
     held = ESTIMATOR.read_bytes()
     assert re.search(rb"\.py\b", held) is None and b"enliven_edge" not in held

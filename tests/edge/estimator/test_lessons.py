@@ -1,4 +1,4 @@
-"""Lessons: the same by the same dice, and the truth where the picture shows it."""
+"""Tests of lessons: the same seed gives the same lesson, and labels agree with the picture."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
 
 
 def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
-    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY without a person."""
+    """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY in a picture of an object."""
     made = {}
     for joint in OWN_PARTS:
         column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])
@@ -75,7 +75,7 @@ def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, i
 
 
 def shares(cases) -> tuple[float, float]:
-    """Share of the joints on a part of their own, and on the other side's, of those where somebody is seen.
+    """Returns the fractions of visible joints on their own part and on the opposite side's part.
 
     Args:
         cases: (joints, cell, parts) of some lessons.
@@ -90,7 +90,7 @@ def shares(cases) -> tuple[float, float]:
 
 
 def test_the_same_dice_make_the_same_lesson(every_lesson):
-    """Whatever the studio took pictures of before."""
+    """Independent of the pictures that were rendered before."""
     studio = PersonRenderer()
     studio.render_person(np.random.default_rng(1))
     dice = np.random.default_rng(11)
@@ -104,7 +104,7 @@ def test_a_joint_lies_where_its_own_part_is_seen(lessons):
     assert other < 0.06
 
 
-def test_a_lesson_is_of_somebody_and_its_numbers_are_sound(lessons):
+def test_lessons_contain_a_person_and_valid_numbers(lessons):
     for made in lessons:
         person, depth, height, unknown = made.image
         assert np.isfinite(made.image).all() and np.isfinite(made.joints).all()
@@ -138,10 +138,10 @@ def test_a_batch_is_in_rising_order(folder):
     assert len(every) == 10
     drawn, whole = every.batch(np.array([7, 2, 5, 2])), every.batch(np.arange(10))
     for some, all_of_them in zip(astuple(drawn), astuple(whole), strict=True):
-        np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter faces nowhere: NaN
+        np.testing.assert_array_equal(some, all_of_them[[2, 2, 5, 7]])  # clutter has no facing: NaN
 
 
-def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
+def test_inconsistent_album_arrays_are_refused(tmp_path):
     (tmp_path / dataset._COMPLETE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
     for name in dataset._ARRAYS:
@@ -150,7 +150,7 @@ def test_an_album_of_arrays_that_are_not_what_they_state_is_refused(tmp_path):
         Dataset(tmp_path)
 
 
-def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth():
+def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
     studio, dice = PersonRenderer(), np.random.default_rng(3)
     added = 0
     for _ in range(12):
@@ -167,7 +167,7 @@ def test_a_wall_that_is_taken_in_is_beside_the_person_and_leaves_their_own_depth
     assert added > 6
 
 
-def test_the_wall_that_is_left_beside_a_person_is_none_of_the_person_and_is_labelled_nobody(monkeypatch):
+def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
     studio, dice = PersonRenderer(), np.random.default_rng(5)
     made = studio.render_person(dice, frontal=0.5)
     mask = made.z > 0

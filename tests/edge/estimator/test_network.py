@@ -23,9 +23,9 @@ from enliven_synthesis.training.pose_network.training import TrainingSettings, e
 
 COUNT, BACK = 40, 8
 NEARLY, MOSTLY = 0.01, 0.8
-"""Metres by which a joint may be elsewhere in eight bits, the median, and the share of like parts."""
+"""Maximum median joint difference of the 8-bit network, metres; minimum fraction of equal parts."""
 LEARNT = 0.8
-"""Share of the first loss that is left, at most, when a few lessons have been learnt."""
+"""Maximum ratio of the loss after a few lessons to the first loss."""
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +35,13 @@ def album(tmp_path_factory) -> Dataset:
 
 @pytest.fixture
 def few_kept_back(monkeypatch):
-    """An album may be small then, and its training short."""
+    """Makes the validation set small, so that the album and the training can be small too."""
     monkeypatch.setattr(training, "KEPT_BACK", BACK)
     monkeypatch.setattr(training, "_WARM_UP", 3)
 
 
 def seen_by(network, count: int, seed: int = 0):
-    """What a network makes of so many crops of noise, and the (image, told) that it was given."""
+    """Returns the network's outputs for ``count`` crops of noise, and the (image, told) inputs."""
     dice = np.random.default_rng(seed)
     image = dice.normal(size=(count, CHANNELS, ROWS, COLUMNS)).astype(np.float32)
     facing = dice.uniform(-3, 3, count)
@@ -51,14 +51,14 @@ def seen_by(network, count: int, seed: int = 0):
     return [each.numpy() for each in made], image, told
 
 
-def test_it_says_what_it_promises():
+def test_network_outputs_have_the_documented_shapes():
     (joints, spread, facing, parts), _, _ = seen_by(PoseNetwork(), 3)
     assert joints.shape == (3, JOINTS, 3) and spread.shape == (3, JOINTS)
     assert facing.shape == (3, FACINGS + 1) and parts.shape == (3, PARTS, ROWS // 2, COLUMNS // 2)
 
 
 def test_a_joint_is_where_its_heat_is():
-    """In the middle of a cell of a map, which is four of the crop, at the depth that is written there."""
+    """At the centre of a map cell, which covers four crop cells, at the depth stored there."""
     network = PoseNetwork()
     rows, columns = ROWS // 4, COLUMNS // 4
     maps = torch.zeros(1, 3 * JOINTS, rows, columns)
@@ -73,7 +73,7 @@ def test_a_joint_is_where_its_heat_is():
     np.testing.assert_allclose(spread[0].numpy(), -0.2 * np.arange(JOINTS), atol=1e-5)
 
 
-def test_the_ways_to_face_do_not_depend_on_what_is_told():
+def test_facing_output_does_not_depend_on_the_input_facing():
     network = PoseNetwork()
     (_, _, facing, _), image, told = seen_by(network, 2)
     with torch.no_grad():
@@ -81,8 +81,8 @@ def test_the_ways_to_face_do_not_depend_on_what_is_told():
     assert_alike(facing, other)
 
 
-def test_the_exported_network_says_what_it_said_before(tmp_path):
-    """To any number of crops, and to the estimator."""
+def test_exported_network_gives_the_same_outputs(tmp_path):
+    """For any number of crops, and through the estimator."""
     network = PoseNetwork()
     export(network, tmp_path / "made.onnx")
     estimator = PoseEstimator(tmp_path / "made.onnx")
@@ -97,7 +97,7 @@ def test_the_exported_network_says_what_it_said_before(tmp_path):
 
 
 def loss_of(network, album: Dataset) -> float:
-    """Of the lessons that are not kept back, the facing told."""
+    """Returns the loss on the training lessons, with the facing as input."""
     batch = TensorDataset(album, torch.device("cpu")).batch(torch.arange(BACK, COUNT))
     known, facing = batch.is_person, batch.facing.nan_to_num()
     told = torch.stack([known * facing.cos(), known * facing.sin(), batch.cell], 1)
@@ -139,7 +139,7 @@ def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeyp
 
 
 def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
-    """Measured on the lessons kept back, 250 at a time: of a small album all of them, again and again."""
+    """Measured on the validation lessons, 250 at a time; a small album repeats its lessons."""
     batch = Dataset.batch
     monkeypatch.setattr(training, "KEPT_BACK", 250)
     monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
@@ -148,14 +148,14 @@ def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
     assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))
 
 
-def test_in_eight_bits_it_says_nearly_the_same_in_a_third_of_the_size(album, tmp_path, few_kept_back):
-    """Of joints millimetres, of facing and parts the likeliest mostly: a network that has learnt a little."""
+def test_8_bit_network_is_smaller_and_nearly_equal(album, tmp_path, few_kept_back):
+    """Joints agree to millimetres, facing and parts in most cases, for a network trained a little."""
     network = train(album, TrainingSettings(steps=25, batch=16, seed=0))
     whole, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"
     export(network, whole)
     quantise(whole, small, album, BACK)
     batch = album.batch(np.arange(BACK))
-    facing = np.nan_to_num(batch.facing)  # clutter faces nowhere
+    facing = np.nan_to_num(batch.facing)  # clutter has no facing
     told = np.stack([np.cos(facing), np.sin(facing), batch.cell], 1).astype(np.float32)
     (joints, _, _, parts), (near, _, _, alike) = (
         PoseEstimator(path)._session.run(None, {"image": batch.image, "told": told})

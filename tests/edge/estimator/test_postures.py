@@ -1,4 +1,4 @@
-"""Postures by dice: what a family of them is."""
+"""Tests of random postures: each family has its defining property."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ANKLES = [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]
 
 
 def figures(family: str, count: int = 60, arms: str | None = None) -> list[Figure]:
-    """As many figures of a family, of any build."""
+    """Returns ``count`` figures of a family, of random builds."""
     return [figure for _, figure in performers(family, count, arms)]
 
 
 def performers(family: str, count: int, arms: str | None) -> list[tuple[Performer, Figure]]:
-    """As many people of any build, each with a figure of a family."""
+    """Returns ``count`` people of random builds, each with a figure of a family."""
     made = []
     for seed in range(count):
         dice = np.random.default_rng([7, seed])
@@ -33,14 +33,16 @@ def performers(family: str, count: int, arms: str | None) -> list[tuple[Performe
 
 
 def wrists_of_chest(performer: Performer, figure: Figure) -> np.ndarray:
-    """(2, 3) metres of a person of 1.75 m: outward, up and ahead of the wrists in the chest's frame."""
+    """Returns the (2, 3) wrist positions in the chest's frame, metres, of a person of 1.75 m: outward, up,
+    ahead.
+    """
     chest = figure.frames[Limb.CHEST]
     local = (figure.joints[WRISTS] - chest[:, 3]) @ chest[:, :3] / performer.scale
     return local * np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
 
 
 def test_a_high_leg_is_high_while_the_other_stands():
-    """The foot that stands is flat, or nearly: its ankle is a hand's width above the floor."""
+    """The standing foot is flat or nearly so: its ankle is a hand's width above the floor."""
     ankles = np.array([figure.joints[ANKLES, 1] for figure in figures("high leg")])
     assert (ankles.min(1) < 0.13).all() and (ankles.min(1) > 0.0).all()
     assert np.mean(ankles.max(1) > 0.25) > 0.7
@@ -63,7 +65,7 @@ def test_either_leg_is_the_high_one_and_the_trunk_leans_away_from_it():
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_nobody_is_in_the_floor_or_above_it(family):
+def test_lowest_joint_of_random_figures_is_at_the_floor(family):
     for figure in figures(family, 12):
         assert -0.06 < figure.joints[:, 1].min() < 0.2
 
@@ -77,7 +79,7 @@ def test_no_arm_is_inside_the_trunk_or_the_head(hold):
 
 @pytest.mark.parametrize("hold", CLOSE_HOLDS)
 def test_arms_held_close_are_near_the_trunk_or_ahead_of_it(hold):
-    """No wrist is an arm's length aside, in nearly all of the people: an arm that cannot is held out."""
+    """In nearly all people no wrist is an arm's length aside; an arm that cannot be close is held out."""
     near = [np.abs(wrists_of_chest(*made)[:, 0]).max() < 0.45 for made in performers("stand", 20, hold)]
     assert np.mean(near) > 0.8
 

@@ -1,4 +1,4 @@
-"""A network is restored from an exported file, the shipped one too: it computes the same, and learns on."""
+"""Tests that a network restored from an exported file gives the same output and can be trained further."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from enliven_synthesis.training.pose_network.restoring import between, restored
 from enliven_synthesis.training.pose_network.training import TrainingSettings, export, train
 
 ROUNDING = 2e-4
-"""Metres and logits: two orders of sums in single precision through twenty layers."""
+"""Metres and logits: different summation orders in single precision through twenty layers."""
 IN_EIGHT_BITS = 0.02
-"""Metres, the median of the joints: rounding every value to eight bits moves a joint by millimetres."""
+"""Median metres: rounding all values to 8 bits moves a joint by millimetres."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def dataset(tmp_path_factory) -> Dataset:
 
 
 def outputs(network, batch) -> list[np.ndarray]:
-    """Joints, spread, facing and parts in a batch by a network, or by an exported file."""
+    """Returns joints, spread, facing and parts of a batch, by a network or by an exported file."""
     told = np.stack([np.zeros_like(batch.cell), np.zeros_like(batch.cell), batch.cell], 1)
     if not isinstance(network, PoseNetwork):
         return PoseEstimator(network)._session.run(None, {"image": batch.image, "told": told})
@@ -55,7 +55,7 @@ def test_an_exported_network_comes_back(dataset, tmp_path):
 
 
 def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
-    """Its joints are as before; a step from it costs less than one from weights drawn at random."""
+    """Its joints are unchanged; a training step changes the loss less than one from random weights."""
     batch = dataset.batch(np.arange(24))
     network = restored(ESTIMATOR, dataset, 0)
     apart = np.linalg.norm(outputs(network, batch)[0] - outputs(ESTIMATOR, batch)[0], axis=2)

@@ -18,7 +18,7 @@ from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import _CLUTTER, training_sample
 
 STEPS, FARTHEST = 1500, 6.0
-"""Samples along a ray, and how far they reach."""
+"""Number of samples along a ray, and their maximum distance in metres."""
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 SEEDS = st.integers(0, 100_000)
 
@@ -35,7 +35,7 @@ def random_solid(dice) -> ClutterSolid:
 
 
 def holds(solid: ClutterSolid, points: np.ndarray) -> np.ndarray:
-    """Which of the (..., 3) points are inside."""
+    """Returns which of the (..., 3) points are inside."""
     local = (points - solid.centre) @ solid.turn / solid.half
     return (np.linalg.norm(local, axis=-1) if solid.round else np.abs(local).max(-1)) <= 1.0
 
@@ -43,7 +43,7 @@ def holds(solid: ClutterSolid, points: np.ndarray) -> np.ndarray:
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
 def test_a_ray_enters_where_its_first_point_inside_is(seed):
-    """Rays that meet less than a step of it aside."""
+    """Tested on rays that enter less than one step before the first sample inside."""
     dice = np.random.default_rng(seed)
     solid, eye = random_solid(dice), dice.normal(size=3)
     eye *= dice.uniform(2.5, 3.5) / np.linalg.norm(eye)
@@ -60,8 +60,8 @@ def test_a_ray_enters_where_its_first_point_inside_is(seed):
 
 @given(SEEDS, st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
-    """Rays that are level with faces, and some that start beside them."""
+def test_axis_aligned_rays_hit_solids_in_front_only(seed, is_round):
+    """Tests rays that are level with faces, and rays that start next to objects."""
     dice = np.random.default_rng(seed)
     half, beside = dice.uniform(0.1, 1.0, 3), dice.uniform(-1.5, 1.5, 2)
     solid = ClutterSolid(np.array([0.0, 0.0, 3.0]), half, np.eye(3), is_round)
@@ -78,8 +78,8 @@ def test_a_ray_along_an_axis_meets_what_is_before_it(seed, is_round):
 
 @given(SEEDS, st.floats(-3, 3), st.floats(-5, 1))
 @settings(max_examples=200, deadline=None)
-def test_a_thing_stands_at_its_place(seed, x, z):
-    """Within one and a half metres, the middle of every part above the floor."""
+def test_clutter_is_near_its_position(seed, x, z):
+    """The centre of every part is above the floor and within 1.5 m."""
     made = random_clutter(np.array([x, z]), np.random.default_rng(seed))
     assert made
     for solid in made:
@@ -90,8 +90,8 @@ def test_a_thing_stands_at_its_place(seed, x, z):
         np.testing.assert_allclose(solid.turn @ solid.turn.T, np.eye(3), atol=1e-12)
 
 
-def test_a_thing_stands_on_the_floor():
-    """Something of it touches it, or nearly; turned parts may stand a little in it."""
+def test_clutter_stands_on_the_floor():
+    """It touches the floor or nearly does; rotated parts may penetrate it slightly."""
     for seed in range(100):
         made = random_clutter(np.zeros(2), np.random.default_rng(seed))
         lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in made)
@@ -113,7 +113,7 @@ def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
+def test_clutter_picture_contains_no_person(studio, seed):
     made = studio.render_clutter(np.random.default_rng(seed))
     assert np.count_nonzero(made.z) >= 60
     assert made.figure is None
@@ -123,7 +123,7 @@ def test_the_picture_of_a_thing_is_of_nobody(studio, seed):
 
 
 def test_the_same_dice_take_the_same_picture(studio):
-    """Whatever the studio took pictures of before."""
+    """Independent of the pictures that were rendered before."""
     for seed in range(5):
         one, other = (each.render_clutter(np.random.default_rng(seed)) for each in (studio, PersonRenderer()))
         assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
@@ -135,7 +135,7 @@ def lessons(studio):
     return [training_sample(studio, dice, 0.5) for _ in range(150)]
 
 
-def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
+def test_clutter_lessons_have_no_person_labels(lessons):
     about = [made for made in lessons if np.isnan(made.facing)]
     assert about
     for made in about:
@@ -144,12 +144,12 @@ def test_a_lesson_about_a_thing_says_nothing_of_a_person(lessons):
         assert made.image[0].any() and np.isfinite(made.image).all() and made.cell > 0
 
 
-def test_a_lesson_about_somebody_says_where_they_are(lessons):
+def test_person_lessons_have_joint_labels(lessons):
     for made in lessons:
         if np.isfinite(made.facing):
             assert np.ptp(made.joints, axis=0).max() > 0.1
 
 
-def test_so_many_lessons_are_about_things(lessons):
+def test_fraction_of_clutter_lessons_is_as_configured(lessons):
     share = np.mean([np.isnan(made.facing) for made in lessons])
     assert 0.4 * _CLUTTER < share < 1.8 * _CLUTTER

@@ -24,7 +24,7 @@ def refused(*words) -> str:
 
 @pytest.fixture
 def without_torch(monkeypatch):
-    """As where PyTorch is not installed, whether it is or not."""
+    """Simulates an environment without PyTorch."""
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("network", "training"):
         monkeypatch.delitem(sys.modules, f"enliven_synthesis.training.pose_network.{name}", raising=False)
@@ -45,7 +45,7 @@ def test_another_kind_of_file_is_refused(tmp_path, name):
     assert not (tmp_path / name).exists()
 
 
-def test_without_torch_it_is_said_what_to_install(tmp_path, without_torch):
+def test_missing_torch_is_reported_with_the_install_command(tmp_path, without_torch):
     said = refused("-o", tmp_path / "made.onnx")
     assert "torch" in said and 'pip install "enliven-synthesis[training]"' in said
     assert not list(tmp_path.iterdir())

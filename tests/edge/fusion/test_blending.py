@@ -1,4 +1,4 @@
-"""The compiled mean of several sensors' words, and its slow twin."""
+"""Tests of the compiled mean of several sensors' data against a slow reference."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -19,7 +19,7 @@ LATERAL = np.arange(20) != OTHER_SIDE
 
 
 def slow_blend(x, w, predicted, known, before, d, share):
-    """One joint at a time, in words."""
+    """Blends one joint at a time in plain Python."""
     count, joints, _ = x.shape
     out = np.empty(predicted.shape)
     d, before = d.copy(), before.copy()
@@ -48,7 +48,7 @@ def slow_blend(x, w, predicted, known, before, d, share):
 
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 4), st.booleans(), st.floats(0, 1), st.sampled_from([3, 4]))
-def test_blend_is_its_slow_twin(seed, count, known, share, width):
+def test_blend_matches_the_slow_reference(seed, count, known, share, width):
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(count, 20, width)), random.normal(size=(20, width))
     w = random.uniform(size=(count, 20)) * (random.uniform(size=(count, 20)) > 0.3)
@@ -63,7 +63,7 @@ def test_blend_is_its_slow_twin(seed, count, known, share, width):
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000), st.integers(2, 4))
 def test_joints_do_not_jump_when_weights_change(seed, count):
-    """Sensors that stand still and contradict each other: whatever their weights do, the joint stays put."""
+    """Sensors stand still and contradict each other: weight changes must not move the joint."""
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(count, 20, 3)), np.zeros((20, 3))
     before, d = np.zeros((count, 20), bool), np.zeros((count, 20, 3))
@@ -73,7 +73,7 @@ def test_joints_do_not_jump_when_weights_change(seed, count):
         w[0, (w.sum(0) == 0)] = 0.5
         blend(x, w, predicted if last is None else last, last is not None, before, d, 0.05, out)
         if last is not None:
-            # Of the sensors' contradictions at most the low-pass's share shows at once.
+            # At most the low-pass filter's share of the sensors' contradiction shows at once.
             assert np.abs(out - last).max() < 0.05 * 2 * np.abs(x).max() + 1e-9
         last = out.copy()
 
@@ -93,7 +93,7 @@ def test_steady_weights_give_the_weighted_mean_without_lag(seed):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_outliers_are_doubted_as_their_slow_twin_says(seed):
+def test_outlier_weights_match_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     x, predicted = random.normal(size=(3, 20, 3)), random.normal(size=(20, 3))
     w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.3)
@@ -107,7 +107,7 @@ def test_outliers_are_doubted_as_their_slow_twin_says(seed):
     assert np.allclose(w, expected)
 
 
-def test_distances_and_sides_are_their_slow_twins():
+def test_distances_and_sides_match_the_slow_reference():
     random = np.random.default_rng(1)
     a, b = random.normal(size=(3, 20, 3)), random.normal(size=(2, 20, 3))
     sa, sb = random.uniform(size=(3, 20)), random.uniform(size=(2, 20))
@@ -126,7 +126,7 @@ def test_distances_and_sides_are_their_slow_twins():
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_confidence_is_its_slow_twin(seed):
+def test_confidence_matches_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     x, joints = 0.1 * random.normal(size=(3, 20, 3)), 0.1 * random.normal(size=(20, 3))
     w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.4)
@@ -144,7 +144,7 @@ def test_confidence_is_its_slow_twin(seed):
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 10_000))
-def test_bones_are_measured_as_their_slow_twin_does(seed):
+def test_bone_lengths_match_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     joints, bones = random.uniform(size=(20, 3)), random.integers(0, 20, (2, 2))
     shortest, longest = random.uniform(0, 0.5, 2), random.uniform(0.4, 1.2, 2)

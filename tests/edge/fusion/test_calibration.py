@@ -23,7 +23,7 @@ SHORT = np.arange(0.0, 8.0, 1 / 20)
 
 
 def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
-    """One stream a sensor; each sensor's frames fall elsewhere in time."""
+    """Returns one stream per sensor; their frames have different times."""
     clocks = clocks or [10.0] * len(places)
     return [
         stream_of(name, told(walkers, place, times + 0.011 * i, clock=clock, sensor=name, seed=i, **more))
@@ -33,18 +33,18 @@ def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
 
 @cache
 def seen_by_both(walker_shape=(8.0, 1.6, 1.2)):
-    """Two streams of a short walk, without error, for tests that change them."""
+    """Returns two error-free streams of a short walk, for tests that modify them."""
     return streams([Walker(WalkPath(*walker_shape))], [A, B], SHORT, [10.0, 13.0])
 
 
 @cache
 def b_of_both():
-    """(4, 4) where the second of them stands."""
+    """Returns the (4, 4) pose of the second sensor."""
     return calibrate(seen_by_both()).world_from_sensor["b"]
 
 
 def errors(calibration, places, names="abcdef"):
-    """Metres and degrees of each sensor's placement, relative to the first."""
+    """Returns the error of each sensor's pose relative to the first, in metres and degrees."""
     found = []
     for name, place in zip(names, places, strict=False):
         true = inverse(places[0]) @ place
@@ -54,7 +54,7 @@ def errors(calibration, places, names="abcdef"):
 
 
 def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
-    """The stream as a sensor would tell it that stands elsewhere."""
+    """Returns the stream as a sensor at another position would report it."""
     tracks = tuple(dataclasses.replace(t, joints=moved(transform, t.joints)) for t in stream.tracks)
     return dataclasses.replace(stream, tracks=tracks)
 
@@ -121,7 +121,7 @@ def test_person_matching_is_independent_of_ids_and_order(order):
 
 
 def test_a_back_with_sides_exchanged():
-    """A sensor opposite the first one that calls left right, always or now and then."""
+    """A sensor opposite the first one swaps left and right, always or sometimes."""
     opposite = stand(0.0, -5.0, 180.0)
     for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
         a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
@@ -133,7 +133,7 @@ def test_a_back_with_sides_exchanged():
 
 
 def test_joints_that_lie_do_not_matter():
-    """One hand of the second sensor hangs somewhere else for the whole walk, with full confidence."""
+    """One hand of the second sensor is wrong for the whole walk, with full confidence."""
     a, b = streams([Walker()], [A, B])
     track = b.tracks[0]
     joints = track.joints.copy()
@@ -142,12 +142,12 @@ def test_joints_that_lie_do_not_matter():
     assert errors(calibrate([a, b]), [A, B])[1] == pytest.approx([0, 0], abs=0.01)
 
 
-def test_a_straight_line_is_not_enough_and_says_where_to_go():
+def test_straight_walk_is_not_enough_and_gives_advice():
     made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
     assert not made.good
     assert made.pairs[0].quality.verdict is Verdict.WALK_ON
     assert "walk on, to the " in made.advice[0] and "of sensor b" in made.advice[0]
-    # Sensor b sees the line walked in depth only; there is no data to its sides yet.
+    # Sensor b sees the line walked in depth only; there are no data to its left or right yet.
     assert made.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
     assert made.pairs[0].quality.breadth < 0.1
 
@@ -157,8 +157,8 @@ def test_a_short_look_is_not_enough():
     assert not made.good
 
 
-def test_different_people_are_not_one():
-    """Each sensor sees another person on another way: no silent result."""
+def test_different_people_fail_calibration():
+    """Each sensor sees another person on another path: calibration must fail with an error."""
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
     other = Walker(WalkPath(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
     b = stream_of("b", told([other], B, TIMES, sensor="b", noise=0.01))
@@ -202,7 +202,7 @@ def test_one_sensor_or_one_name_twice_is_refused():
         calibrate([a, dataclasses.replace(b, sensor="a")])
 
 
-def test_nobody_in_view_says_so():
+def test_sensor_that_saw_nobody_is_reported():
     a, _ = seen_by_both()
     made = calibrate([a, stream_of("b", [])])
     assert made.pairs[0].fit is None and not made.good
@@ -211,7 +211,7 @@ def test_nobody_in_view_says_so():
 
 
 def test_a_slow_sensor_is_placed_too():
-    """Five frames a second against thirty."""
+    """Five frames per second against thirty."""
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
     b = stream_of("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
     made = calibrate([a, b])

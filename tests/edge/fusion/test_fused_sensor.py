@@ -1,4 +1,4 @@
-"""Several sensors as one, with threads: recordings side by side, live clocks, and sensors that fail."""
+"""Tests of several sensors as one, with threads: recordings in parallel, live clocks, failing sensors."""
 
 import contextlib
 import time
@@ -29,11 +29,11 @@ SPACE = Space({"a": Place(rows(A)), "b": Place(rows(B), None, -7_000_000_000)})
 
 
 class Reel:
-    """Body frames from memory: as a recording that waits, or live, each at its time.
+    """Body frames from memory: like a recording that waits, or live, each at its time.
 
     Args:
-        live: frames come at this many times their pace; None for a recording.
-        breaks: fails after so many frames.
+        live: speed factor at which frames arrive; None for a recording.
+        breaks: number of frames after which the sensor fails.
     """
 
     def __init__(self, name, frames, live=None, breaks=None):
@@ -72,7 +72,7 @@ def seen(walker=None, times=TIMES):
 
 
 def watched(reels, space=SPACE):
-    """Everything that comes out, and the sensor."""
+    """Returns all frames of the fused sensor, and the sensor."""
     frames = []
     with FusedSensors(reels, {name: Tracker() for name in reels}, space) as sensor:
         while (frame := sensor.read(PATIENCE)) is not None:
@@ -82,7 +82,7 @@ def watched(reels, space=SPACE):
 
 
 def test_recordings_run_side_by_side_whatever_their_threads_do():
-    """As the same streams merged without threads, frame by frame, bit by bit."""
+    """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()
     frames, sensor = watched({name: Reel(name, told) for name, told in streams.items()})
     expected = list(fused(streams, SPACE, Fuser(eyes(SPACE))))
@@ -102,7 +102,7 @@ def test_fused_body_is_at_the_persons_position():
         assert frame.read_ns > 0
 
 
-def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
+def test_unplugged_sensor_is_reported_and_the_other_continues():
     streams = seen()
     frames, sensor = watched({"a": Reel("a", streams["a"], breaks=30), "b": Reel("b", streams["b"])})
     assert sensor.states == {"a": SensorState.LOST, "b": SensorState.ENDED}
@@ -113,7 +113,7 @@ def test_a_sensor_that_is_unplugged_is_told_of_and_the_other_goes_on():
     assert any(ail.kind == HealthKind.NO_FRAMES for ail in sensor.health_states)
 
 
-def test_when_all_are_lost_it_is_an_error():
+def test_losing_all_sensors_is_an_error():
     streams = seen()
     reels = {name: Reel(name, told, breaks=5) for name, told in streams.items()}
     with pytest.raises(ResourceError, match=r"every sensor was lost.*unplugged"):
@@ -121,7 +121,7 @@ def test_when_all_are_lost_it_is_an_error():
 
 
 def test_live_sensors_do_not_wait_for_a_silent_one():
-    """Sensor a has a second's worth of frames and then says nothing; b is read on in its own time."""
+    """Sensor a delivers a second of frames and then nothing; b continues at its own pace."""
     streams = seen()
 
     class Mute(Reel):
@@ -144,8 +144,8 @@ def test_live_sensors_do_not_wait_for_a_silent_one():
     assert SensorState.SILENT in states
 
 
-def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
-    """The file says 7 s; since then sensor b was plugged in again, and counts from 1000 s."""
+def test_restarted_live_clock_is_aligned_by_arrival(caplog):
+    """The file states an offset of 7 s. Then sensor b was reconnected, and counts from 1000 s."""
     walker = Walker()
     streams = seen(walker)
     late = [BodyFrame(f.bodies, f.time_ns + 1000 * 10**9, "b") for f in streams["b"]]
@@ -156,7 +156,7 @@ def test_a_live_sensor_whose_clock_began_anew_is_set_by_arrival(caplog):
 
 
 def test_clocks_that_drift_are_kept_together():
-    """A day at 40 ppm, 3.5 s; latencies of 20 and 50 ms, and now and then much more."""
+    """A day at 40 ppm is 3.5 s; latencies are 20 and 50 ms, and occasionally far longer."""
     random, clocks = np.random.default_rng(0), ArrivalClocks()
     for hour in np.linspace(0, 24, 40):
         for moment in np.arange(0, 25, 0.1) + 3600 * hour:
@@ -168,7 +168,7 @@ def test_clocks_that_drift_are_kept_together():
             assert abs(clocks.shift("b") * 1e-9 + 3600 * hour * 4e-5) < 0.008
 
 
-def test_a_read_that_waits_too_long_says_so():
+def test_read_timeout_is_reported():
     streams = seen()
     reels = {name: Reel(name, told, live=0.001) for name, told in streams.items()}
     with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
@@ -190,7 +190,7 @@ def test_a_collector_keeps_everything_and_stops_in_time():
     assert alike(track.joints[10], streams["a"][10].bodies[0].joints)
 
 
-def test_a_collector_that_fails_says_why():
+def test_failed_collector_gives_the_reason():
     collector = Collector("a", Reel("a", seen()["a"], breaks=4), Tracker())
     collector.start()
     collector.stop()
@@ -199,6 +199,6 @@ def test_a_collector_that_fails_says_why():
 
 @pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])
 def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
-    """A height guessed from people would differ from the one that the placements were calibrated with."""
+    """A height estimated from people would differ from the one used in calibration."""
     made = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
     assert made.scene.height == kept

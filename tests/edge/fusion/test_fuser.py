@@ -1,4 +1,4 @@
-"""The laws of fusing the bodies of several sensors, also when a sensor is wrong."""
+"""Tests of fusing the bodies of several sensors, also if a sensor is wrong."""
 
 import dataclasses
 
@@ -52,7 +52,7 @@ def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
 
 
 def last(outcome):
-    """Returns the fused bodies at the end, and the fuser."""
+    """Returns the last fused bodies, and the fuser."""
     *_, (_, bodies, fuser) = outcome
     return bodies, fuser
 
@@ -92,8 +92,8 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
         assert min(np.abs(one.joints - two.joints).max() for two in other) < 1e-9
 
 
-def test_bodies_of_different_moments_are_brought_to_one():
-    """Two sensors take their frames at different times; a person passes at 2 m/s."""
+def test_bodies_of_different_times_are_aligned():
+    """Two sensors expose at different times; a person passes at 2 m/s."""
     fuser = Fuser({n: EYES[n] for n in "ab"})
     worst = 0.0
     for n in range(60):
@@ -125,7 +125,7 @@ def test_contradiction_lowers_confidence():
 
 
 def test_handing_over_makes_no_jump_and_ends_where_the_other_sees():
-    """Two sensors differ by 6 cm; one of them does not see the person from 1 s to 2.5 s."""
+    """Two sensors differ by 6 cm; one of them loses the person from 1 s to 2.5 s."""
 
     def told(name, time):
         if name == "b":
@@ -152,7 +152,7 @@ def test_one_joint_lost_makes_no_jump():
 
 
 def test_a_hand_that_one_sensor_throws_away_stays():
-    """One sensor has a hand 60 cm off with full confidence; the place a moment ago decides against it."""
+    """One sensor reports a hand 60 cm off with full confidence; the previous position decides against it."""
 
     def told(name, time):
         joints = STANDING.copy()
@@ -186,8 +186,8 @@ def test_left_right_swap_is_corrected_by_majority():
             assert np.abs(bodies[0].joints - walker.joints(time)).max() < 1e-6
 
 
-def test_the_walk_decides_between_two_who_are_at_odds():
-    """Sensor a exchanges left and right from the start; the person walks forward, so b is believed."""
+def test_walking_direction_decides_between_swapped_sides():
+    """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
     made, _ = last(
         run(lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
@@ -195,7 +195,7 @@ def test_the_walk_decides_between_two_who_are_at_odds():
     assert np.abs(made[0].joints - walker.joints(6.0 - STEP)).max() < 0.02
 
 
-def test_when_all_say_so_for_long_the_sides_are_exchanged():
+def test_lasting_agreement_of_all_sensors_swaps_the_sides():
     walker = Walker()
     wrong = [
         np.abs(b[0].joints - walker.joints(t)).max() > 0.05
@@ -208,7 +208,7 @@ def test_when_all_say_so_for_long_the_sides_are_exchanged():
 
 
 def test_identities_hold_through_a_crossing_in_which_one_sensor_swaps_them():
-    """Two people pass each other 40 cm apart; at that moment sensor a exchanges their ids for good."""
+    """Two people pass each other 40 cm apart; at that moment sensor a swaps their ids for good."""
     swapped_at = 2.0
 
     def where(time):
@@ -255,7 +255,7 @@ def test_person_back_soon_keeps_identity():
 
 
 def test_person_back_late_gets_the_sensors_identity():
-    """A person back elsewhere after 10 s is the same with the tracker's old id, and new with another."""
+    """A person who returns elsewhere after 10 s keeps the identity only if the tracker's id is unchanged."""
     for number, expected in ((1, {1}), (5, {1, 2})):
 
         def told(name, time, number=number):
@@ -266,7 +266,7 @@ def test_person_back_late_gets_the_sensors_identity():
         assert {b.id for _, bodies, _ in run(told, 12.0) for b in bodies} == expected
 
 
-def test_a_heap_of_joints_is_nobody():
+def test_implausible_joints_are_not_a_person():
     heap = STANDING.copy()
     heap[3] += [0, -0.7, 1.1]
 
@@ -276,7 +276,7 @@ def test_a_heap_of_joints_is_nobody():
     assert {b.id for _, bodies, _ in run(told, 2.0) for b in bodies} == {1}
 
 
-def test_half_a_body_beside_a_whole_one_is_nobody():
+def test_half_a_body_next_to_a_whole_one_is_not_a_person():
     """Sensor a detects the legs as a second person; sensor b, which covers the same area, sees one person."""
     half = STANDING * [1.0, 0.6, 1.0] + [0.1, 0.0, 0.1]
 
@@ -299,7 +299,7 @@ def test_two_who_stand_close_and_hide_each_other_stay_two():
     assert counts == [[1, 2]] * len(counts)
 
 
-def test_a_sensor_that_dies_is_told_of_and_missed_by_nobody():
+def test_silent_sensor_is_reported_and_bodies_continue():
     def told(name, time):
         return None if name == "a" and time >= 1.0 else [body(STANDING, 3)]
 
@@ -347,8 +347,8 @@ def test_frames_out_of_order_are_left_out():
     assert np.allclose(fuser.views[0].sightings[1].body.joints, STANDING)
 
 
-def test_a_sensor_that_was_moved_is_told_of():
-    """Of three sensors the one that was moved is found, and people stay where the other two see them."""
+def test_moved_sensor_is_reported():
+    """The moved one of three sensors is identified, and people stay where the other two see them."""
 
     def told(name, time):
         return [body(shifted(0.35 * (name == "c" and time > 1.0), 0, 0))]
@@ -358,7 +358,7 @@ def test_a_sensor_that_was_moved_is_told_of():
     assert np.abs(bodies[0].joints - STANDING).max() < 0.02
 
 
-def test_a_sensor_that_ended_says_so():
+def test_ended_sensor_is_reported_as_lost():
     fuser = Fuser({n: EYES[n] for n in "ab"})
     last(run(lambda n, t: [body(STANDING)], 1.0, fuser=fuser))
     fuser.end("a", SensorState.LOST, ns(1.0))
@@ -394,7 +394,7 @@ def test_an_orientation_that_one_sensor_has_is_kept():
     assert made.stature == pytest.approx(1.8)
 
 
-def test_exchanging_twice_is_nothing_and_once_turns_the_front():
+def test_swapping_sides_twice_is_identity_and_once_turns_the_front():
     turns = from_rotation_vector(np.random.default_rng(2).normal(size=(20, 3)))
     whole = body(STANDING, orientations=turns, contacts=np.array([0.2, 0.9]))
     once, twice = exchanged(whole), exchanged(exchanged(whole))
@@ -405,7 +405,7 @@ def test_exchanging_twice_is_nothing_and_once_turns_the_front():
 
 
 def test_many_people_before_two_sensors_keep_apart():
-    """Six people on a grid keep six identities for ten seconds, with noise and ids in different orders."""
+    """Six people on a grid keep six identities for ten seconds, with noise and different id orders."""
     random = np.random.default_rng(0)
     spots = [np.array([x, 0.0, z]) for x in (-1.0, 0.0, 1.0) for z in (0.0, -0.9)]
 
@@ -418,7 +418,7 @@ def test_many_people_before_two_sensors_keep_apart():
             assert [b.id for b in bodies] == [1, 2, 3, 4, 5, 6]
 
 
-def test_after_the_warm_up_nothing_is_left_to_compile():
+def test_warm_up_leaves_no_kernel_to_compile():
     assert plausible(body(standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
@@ -428,7 +428,7 @@ def test_after_the_warm_up_nothing_is_left_to_compile():
     assert [len(kernel.signatures) for kernel in kernels] == before
 
 
-def test_settings_have_their_say():
+def test_sure_after_setting_delays_new_bodies():
     quick = FusionSettings(sure_after=1)
     fuser = Fuser({"a": EYES["a"]}, quick)
     fuser.update("a", [body(STANDING)], 0)

@@ -1,4 +1,4 @@
-"""The normal equations of two sensors' places: sums of products are what the plain Jacobian gives."""
+"""Tests that the normal equations of two sensors' poses equal those of the plain Jacobian."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -8,7 +8,7 @@ from enliven_edge.fusion.calibration.refinement import normal_equations
 
 
 def jacobian_of(arm: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """(3, 7) how one placed joint moves by turn, shift and lag."""
+    """Returns the (3, 7) derivative of a joint by rotation, translation and lag."""
     x, y, z = arm
     turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     return np.concatenate([turned, np.eye(3), -velocity[:, None]], 1)
@@ -16,7 +16,7 @@ def jacobian_of(arm: np.ndarray, velocity: np.ndarray) -> np.ndarray:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1))
-def test_they_are_those_of_the_slow_twin(frames, seed):
+def test_normal_equations_match_the_slow_reference(frames, seed):
     dice = np.random.default_rng(seed)
     arm, velocity, error = dice.normal(size=(3, frames, 20, 3))
     weights = dice.random((frames, 20)) * (dice.random((frames, 20)) < 0.7)

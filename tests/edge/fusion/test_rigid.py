@@ -38,7 +38,7 @@ def test_an_upright_turn_is_found_by_the_upright_fit(angle, shift, seed):
 
 
 def test_no_other_transform_is_better():
-    """Least squares: whatever is tried near the answer, with noise, costs more."""
+    """Least squares: with noise, every other transform near the answer costs more."""
     random = np.random.default_rng(3)
     source, weights = points(1), random.uniform(0.1, 1, 12)
     target = moved(rigid(turn(np.array([0.3, 0.2, -0.5])), np.ones(3)), source) + 0.05 * points(2)

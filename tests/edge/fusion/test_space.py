@@ -1,4 +1,4 @@
-"""The file that says where the sensors stand."""
+"""Tests of the file with the sensors' poses."""
 
 import os
 
@@ -39,7 +39,7 @@ def test_a_folder_that_cannot_be_written(tmp_path):
         save_space(tmp_path / "space.toml", SPACE, [])
 
 
-def test_a_write_that_fails_leaves_the_file_as_it_was(tmp_path, monkeypatch):
+def test_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "space.toml"
     save_space(path, SPACE, [])
     before = path.read_bytes()
@@ -72,6 +72,6 @@ def test_a_wrong_file_is_refused(tmp_path, text, message):
         load_space(path)
 
 
-def test_a_missing_file_says_how_to_make_it(tmp_path):
+def test_missing_space_file_names_the_calibrate_command(tmp_path):
     with pytest.raises(InputError, match="enliven calibrate"):
         load_space(tmp_path / "space.toml")

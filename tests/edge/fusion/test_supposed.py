@@ -4,7 +4,7 @@ import numpy as np
 from test_fuser import STANDING, body, run, shifted
 
 WALK = 0.25
-"""Metres a second: what a covered sensor supposes stays behind."""
+"""Walking speed in metres per second: the prediction of an occluded sensor stays behind."""
 COVERED = (1.0, 4.0)
 
 
@@ -23,16 +23,16 @@ def test_predicted_body_keeps_its_identity():
     assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05
 
 
-def test_the_way_back_from_where_somebody_was_supposed_is_no_motion():
-    """The first frame after the cover has no motion at 20 m/s, and no new person."""
+def test_return_from_a_predicted_position_has_no_velocity():
+    """The first frame after the occlusion shows no motion at 20 m/s and no new person."""
     *_, (_, _, fuser) = run(supposing, COVERED[1] + 0.02)
     sighting = fuser.views[0].sightings[1]
     assert np.array_equal(sighting.velocity, np.zeros((20, 3)))
     assert sighting.person == 1
 
 
-def test_whom_nobody_sees_is_still_supposed():
-    """Both sensors are covered: the known person is reported without confidence."""
+def test_person_hidden_from_all_sensors_is_still_predicted():
+    """Both sensors are covered: the known person is still predicted, without confidence."""
 
     def told(name, time):
         return [body(STANDING, 1, sure=1.0 if time < 1.0 else 0.0)]

@@ -1,4 +1,4 @@
-"""One space before two depth cameras that do not know where they stand: rendered, with its truth."""
+"""Renders one space with two depth cameras at unknown poses, with ground truth."""
 
 import dataclasses
 
@@ -43,12 +43,12 @@ class View:
         self.ensemble.sensor = name
 
     def frame(self, index: int) -> DepthFrame:
-        """A frame on the sensor's own clock."""
+        """Returns a frame with the sensor's own timestamp."""
         frame, _ = self.ensemble.frame(index)
         return dataclasses.replace(frame, time_ns=round((self.room_time(index) + CLOCKS[self.name]) * 1e9))
 
     def room_time(self, index: int) -> float:
-        """Seconds of the room at a frame."""
+        """Returns the room time of a frame in seconds."""
         return index / RATE + self._later
 
     @property
@@ -57,6 +57,6 @@ class View:
 
 
 def left_from_right_camera() -> np.ndarray:
-    """(4, 4) what a calibration is to find: right's camera in left's camera frame."""
+    """Returns the (4, 4) pose that calibration should find: right's camera in left's camera frame."""
     left, right = (View(name, ()) for name in PLACES)
     return inverse(left.world_from_camera) @ right.world_from_camera

@@ -13,13 +13,13 @@ FORWARD = np.array([0.0, 0.0, 1.0])
 
 
 def stand(x: float, z: float, degrees: float, tilt: float = 0.0) -> np.ndarray:
-    """(4, 4) world_from_sensor of a level frame at (x, z), turned about +Y (0 looks along -Z)."""
+    """Returns (4, 4) world_from_sensor of a level frame at (x, z), rotated about +Y (0 looks along -Z)."""
     yaw = turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0]))
     return rigid(yaw @ turn(np.deg2rad(tilt) * np.array([1.0, 0.0, 0.0])), np.array([x, 0.0, z]))
 
 
 class Walker:
-    """One person on a way."""
+    """One person walking along a path."""
 
     def __init__(self, way: WalkPath | None = None, height: float = 1.75, shift=(0.0, 0.0)) -> None:
         self.way, self.performer = way or WalkPath(), Performer(Proportions(height=height))
@@ -42,7 +42,9 @@ def told(
     ids=None,
     seed: int = 0,
 ) -> list[BodyFrame]:
-    """Body frames in the sensor's own frame and clock, which is ``clock`` seconds ahead of the world's."""
+    """Returns body frames in the sensor's own frame and clock, which is ``clock`` seconds ahead of the
+    world's.
+    """
     random = np.random.default_rng(seed)
     sensor_from_world = inverse(world_from_sensor)
     frames = []

@@ -1,4 +1,4 @@
-"""Helpers of this folder can be imported by its tests."""
+"""Lets tests import the helpers in this folder."""
 
 import sys
 from pathlib import Path

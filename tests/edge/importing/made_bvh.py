@@ -18,7 +18,7 @@ _ORDER = [Joint(j) for j in (*range(4), *range(4, 8), *range(12, 16), *range(8, 
 
 
 def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -> np.ndarray:
-    """(F, 20, 3) metres: what the project's performer does."""
+    """Returns the (F, 20, 3) joints of the project's performer, metres."""
     performer = Performer(Proportions(height))
     moves = choreography(name) if name == "chair" else exercise(name)
     times = np.arange(0.0, min(moves.duration, seconds), STEP)

@@ -1,4 +1,4 @@
-"""A recording of joints drives a mesh: imported, replayed, possessed, recorded, and read as a viewer does."""
+"""Tests that imported joints drive a mesh: replayed, possessed, recorded, and read by a viewer."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def performed(tmp_path_factory) -> Document:
 
 
 def play(recording: Path, performance: Path) -> None:
-    """As `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
+    """Plays a recording as `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
     actor = cast("lamp")
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with (
@@ -91,6 +91,6 @@ def test_the_shade_rises_with_the_right_hand_and_the_foot_stays(performed) -> No
     assert np.isfinite(after.linear).all()
 
 
-def test_meshes_are_held_as_they_are_made_to_be() -> None:
+def test_shipped_meshes_have_their_default_parts() -> None:
     assert parts_for("lamp") == "hip and right arm"
     assert parts_for("chair") == parts_for("horse.obj") == "all"

@@ -1,4 +1,4 @@
-"""Bags and databases that were made to harm: each is refused in a sentence, and takes no memory or time."""
+"""Tests of malicious bags and databases: each is refused with an error, without much memory or time."""
 
 import bz2
 import sqlite3

@@ -1,4 +1,4 @@
-"""The makers' own recordings: what went in through their libraries comes out, and damage is a sentence."""
+"""Tests of recordings made by the manufacturers' libraries: contents are read back, damage is an error."""
 
 import contextlib
 import importlib.util
@@ -23,14 +23,14 @@ from enliven_edge.sensors.drivers import playback
 from enliven_edge.sensors.drivers.playback import write_playback
 
 OLD_BAG = Path(__file__).parent / "librealsense-2.56.bag"
-"""Written by librealsense 2.56.5, the last that writes ROS 1: five images of a software device, packed."""
+"""Written by librealsense 2.56.5, the last version that writes ROS 1: five images of a software device."""
 CAMERA = Intrinsics(64, 48, 60.25, 61.0, 31.5, 23.25, (0.125, 0.25, 0.5, -0.125, 0.0625))
 SERIAL = "0123456789"
 IMAGES = 6
 
 
 def librealsense_writes(path: Path, packed: bool) -> None:
-    """Images of a software device through librealsense's own recorder."""
+    """Records images of a software device with librealsense's own recorder."""
     from enliven_edge.sensors.drivers.realsense_library import realsense_library
 
     rs = realsense_library()
@@ -76,7 +76,7 @@ def test_librealsense_recording_is_imported_unchanged(tmp_path, packed):
 
 
 def test_one_of_two_cameras_is_chosen_by_its_number(tmp_path):
-    """The second camera is the first once more, under the next number and with another serial number."""
+    """The second camera is a copy of the first one, with the next index and another serial number."""
     if importlib.util.find_spec("pyrealsense2") is None:
         pytest.skip('pyrealsense2 is not installed: pip install "./edge[realsense]"')
     path = tmp_path / "two.db3"
@@ -113,7 +113,9 @@ def test_a_bag_of_an_older_librealsense():
 
 @pytest.fixture(scope="module")
 def orbbec(tmp_path_factory) -> Path:
-    """A recording as Orbbec's library writes it, which reads it in tests/edge/sensors/test_contract.py."""
+    """A recording as Orbbec's library writes it; tests/edge/sensors/test_contract.py reads it with that
+    library.
+    """
     folder = tmp_path_factory.mktemp("orbbec")
     with Recorder(folder / "take.mcap") as recorder:
         for number in range(IMAGES):
@@ -139,7 +141,7 @@ def test_orbbec_recording_is_imported_unchanged(orbbec):
     [(75, struct.pack("<i", 2), 0.4), (176, struct.pack("<f", 0.25), 0.25), (3, b"\0" * 4, 1.0)],
 )
 def test_orbbecs_steps_of_depth(tmp_path, orbbec, monkeypatch, number, value, millimetres):
-    """The camera's level of precision, or its step in millimetres, is among the recorded properties."""
+    """The camera's precision level, or its step in millimetres, is among the recorded properties."""
     about = {0: struct.pack("<d", 2.0), number: value}
     frames = with_properties(tmp_path, orbbec, monkeypatch, about)
     np.testing.assert_array_equal(frames[0].depth, np.rint(depth_image(0) * np.float64(millimetres)))
@@ -171,7 +173,7 @@ def test_unsupported_orbbec_recording_is_refused(tmp_path, orbbec, monkeypatch, 
 def test_images_that_only_the_library_understands_are_refused(
     tmp_path, orbbec, monkeypatch, name, product, made, known
 ):
-    """A camera has to say that it made depth of its disparities; a Femto has none."""
+    """A camera has to state that its depth is computed from disparities; a Femto has none."""
     monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))
     about = {0: struct.pack("<d", 2.0)} | ({} if made is None else {85: struct.pack("<i", made)})
     if known:
@@ -184,7 +186,7 @@ def test_images_that_only_the_library_understands_are_refused(
 
 
 def with_properties(folder, orbbec, monkeypatch, about):
-    """The frames of a recording with other properties of the camera."""
+    """Returns the frames of a recording of a camera with other properties."""
     made = playback._Bag.write
 
     def write(bag, messages):
@@ -199,7 +201,7 @@ def with_properties(folder, orbbec, monkeypatch, about):
 
 
 def test_images_of_a_rational_lens_are_straightened():
-    """A straight image, bent by a slow twin of OpenCV's model, is straight again up to a pixel."""
+    """A straight image, distorted by a slow copy of OpenCV's model, is straight to within a pixel again."""
     camera = Intrinsics(48, 40, 40.0, 41.0, 23.5, 19.25)
     k1, k2, p1, p2, k3, k4, k5, k6 = bent = (0.3, 0.1, 0.002, -0.001, 0.01, 0.4, 0.05, 0.02)
     places = rational_places(camera, bent)
@@ -219,7 +221,7 @@ def test_images_of_a_rational_lens_are_straightened():
 
 @given(st.data())
 def test_damage_is_a_sentence_or_harmless(orbbec, tmp_path_factory, data):
-    """Cut anywhere, or with bytes changed anywhere: an InputError or frames, and nothing else."""
+    """Truncated or changed at any byte: an InputError or frames, and nothing else."""
     source = data.draw(st.sampled_from([orbbec, OLD_BAG]))
     content = bytearray(source.read_bytes())
     if data.draw(st.booleans()):
@@ -237,7 +239,7 @@ def test_damage_is_a_sentence_or_harmless(orbbec, tmp_path_factory, data):
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.97])
 @pytest.mark.parametrize("which", ["orbbec", "realsense"])
-def test_a_recording_that_is_cut_off_leaves_nothing_behind(orbbec, tmp_path, share, which):
+def test_truncated_recording_leaves_no_output(orbbec, tmp_path, share, which):
     content = (orbbec if which == "orbbec" else OLD_BAG).read_bytes()
     cut = tmp_path / "cut.bag"
     cut.write_bytes(content[: round(share * len(content))])

@@ -47,7 +47,7 @@ def folder(tmp_path):
     return made
 
 
-def test_import_says_what_it_found_and_what_it_assumed(folder, tmp_path):
+def test_import_reports_findings_and_assumptions(folder, tmp_path):
     output = run("import", folder, "-o", tmp_path / "take.mcap", "--fps", 10)
     assert "4 frames of 320x240 depth, 0.3 s, sensor kinect1 (plain-depth" in output
     assert "Note: no camera in the files" in output
@@ -66,7 +66,7 @@ def test_import_mirrors_when_asked(folder, tmp_path):
         assert np.array_equal(a.depth, b.depth[:, ::-1])
 
 
-def test_a_failed_import_leaves_nothing_behind_and_loses_nothing(folder, tmp_path):
+def test_failed_import_leaves_no_file_and_keeps_the_old_one(folder, tmp_path):
     output = tmp_path / "take.mcap"
     run("import", folder, "-o", output)
     before = output.read_bytes()
@@ -93,7 +93,7 @@ def test_a_failed_import_leaves_nothing_behind_and_loses_nothing(folder, tmp_pat
         (["{folder}", "-o", "{folder}/no/such/folder.mcap"], "there is no folder"),
     ],
 )
-def test_import_says_what_is_wrong(folder, tmp_path, words, expected):
+def test_import_errors_are_reported(folder, tmp_path, words, expected):
     words = [word.format(folder=folder, out=tmp_path / "out.mcap") for word in words]
     with pytest.raises(EnlivenError, match=expected):
         run("import", *words)

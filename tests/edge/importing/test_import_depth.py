@@ -37,7 +37,7 @@ def read(folder, **options):
 
 
 def read_with(name, folder, **options):
-    """(frames, notes) of a reader by name."""
+    """Returns (frames, notes) of the reader with a name."""
     notes: list[str] = []
     paths = find_files([str(folder)])
     frames = list(find_reader(paths, name).read(paths, ImportOptions(**options, note=notes.append)))
@@ -253,7 +253,7 @@ def test_other_packages_add_readers(monkeypatch, tmp_path):
 
 
 def spoil(path, how):
-    """Replaces a depth image by one that holds no depth."""
+    """Replaces a depth image by an image without depth."""
     if how == "empty":
         path.write_bytes(b"")
     elif how == "colour":
@@ -337,7 +337,7 @@ def test_a_d405_is_known_by_name(tmp_path):
 
 
 def tum(folder, count=4):
-    """A sequence as the TUM benchmark lays it out; a wall that comes nearer."""
+    """Writes a sequence in the layout of the TUM benchmark: an approaching wall."""
     (folder / "depth").mkdir(parents=True)
     (folder / "rgb").mkdir()
     lists = {name: ["# a comment", "# timestamp filename"] for name in ("depth", "rgb")}

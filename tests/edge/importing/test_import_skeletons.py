@@ -30,7 +30,7 @@ UPRIGHT = {
     "ANKLE_LEFT": (0.12, 0.08, 0),
     "FOOT_LEFT": (0.12, 0.03, 0.15),
 }
-"""A person who faces the sensor (along +Z of the world, left hand at +X), standing on the floor."""
+"""A standing person facing the sensor (along +Z of the world, left hand at +X)."""
 
 
 def person(across: float = 0.0, away: float = 2.5, raised: float = 0.0) -> np.ndarray:
@@ -50,7 +50,7 @@ def kinect_space(world: np.ndarray, sensor_height: float = 1.1) -> np.ndarray:
 
 
 def kinect2_joints(world: np.ndarray) -> np.ndarray:
-    """(25, 3) joints of the SDK 2 of which 20 are those of ``world``."""
+    """Returns (25, 3) joints of Kinect SDK 2; 20 of them are the joints of ``world``."""
     joints = np.zeros((25, 3))
     joints[list(KINECT2_ORDER)] = kinect_space(world)
     return joints
@@ -160,7 +160,7 @@ def test_msr_action3d(tmp_path, pixels):
 
 
 def frame_floor(world: np.ndarray) -> float:
-    """Where the floor is believed to be when the left foot was not seen."""
+    """Returns the estimated floor height of a frame in which the left foot is not visible."""
     soles = [world[Joint.FOOT_RIGHT, 1] - 0.02]
     soles += [world[j, 1] - ANKLE_ABOVE_SOLE for j in (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT)]
     return min(soles)
@@ -190,14 +190,14 @@ def test_gait(tmp_path):
     assert (frames[2].bodies[0].confidence == 1).all()
 
 
-def test_a_missing_joint_waits_where_it_was_and_pulls_nothing(tmp_path):
+def test_missing_joint_keeps_its_position_without_effect(tmp_path):
     order = [Joint.HEAD, *(joint for joint in Joint if joint != Joint.HEAD)]
     path = tmp_path / "walk.txt"
     whole = gait_text(person(), order)
     without = "".join(line + "\n" for line in whole.splitlines() if not line.startswith("Hand-Left"))
     path.write_text(whole + without + gait_text(person(0.03), order))
     frames = read(path)[1]
-    # As the edge does with every body that a sensor, or a recording, saw itself.
+    # As the edge does with every body of a sensor or a recording.
     output = Output()
     shown = [output(frame.bodies, frame.time_ns)[0] for frame in frames]
     assert np.allclose(shown[1].joints[Joint.HAND_LEFT], person()[Joint.HAND_LEFT], atol=1e-6)
@@ -250,7 +250,7 @@ def test_flow_room_sets_the_distance_by_the_stature(tmp_path):
 
 
 def scanner_text(world: np.ndarray, degrees: float) -> str:
-    """The joints in the frame of a sensor that looks down: levelling them gives the world back."""
+    """Writes the joints in the frame of a sensor that looks down; levelling restores the world joints."""
     tilted = (world - [0, 1.1, 0]) @ level_from_tilted(np.radians(degrees))
     lines = ["Joints,X,Y,Z", f"Degree,{degrees},{degrees},{degrees}"]
     lines += [name + "," + ",".join(map(str, xyz)) for name, xyz in zip(KINECT2_NAMES, tilted, strict=True)]
@@ -302,7 +302,7 @@ def test_mirroring_swaps_sides(tmp_path):
         ("wave.csv", lambda text: text.replace("\n", "\n1,2,3,\n", 1), "line 2 has 3 values"),
     ],
 )
-def test_damaged_labanotation_says_where(tmp_path, name, damage, expected):
+def test_damaged_labanotation_is_reported_with_the_place(tmp_path, name, damage, expected):
     row = labanotation_row(5, np.full((25, 1), 2))
     path = tmp_path / name
     path.write_text(damage(row * 3))
@@ -312,7 +312,7 @@ def test_damaged_labanotation_says_where(tmp_path, name, damage, expected):
     assert str(path) in str(caught.value)
 
 
-def test_other_damage_says_where(tmp_path):
+def test_damaged_skeleton_files_are_reported_with_the_place(tmp_path):
     cases = {
         "msr-action3d": (msr_rows(person(), False)[:-60], "not 80 for each frame"),
         "kinect-gait": ("Head;0;1;2\nTail;0;1;2\n", "line 2 names the joint 'Tail'"),

@@ -29,7 +29,7 @@ def read(path: Path, **options):
 
 
 LIMBS = [j for j in Joint if j not in (Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)]
-"""The joints that a capture of this making states exactly; the trunk's are put where sensors put theirs."""
+"""Joints that such a capture states exactly; the trunk's joints are moved to where sensors report them."""
 
 
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -66,13 +66,13 @@ def test_orientations_lie_along_the_bones(tmp_path) -> None:
             assert turned[joint, :, 1] @ bone == pytest.approx(-np.linalg.norm(bone), rel=1e-6)
 
 
-def test_times_may_be_told(tmp_path) -> None:
+def test_frame_rate_and_device_can_be_given(tmp_path) -> None:
     frames = read(write_bvh(tmp_path / "a.bvh", danced()), fps=50.0, device="studio")
     assert frames[1].time_ns == 20_000_000
     assert frames[0].sensor == "studio"
 
 
-def test_a_take_of_it_is_what_was_danced(tmp_path) -> None:
+def test_imported_motion_capture_equals_the_read_frames(tmp_path) -> None:
     joints = danced("chair", seconds=1.0)
     write_bvh(tmp_path / "walk.bvh", joints)
     app = typer.Typer(pretty_exceptions_enable=False)

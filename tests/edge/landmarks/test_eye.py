@@ -15,7 +15,7 @@ FRAMES = 25
 
 
 class Truth:
-    """The truth's landmarks of whatever frame is shown next."""
+    """Landmark source that returns the true landmarks of the next frame."""
 
     def __init__(self, landmarks_of) -> None:
         self.landmarks_of, self.asked = landmarks_of, 0
@@ -29,7 +29,7 @@ class Truth:
 
 
 def errors(landmarks_of, *, with_colour: bool, eye: bool) -> tuple[np.ndarray, np.ndarray, int]:
-    """(F, 20) metres and (F, 20) confidence; half of the depth below the hips is missing."""
+    """Returns (F, 20) errors, metres, and (F, 20) confidence; half of the depth below the hips is missing."""
     truth_source, away, sure = Truth(landmarks_of), [], []
     tracker = Tracker(RAW, ColourPoseEstimator(truth_source) if eye else None)
     with SyntheticSensor(choreography="walk", width=320, realtime=False) as sensor:
@@ -58,7 +58,7 @@ def test_colour_improves_joints_that_depth_hardly_shows(landmarks_of):
     assert surer[:, legs].mean() >= min(0.98, unsure[:, legs].mean())
 
 
-def test_without_a_colour_image_nothing_is_asked_and_nothing_changes(landmarks_of):
+def test_without_colour_no_landmarks_are_requested(landmarks_of):
     plain, _, _ = errors(landmarks_of, with_colour=False, eye=False)
     same, _, asked = errors(landmarks_of, with_colour=False, eye=True)
     assert asked == 0

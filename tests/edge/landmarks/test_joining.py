@@ -1,4 +1,4 @@
-"""Depth and colour joined: the laws of it."""
+"""Tests of combining depth and colour."""
 
 import dataclasses
 
@@ -24,7 +24,7 @@ seeds = st.integers(0, 1000)
 
 @given(seeds, seeds)
 @settings(max_examples=50)
-def test_colour_that_knows_nothing_changes_nothing(a, b):
+def test_colour_without_confidence_changes_nothing(a, b):
     depth, colour = body(a), dataclasses.replace(body(b, spread=1.0), confidence=np.zeros(20))
     made = join(depth, colour)
     np.testing.assert_array_equal(made.joints, depth.joints)
@@ -62,7 +62,7 @@ def test_contradicting_sources_give_surer_one_with_less_confidence():
     assert by_depth.confidence.max() < 0.9 and by_colour.confidence.max() < 0.9
 
 
-def test_people_are_joined_with_themselves_and_nobody_is_added():
+def test_depth_and_colour_people_are_merged_without_new_ones():
     ada, bob = body(0, 1), dataclasses.replace(body(1, 2), joints=body(1).joints + 2.0 * ASIDE)
     for each in (ada, bob):
         each.confidence[[Joint.HIP_CENTER, Joint.HEAD]] = 0.8

@@ -1,4 +1,4 @@
-"""Landmarks lifted by depth, or by a height alone; the landmarks are the truth's, the depth a sensor's."""
+"""Tests of lifting landmarks by depth, or by height alone; landmarks are true, depth is a sensor's."""
 
 import dataclasses
 
@@ -30,7 +30,7 @@ def test_a_joint_s_shares_of_the_landmarks_are_one():
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
 @pytest.mark.parametrize("scale", [0.8, 1.0, 1.25])
-def test_joints_are_where_they_truly_are_whatever_size_the_source_believes(landmarks_of, choreography, scale):
+def test_lifted_joints_are_correct_for_any_source_scale(landmarks_of, choreography, scale):
     lifter = Lifter()
     for frame, truth in seen(choreography):
         found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, scale)
@@ -43,8 +43,8 @@ def test_joints_are_where_they_truly_are_whatever_size_the_source_believes(landm
         assert body.confidence.mean() > 0.7
 
 
-def test_something_before_a_limb_does_not_carry_it_away(landmarks_of):
-    """A board before the left hand: the hand stays with the body, and is not sure."""
+def test_occluder_does_not_carry_a_limb_away(landmarks_of):
+    """A board is in front of the left hand: the hand stays with the body, with low confidence."""
     for frame, truth in seen("idle", 1):
         found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
         found = dataclasses.replace(found, points=2 * found.points + 0.5)

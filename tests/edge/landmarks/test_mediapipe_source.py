@@ -1,4 +1,4 @@
-"""MediaPipe in its process: what is said where it cannot run; with it, see tests/real."""
+"""Tests of MediaPipe in its own process: errors if it cannot run. See tests/real for tests with it."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ def test_missing_mediapipe_is_reported_with_a_fix():
         MediaPipeSource()
 
 
-def test_a_mediapipe_without_a_model_is_told_where_it_goes(tmp_path, monkeypatch):
+def test_missing_mediapipe_model_is_reported_with_its_path(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "mediapipe").mkdir()

@@ -19,7 +19,7 @@ LIMBS = {
     "lower left": (-0.6, -0.8, 0.0),
     "front": (0.0, 0.0, 1.0),
 }
-"""By name, as somebody sees them who looks along -Z."""
+"""Limb directions by name, as seen by a viewer looking along -Z."""
 
 
 LEG = (("HIP", 0.05, 0.0), ("KNEE", 0.5, 0.0), ("ANKLE", 0.92, 0.0), ("FOOT", 0.98, 0.15))
@@ -27,7 +27,7 @@ LEG = (("HIP", 0.05, 0.0), ("KNEE", 0.5, 0.0), ("ANKLE", 0.92, 0.0), ("FOOT", 0.
 
 
 def star() -> Shape:
-    """A middle with limbs of two bones, a thin pyramid of mesh along each bone."""
+    """Returns a rig with a centre and limbs of two bones, with a thin pyramid of mesh along each bone."""
     names, parents, points = ["middle"], [-1], [np.array([0.0, 1.0, 0.0])]
     vertices, faces, owners = [], [], []
     for name, direction in LIMBS.items():

@@ -1,4 +1,4 @@
-"""A rigged character on the stage: chosen from by posing, driven by moving."""
+"""Tests of a rigged character on the stage: chosen by posing, driven by moving."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Show:
 
     @property
     def shown(self) -> list[str]:
-        """The limbs that each limb of the performer means."""
+        """Returns the limbs that are assigned to each limb of the performer."""
         return [self.names[b.chain[1]][:-2] for b in self.actor.chooser.pick.match.pairs if b is not None]
 
     def limb(self, name: str) -> np.ndarray:
@@ -56,7 +56,7 @@ class Show:
         return joints[self.names.index(f"{name} 2")] - joints[0]
 
     def last_bone(self, name: str) -> np.ndarray:
-        """(3,) the direction of a limb's second bone, which has all of the arm's turn."""
+        """Returns the (3,) direction of a limb's second bone, which has the arm's whole rotation."""
         joints = self.actor.live_shape.joints
         bone = joints[self.names.index(f"{name} 2")] - joints[self.names.index(f"{name} 1")]
         return bone / np.linalg.norm(bone)
@@ -94,7 +94,7 @@ def test_view_from_behind_mirrors_the_match() -> None:
 
 
 def moved(degrees: float, axis: tuple[float, float, float]) -> Body:
-    """The person with both arms turned about an axis through each shoulder."""
+    """Returns the person with both arms rotated about an axis through each shoulder."""
     turn = from_rotation_vector(np.radians(degrees) * np.array(axis))
     left, right = rotate(turn, np.array([1.0, 0.0, 0.0])), rotate(turn, np.array([-1.0, 0.0, 0.0]))
     return person(tuple(left), tuple(right))
@@ -109,7 +109,7 @@ def test_the_limbs_move_as_the_arms_do_in_a_mirror(degrees, axis) -> None:
     show.stage.possess("star", parts="arms")
     still = {name: show.limb(name) for name in ("left", "right", "up", "lower left")}
     show.play(person())
-    for name, limb in still.items():  # the pose of that moment is rest
+    for name, limb in still.items():  # the pose at that moment becomes the rest pose
         np.testing.assert_allclose(show.limb(name), limb, atol=1e-9)
     body = moved(degrees, axis)
     board = show.play(body)
@@ -139,7 +139,7 @@ def test_the_mesh_goes_with_the_bones() -> None:
     assert left == pytest.approx(person().joints[0, 0] + 0.7), "it stands beside the performer"
 
 
-def test_whoever_lets_go_chooses_anew_and_the_limbs_go_back() -> None:
+def test_release_returns_to_choosing_and_limbs_to_rest() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="arms")
@@ -191,7 +191,7 @@ def test_the_next_match_is_shown_and_taken() -> None:
     assert [tuple(line[-1]) for line in board.rows[0].lines] == second
 
 
-def test_a_match_far_down_the_ranking_is_told_as_well() -> None:
+def test_low_ranked_match_is_published_too() -> None:
     show = Show(listed=3)
     show.actor.preview(None, "arms")
     show.play(person())
@@ -201,7 +201,7 @@ def test_a_match_far_down_the_ranking_is_told_as_well() -> None:
     assert board.shown == 3
 
 
-def test_two_performers_drive_and_one_lets_go() -> None:
+def test_one_of_two_driving_performers_releases() -> None:
     show = Show()
     one, two = person(id=1), person(left=(0.6, -0.8, 0.0), right=(-0.6, -0.8, 0.0), id=2, at=(1.0, 0, -2.5))
     show.play(one, two)
@@ -224,7 +224,7 @@ def test_two_performers_drive_and_one_lets_go() -> None:
         show.stage.release("star", 2)
 
 
-def test_somebody_lost_and_found_again_goes_on_under_another_number() -> None:
+def test_lost_performer_continues_under_another_id() -> None:
     show = Show(hand_over=1.0)
     show.play(person())
     show.stage.possess("star", parts="arms")
@@ -243,7 +243,7 @@ def test_somebody_lost_and_found_again_goes_on_under_another_number() -> None:
     np.testing.assert_allclose(show.limb("right"), rest, atol=1e-9)
 
 
-def test_another_limb_is_added_to_those_that_one_has() -> None:
+def test_another_limb_is_added_to_a_performers_limbs() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="left arm")
@@ -252,7 +252,7 @@ def test_another_limb_is_added_to_those_that_one_has() -> None:
     assert {show.names[target[1]] for _, target in hold.pairs} == {"left 1", "right 1"}
 
 
-def test_a_joint_that_is_not_seen_pulls_nothing() -> None:
+def test_invisible_joint_has_no_effect() -> None:
     show = Show()
     show.play(person())
     show.stage.possess("star", parts="arms")
@@ -312,7 +312,7 @@ def test_a_board_survives_the_wire() -> None:
             np.testing.assert_allclose(a, b, atol=3e-4)
 
 
-def test_a_body_that_is_not_a_number_is_nobody() -> None:
+def test_nan_body_is_ignored() -> None:
     show = Show()
     show.actor.preview(None, "arms")
     lost = replace(person(), joints=np.full((20, 3), np.nan))
@@ -325,7 +325,7 @@ def test_a_body_that_is_not_a_number_is_nobody() -> None:
     assert np.isfinite(show.pose.linear).all()
 
 
-def test_nobody_there_and_nothing_to_choose() -> None:
+def test_missing_performer_and_character_are_refused() -> None:
     show = Show()
     assert show.play().state == "off"
     with pytest.raises(InputError, match="nobody is in view"):

@@ -1,4 +1,4 @@
-"""Orders of viewers are carried out within a budget of time, and a slow one does not silence its viewer."""
+"""Tests that viewers' commands run within a time budget, and a slow one does not block its viewer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
 BUDGET = 5e-4
-"""Seconds a call: an edge's default at 30 frames a second."""
+"""Time budget in seconds per call: an edge's default at 30 frames per second."""
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def served() -> Iterator[Served]:
 
 
 class Served:
-    """The queue of an edge with one viewer, and the orders that were carried out."""
+    """The command queue of an edge with one viewer, and the commands that were executed."""
 
     def __init__(self, near: socket.socket) -> None:
         self.peer = Connection(near, "here", ZmtpSession("ROUTER", 1000))
@@ -61,6 +61,6 @@ def test_an_edge_with_few_frames_a_second_answers_as_soon(served: Served) -> Non
     served.add("slow")
     served.work()
     served.add("next")
-    time.sleep((_OWED + 1) / 30)  # a machine with other work: one frame in half a second
+    time.sleep((_OWED + 1) / 30)  # a loaded machine: one frame in half a second
     served.work()
     assert served.done == ["slow", "next"]

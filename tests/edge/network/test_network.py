@@ -29,7 +29,7 @@ from enliven_edge.orders import handlers_of
 from enliven_edge.settings import WireSettings
 
 PATIENCE = 60.0
-"""Seconds until a test gives up; a loaded machine takes its time."""
+"""Timeout of a test in seconds, long enough for a loaded machine."""
 
 
 def unique() -> str:
@@ -37,7 +37,7 @@ def unique() -> str:
 
 
 def until(done: Callable[[], Any], *steps: Callable[[], Any]) -> None:
-    """Takes the steps again and again, until something is so."""
+    """Repeats steps until a condition holds."""
     deadline = time.monotonic() + PATIENCE
     while not done():
         assert time.monotonic() < deadline, "it never came to be"
@@ -53,14 +53,14 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Stage:
-    """An outlet, what it was told to do, and how long each thing takes."""
+    """An outlet, the commands it received, and the duration of each command."""
 
     def __init__(self, outlet: Outlet) -> None:
         self.outlet, self.done, self.seconds = outlet, [], 0.0
         self.handlers = {kind: replace(how, do=self.do) for kind, how in handlers_of(self).items()}
 
     def hear(self) -> None:
-        """One frame's worth of listening."""
+        """Reads and executes commands for one frame."""
         self.outlet.poll_requests(self.handlers)
 
     def do(self, order: requests.Order) -> None:
@@ -75,7 +75,7 @@ def stage() -> Iterator[Stage]:
 
 
 class Peer:
-    """A viewer by hand."""
+    """A viewer made of raw sockets."""
 
     def __init__(self, publisher: Publisher) -> None:
         self.context = zmq.Context()
@@ -111,7 +111,7 @@ def peers(request: pytest.FixtureRequest) -> Iterator[Callable[[Publisher], Peer
 
 
 def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> None:
-    """Two viewers order 100 things of 20 ms each: the first frame does a few, and then most frames none."""
+    """Two viewers send 100 commands of 20 ms each: the first frame runs a few, later frames mostly none."""
     stage.seconds = 0.02
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     for each in rude:
@@ -131,7 +131,7 @@ def test_orders_that_take_long_wait_for_later_frames(stage: Stage, peers) -> Non
 
 
 def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
-    """Its order is done when one of the others' is under way at most, not after their hundred."""
+    """Its command runs after at most one command of the others, not after their hundred."""
     rude = [peers(stage.outlet.publisher) for _ in range(2)]
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
@@ -147,7 +147,7 @@ def test_a_viewer_that_asks_little_comes_first(stage: Stage, peers) -> None:
 
 
 def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, peers) -> None:
-    """Each comes with forty orders and leaves again, so that it has cost nothing yet when it asks."""
+    """Each connects, sends forty commands and leaves, so it has used no budget when it sends."""
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
     until(lambda: good.replies, stage.hear, good.read)
@@ -171,17 +171,17 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
         waited.append(len(stage.done) - before)
     for each in crowd:
         each.close()
-    # Where the machine stands still for a second, one order comes after many: the second longest counts.
+    # If the machine stalls for a second, one command comes after many: the second longest wait counts.
     assert sorted(waited)[-2] <= 4
 
 
-def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(stage: Stage, peers) -> None:
+def test_superseded_requests_are_skipped_and_answered(stage: Stage, peers) -> None:
     viewer = peers(stage.outlet.publisher)
     looks = [requests.Look((0.0, 0.0, float(i + 1)), (0.0, 1.0, 0.0)) for i in range(60)]
     viewer.send(requests.Ping("v", 0))
     until(lambda: viewer.replies, stage.hear, viewer.read)
     viewer.replies.clear()
-    # Each takes longer than a frame allows: what comes meanwhile waits.
+    # Each takes longer than a frame allows: later commands wait.
     stage.seconds = 0.02
     viewer.send(*looks)
     until(lambda: len(viewer.replies) == 60, stage.hear, viewer.read)
@@ -192,14 +192,14 @@ def test_only_the_newest_of_what_replaces_itself_is_done_and_each_is_answered(st
 
 
 def test_each_of_many_steps_is_done(stage: Stage, peers) -> None:
-    """An order that says how much, or who comes next, is not made needless by the one after it."""
+    """A command that states an amount, or advances a choice, is not superseded by the next one."""
     viewer = peers(stage.outlet.publisher)
     viewer.send(*[requests.Browse("chair", 1)] * 20, *[requests.Possess("chair", mode="join")] * 3)
     until(lambda: len(viewer.replies) == 23, stage.hear, viewer.read)
     assert {type(reply.body) for reply in viewer.replies} == {requests.Done} and len(stage.done) == 23
 
 
-def test_a_rate_is_kept_and_said(peers, caplog: pytest.LogCaptureFixture) -> None:
+def test_rate_limit_is_enforced_and_logged(peers, caplog: pytest.LogCaptureFixture) -> None:
     with Publisher(name=unique(), pose_port=0, control_port=0, rate=20.0) as publisher:
         greedy, good = peers(publisher), peers(publisher)
         greedy.send(*[requests.Ping("greedy", i) for i in range(2000)])
@@ -214,7 +214,7 @@ def test_a_rate_is_kept_and_said(peers, caplog: pytest.LogCaptureFixture) -> Non
 
 
 def known_viewers() -> int:
-    """Viewers that the edge remembers anything of."""
+    """Returns the viewers that the edge has state about."""
     gc.collect()
     return sum(type(each).__name__ == "_Viewer" for each in gc.get_objects())
 
@@ -236,7 +236,7 @@ def test_viewers_that_have_gone_are_forgotten(publisher: Publisher) -> None:
 
 
 def closed(connection: socket.socket) -> bool:
-    """Whether the other side has ended it."""
+    """Returns True if the peer has closed the connection."""
     connection.setblocking(False)
     try:
         while connection.recv(4096):
@@ -261,7 +261,7 @@ def test_silent_connection_does_not_block(publisher: Publisher, port: str) -> No
 
 @pytest.mark.parametrize("port", ["pose_port", "control_port"])
 def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, peers, port: str) -> None:
-    """More than there are places: the newcomer's is one of theirs, and no more than the places are kept."""
+    """More connections than places: the newcomer replaces an idle one, and the limit holds."""
     address = ("127.0.0.1", getattr(publisher.endpoint, port))
     idle = []
     for _ in range(300):
@@ -315,7 +315,7 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "*", "192.0.2.1"])
-def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
+def test_other_machines_are_admitted_only_if_enabled(host: str) -> None:
     with pytest.raises(InputError, match=r"possess characters.*--open.*open = true"):
         Publisher(name=unique(), host=host, pose_port=0, control_port=0)
 
@@ -323,7 +323,7 @@ def test_other_machines_are_let_in_only_where_that_was_said(host: str) -> None:
 @pytest.mark.parametrize(
     ("host", "is_open"), [("localhost", False), ("127.0.0.1", False), ("127.8.8.8", False), ("0.0.0.0", True)]
 )
-def test_this_machine_and_what_was_opened_are_listened_on(host: str, is_open: bool) -> None:
+def test_local_and_opened_hosts_can_be_bound(host: str, is_open: bool) -> None:
     Publisher(name=unique(), host=host, pose_port=0, control_port=0, open_to_all=is_open).close()
 
 
@@ -349,7 +349,7 @@ def test_the_limit_of_descriptors_is_raised_and_leaves_some_for_the_rest() -> No
 
 @pytest.fixture
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of edges' names, in place of the user's."""
+    """Uses a temporary folder for edge names instead of the user's."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     tmp_path.chmod(0o700)

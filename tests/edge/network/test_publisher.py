@@ -1,4 +1,4 @@
-"""The edge's sockets: names, ports, requests, noise, and viewers that do not read."""
+"""Tests of the edge's sockets: names, ports, requests, noise, and viewers that do not read."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.publisher import Publisher
 
 ROUNDS = 12_000
-"""Looks of 5 ms, a minute in all: a loaded machine may take as long."""
+"""Number of polls of 5 ms, a minute in all: enough for a loaded machine."""
 
 
 def unique() -> str:
@@ -44,7 +44,7 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Peer:
-    """A viewer by hand: raw sockets."""
+    """A viewer made of raw sockets."""
 
     def __init__(self, publisher: Publisher) -> None:
         self.publisher = publisher
@@ -80,7 +80,7 @@ class Peer:
         raise AssertionError("no command")
 
     def listen(self) -> None:
-        """Until the streams arrive."""
+        """Waits until the streams arrive."""
         for _ in range(ROUNDS):
             self.publisher.beat()
             if self.sub.poll(5):
@@ -179,14 +179,14 @@ def test_a_ping_is_answered_with_the_edges_clock(publisher: Publisher, peer: Pee
     assert pong.sent_ns == 77 and before <= pong.edge_ns <= time.time_ns()
 
 
-def test_another_version_is_told_so(publisher: Publisher, peer: Peer) -> None:
+def test_request_of_another_version_is_refused(publisher: Publisher, peer: Peer) -> None:
     peer.dealer.send(b"\x63" + pack_control(requests.Request(1, requests.Hello("v")))[1:])
     refused = unpack_control(peer.raw_reply(), topics.REPLY).body
     assert "version 99" in refused.reason
     assert publisher.malformed == 1
 
 
-def test_noise_on_the_control_socket_is_counted_and_disturbs_nobody(publisher: Publisher, peer: Peer) -> None:
+def test_noise_on_the_control_socket_is_counted_and_harmless(publisher: Publisher, peer: Peer) -> None:
     rng = np.random.default_rng(0)
     noise = [b"", b"\0", bytes([envelope.VERSION]), b"\x01\xdd\xff\xff\xff\xff"]
     noise += [rng.bytes(int(n)) for n in rng.integers(0, 2000, 100)]
@@ -214,8 +214,8 @@ def test_a_message_beyond_the_limit_costs_only_its_sender_the_connection(
     assert isinstance(peer.ask(requests.Ping("v", 1), 2), requests.Pong)
 
 
-def test_a_subscriber_that_never_reads_slows_nobody(publisher: Publisher, peer: Peer) -> None:
-    """More bytes than every buffer on the way holds: a publisher that waited would never come to the end."""
+def test_subscriber_that_never_reads_blocks_no_other(publisher: Publisher, peer: Peer) -> None:
+    """More bytes than all buffers hold: a publisher that blocked would never finish."""
     thing = character(count=64)
     publisher.set_character(thing)
     peer.sub.setsockopt(zmq.RCVHWM, 1)
@@ -247,7 +247,7 @@ def test_a_vanished_subscriber_is_forgotten(publisher: Publisher) -> None:
     assert not publisher.poll()
 
 
-def test_bad_transforms_are_counted_and_said_once(
+def test_bad_transforms_are_counted_and_reported_once(
     publisher: Publisher, caplog: pytest.LogCaptureFixture
 ) -> None:
     publisher.set_character(character())
@@ -258,7 +258,7 @@ def test_bad_transforms_are_counted_and_said_once(
     assert publisher.clamped == 3 and len(caplog.records) == 1
 
 
-def test_a_character_that_cannot_go_leaves_what_was_there(publisher: Publisher) -> None:
+def test_invalid_character_keeps_the_current_one(publisher: Publisher) -> None:
     publisher.set_character(character())
     with pytest.raises(InputError):
         publisher.set_character(character("x" * 65))

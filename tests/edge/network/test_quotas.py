@@ -1,4 +1,4 @@
-"""A flood of connections from one address: viewers already served go on, and newcomers get in."""
+"""Tests of a flood of connections from one address: served viewers continue, and newcomers get in."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven.wire.zmtp import GREETING, framed
 from enliven_edge.network.publisher import Publisher
 
 PLACES, CROWD = 20, 200
-"""Places of the server, and connections that want one."""
+"""Places of the server, and connections that compete for them."""
 READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
 PING = framed(pack_control(requests.Request(1, requests.Ping("rude", 1))))
 ORDER = framed(pack_control(requests.Request(1, requests.Possess("chair", mode="join"))))
@@ -32,7 +32,7 @@ def publisher() -> Iterator[Publisher]:
 
 
 class Crowd:
-    """Local connections that reconnect as soon as they are closed."""
+    """Local connections that reconnect immediately after they are closed."""
 
     def __init__(self, publisher: Publisher, first: bytes, again: bytes) -> None:
         self.address = ("127.0.0.1", publisher.endpoint.control_port)
@@ -68,7 +68,7 @@ class Crowd:
 
 
 class Studio:
-    """A viewer by hand that asks again and again."""
+    """A viewer made of raw sockets that sends requests repeatedly."""
 
     def __init__(self, publisher: Publisher) -> None:
         self.context = zmq.Context()
@@ -110,7 +110,7 @@ def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
     crowd = Crowd(publisher, first, again)
     new, before, start = Studio(publisher), known.answered, time.monotonic()
     try:
-        # A newcomer competes with a crowd that asks for half of the places: it gets in after some seconds.
+        # A newcomer competes with many connections for half of the places: it gets in after some seconds.
         waits = PING not in first and not again
         while time.monotonic() < start + 1.5 or (waits and new.answered < 3):
             assert time.monotonic() < start + PATIENCE, f"{new.answered} of {new.asked} answers"

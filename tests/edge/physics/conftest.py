@@ -1,4 +1,4 @@
-"""Props, spheres and bodies that the physics' tests play with; skipped where the engine is not installed."""
+"""Props, spheres and bodies for the physics tests, which are skipped if the engine is not installed."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from enliven_edge.tracking.body_model.posture import Posture
 
 FRAME = 1 / 30
 UNBOUND = EngineSettings(budget=0.0)
-"""No wall clock may decide what a test sees."""
+"""The engine's time budget is off, so that results do not depend on the wall clock."""
 
 
 def boxes(count: int = 1, side: float = 0.2, mass: float = 0.4) -> PropSpecs:
-    """Boxes of one size."""
+    """Returns boxes of one size."""
     return PropSpecs(
         np.full(count, BOX, np.uint8),
         np.full((count, 3), side / 2),
@@ -32,7 +32,7 @@ def boxes(count: int = 1, side: float = 0.2, mass: float = 0.4) -> PropSpecs:
 
 
 def balls(count: int = 1, radius: float = 0.1, bounce: float = 0.0) -> PropSpecs:
-    """Balls of one size."""
+    """Returns balls of one size."""
     return PropSpecs(
         np.full(count, BALL, np.uint8),
         np.full((count, 3), radius),
@@ -43,7 +43,7 @@ def balls(count: int = 1, radius: float = 0.1, bounce: float = 0.0) -> PropSpecs
 
 
 def pushed(speed: float, way: tuple[float, float, float] = (1, 0, 0), frames: int = 30) -> World:
-    """A world in which one sphere has been moved past the place of a box, along ``way``."""
+    """Returns a world in which one sphere was moved past a box, along ``way``."""
     world = World(boxes(), UNBOUND)
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
     along = np.array(way, float)

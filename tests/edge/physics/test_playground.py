@@ -31,7 +31,7 @@ SMALL = BoxesSettings(at=((0.5, 0.0),), wide=1, high=3, rebuild=1.0)
 
 
 def block(name: str = "block") -> Character:
-    """A block of 0.3 m that follows one node."""
+    """Returns a block of 0.3 m that follows one node."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (0, 2) for z in (-1, 1)], np.float32) * 0.15
     squares = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     faces = np.array([f for a, b, c, d in squares for f in ((a, b, c), (a, c, d))], np.int32)
@@ -51,13 +51,13 @@ def playground(world: str = "boxes", **changes) -> Playground:
 
 
 def step(made: Playground, poses, bodies, holders, time_ns: int):
-    """The props after a frame with these poses, bodies and holders."""
+    """Returns the props after a frame with these poses, bodies and holders."""
     frame = BodyFrame(bodies, time_ns, "given")
     return made.step(Tick(frame, bodies, poses, holders=frozenset(holders)))
 
 
 def performed(made: Playground, path, frames: int = 60) -> list[np.ndarray]:
-    """The props' places in every frame of a block that goes along ``path``."""
+    """Returns the props' positions in every frame while a block moves along ``path``."""
     places = []
     for k in range(frames):
         props = step(made, [at(path(k))], [], set(), k * NS)
@@ -74,7 +74,7 @@ def test_a_character_knocks_the_tower_over():
     made = playground()
     places = performed(made, across)
     assert np.abs(places[8] - places[0]).max() < 0.005
-    # Two lie on the floor beyond; the third may have come to ride on the block.
+    # Two lie on the floor beyond; the third may lie on the block.
     assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
     props = step(made, [at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
@@ -90,8 +90,8 @@ def test_towers_are_not_built_into_a_character():
 
 
 @pytest.mark.parametrize(("name", "tower"), [("chair", 0), ("lamp", 1)])
-def test_no_box_of_the_towers_flies_before_anybody_takes_hold(name: str, tower: int) -> None:
-    """A shipped mesh stands where a tower of the default ones is meant; 43 of the 48 boxes flew once."""
+def test_no_tower_box_flies_before_attachment(name: str, tower: int) -> None:
+    """A shipped mesh stands at the place of a default tower; 43 of the 48 boxes once flew off."""
     mesh, boxes = load_sample(name), BoxesSettings()
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     skin = SkinWeights(np.zeros((len(mesh.vertices), 4), np.uint16), weights)
@@ -106,7 +106,7 @@ def test_no_box_of_the_towers_flies_before_anybody_takes_hold(name: str, tower: 
 
 
 @given(st.integers(0, 10**6), st.integers(0, 60), st.integers(1, 3))
-def test_a_tower_is_where_nothing_is_and_else_where_it_was_meant(seed, count, wide):
+def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
     rng = np.random.default_rng(seed)
     settings = BoxesSettings(wide=wide)
     spheres, radii = rng.uniform((-1.2, 0, -1.2), (1.2, 2, 1.2), (count, 3)), rng.uniform(0.01, 0.2, count)
@@ -117,7 +117,7 @@ def test_a_tower_is_where_nothing_is_and_else_where_it_was_meant(seed, count, wi
     for tower, wanted in zip(boxes, meant, strict=True):
         gap = np.maximum(np.abs(tower[:, None] - spheres) - half, 0.0)
         assert not count or (np.linalg.norm(gap, axis=2) > radii).all()
-        np.testing.assert_allclose(np.ptp(tower - wanted, axis=0), 0.0, atol=1e-12)  # moved as one
+        np.testing.assert_allclose(np.ptp(tower - wanted, axis=0), 0.0, atol=1e-12)  # moved as one rigid body
         if (
             not count
             or np.abs(spheres - wanted.mean(0))[:, [0, 2]].max(1).min() > 0.2 + 0.15 + 2 * wide * half
@@ -157,7 +157,7 @@ def test_boxes_appear_only_after_a_person_stands_still():
 @pytest.mark.parametrize(("rule", "holders", "pushes"), [
     ("never", set(), False), ("free", set(), True), ("free", {1}, False), ("always", {1}, True),
 ])  # fmt: skip
-def test_performers_push_where_they_are_said_to(rule, holders, pushes):
+def test_performers_push_only_if_the_rule_allows(rule, holders, pushes):
     made = playground(bodies=rule)
     for k in range(45):
         body = person((-0.4 + 0.03 * k, 0.0))
@@ -175,7 +175,7 @@ def test_character_appearing_among_boxes_does_not_fling_them():
     assert highest < 4.0 and made.resets == 0
 
 
-def test_characters_scale_leave_and_come_as_they_like():
+def test_boxes_stay_while_characters_scale_leave_and_return():
     made = playground()
     made.introduce(block("second"))
     poses = [
@@ -206,7 +206,7 @@ def test_a_replay_that_begins_again_begins_with_new_towers():
     assert np.allclose(again.positions, places[0], atol=1e-6)
 
 
-def test_a_world_that_lost_its_way_begins_anew(caplog):
+def test_playground_with_nan_velocity_restarts(caplog):
     made = playground()
     performed(made, lambda k: (-2.0, 0.0, 0.0), 3)
     made.world.velocities[0, 0] = np.nan

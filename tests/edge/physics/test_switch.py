@@ -1,4 +1,4 @@
-"""The physics of a running edge are switched on, off, and say what they lack."""
+"""Tests that the physics of a running edge can be switched on and off, and reports missing parts."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_boxes_come_and_go_while_the_edge_runs():
     assert switch.step(tick(4)) is None and switch.change() == PhysicsMessage("none", "off")
 
 
-def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
+def test_missing_physics_library_is_reported_with_the_install_command(monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else find(name))
     switch = PhysicsSwitch()

@@ -1,4 +1,4 @@
-"""The engine's world: what rests stays, what is hit moves away, and nothing explodes."""
+"""Tests of the engine's world: resting props stay, hit props move away, and nothing explodes."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limi
 from enliven_edge.physics.world import World
 
 LONGEST_ROCKING = 60
-"""Seconds after which two boxes that were dropped lie still: 17 was the longest of 2,700 tries at random."""
+"""Maximum seconds until two dropped boxes lie still; 17 s was the maximum of 2,700 random tries."""
 
 
 def energy_of(world: World) -> float:
-    """Joules of motion and of height of all props."""
+    """Returns the kinetic plus potential energy of all props in joules."""
     mass, (x, y, z) = world.props.masses, world.props.sizes.T
     ball = world.props.shapes == BALL
     boxes = np.stack([y * y + z * z, x * x + z * z, x * x + y * y], 1) / 3
@@ -65,7 +65,7 @@ def test_a_tower_stands_still():
 @settings(max_examples=10, deadline=None)
 @example(1.1, 0)  # the upper box balances on the edge of the lower one, slips for 12 s, and falls
 def test_no_energy_comes_from_nowhere(height, turn):
-    """Two boxes that fall on each other lose energy, and lie still however long they rock and slip."""
+    """Two boxes that fall on each other lose energy and come to rest, however long they rock and slide."""
     world = World(boxes(2), UNBOUND)
     spin = np.random.default_rng(turn).normal(size=(2, 4))
     world.put(
@@ -77,7 +77,7 @@ def test_no_energy_comes_from_nowhere(height, turn):
     for _ in range(LONGEST_ROCKING):
         for _ in range(round(1 / FRAME)):
             assert world.advance(FRAME) == ""
-            # A contact gives back what it took: for a moment the energy rises, but not above what there was.
+            # An elastic contact returns energy: it rises for a moment, but not above the initial energy.
             assert energy_of(world) <= start + 1e-3
         if abs(energy_of(world) - before) < 1e-4:
             break
@@ -89,7 +89,7 @@ def test_no_energy_comes_from_nowhere(height, turn):
 
 @given(angle=st.floats(0, 2 * np.pi), speed=st.floats(0.5, 10))
 @settings(max_examples=15, deadline=None)
-def test_a_box_moves_away_from_what_hits_it(angle, speed):
+def test_box_moves_away_from_the_sphere_that_hits_it(angle, speed):
     way = (np.cos(angle), 0.0, np.sin(angle))
     world = pushed(speed, way)
     moved = world.positions[0] * [1, 0, 1]
@@ -102,7 +102,7 @@ def test_a_box_moves_away_from_what_hits_it(angle, speed):
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 6.0])
 def test_box_is_pushed_at_the_spheres_speed(speed):
-    """Like a heavy body of that speed: the box leaves with it, and a little faster at most."""
+    """Like a collision with a heavy body: the box leaves at the sphere's speed, or slightly faster."""
     fastest = 0.0
     world = World(boxes(), UNBOUND)
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
@@ -113,18 +113,18 @@ def test_box_is_pushed_at_the_spheres_speed(speed):
     assert 0.9 * speed < fastest < 1.35 * speed
 
 
-def test_without_the_spheres_speed_a_fast_one_goes_through():
-    """Why contacts are corrected at all: the engine's own mocap bodies stand still for it."""
+def test_teleported_sphere_does_not_push_the_box_at_its_speed():
+    """The reason for correcting contacts: the engine treats mocap bodies as having no velocity."""
     world = World(boxes(), UNBOUND)
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(12):
         world.move(np.array([[min(-0.4 + 6.0 * k * FRAME, 0.3), 0.12, 0.0]]), np.array([0.06]))
-        world.appear(slice(0, 1))  # placed again in every frame, so it has no velocity
+        world.appear(slice(0, 1))  # teleported in every frame, so it has no velocity
         world.advance(FRAME)
     assert world.velocities[0, 0] < 0.5 * 6.0
 
 
-def test_a_character_that_appears_inside_a_tower_does_not_explode_it():
+def test_character_appearing_inside_a_tower_does_not_explode_it():
     world = tower()
     run(world, 0.2)
     cloud = np.random.default_rng(0).uniform([-0.2, 0, -0.2], [0.2, 1.2, 0.2], (60, 3))
@@ -133,7 +133,7 @@ def test_a_character_that_appears_inside_a_tower_does_not_explode_it():
         world.move(cloud, np.full(60, 0.08))
         assert world.advance(FRAME) == ""
         highest = max(highest, float(np.linalg.norm(world.velocities[:, :3], axis=1).max()))
-    # Falling off the tower's own height is as fast as it gets.
+    # Falling from the tower's height gives the maximum speed.
     assert highest < np.sqrt(2 * 9.81 * 1.2) + 1.0
     assert np.abs(world.positions).max() < 4
 
@@ -165,7 +165,7 @@ def test_chaos_stays_finite(seed):
 
 
 def test_five_minutes_of_rampage_stay_in_the_room():
-    """Limbs that swing through a pile again and again, and now and then leap."""
+    """Limbs swing through a pile repeatedly, and sometimes jump."""
     world, rng = tower(4), np.random.default_rng(2)
     limb = np.stack([np.zeros(6), np.linspace(0.1, 0.9, 6), np.zeros(6)], 1)
     farthest = 0.0
@@ -178,11 +178,11 @@ def test_five_minutes_of_rampage_stay_in_the_room():
         assert world.advance(FRAME) == "", k
         farthest = max(farthest, float(np.abs(world.positions).max()))
         assert world.positions[:, 1].min() > -0.05, "through the floor"
-    # Boxes are flung some metres in the ten seconds before they are put back, no farther.
+    # Boxes are thrown at most a few metres in the ten seconds before they are put back.
     assert farthest < 40
 
 
-def test_a_world_gone_wrong_says_so_and_begins_anew():
+def test_broken_world_is_reported_and_can_restart():
     world = tower()
     world.velocities[1, 2] = np.nan
     assert "no longer a number" in world.advance(FRAME)
@@ -201,7 +201,7 @@ def test_more_spheres_than_there_is_room_for_change_nothing_else():
     np.testing.assert_array_equal(world.velocities, speed)
 
 
-def test_a_sphere_that_is_gone_touches_nothing():
+def test_removed_sphere_touches_nothing():
     world = tower(1)
     for radius in (0.1, 0.0):
         world.move(np.array([[0.0, 0.25, 0.0]]), np.array([radius]))
@@ -255,14 +255,14 @@ def test_corrected_contacts_are_those_of_the_plain_rule():
     np.testing.assert_allclose(approach, closing, atol=1e-12)
 
 
-def test_speeds_are_limited_and_what_is_no_number_is_told():
+def test_speeds_are_limited_and_nan_is_reported():
     speeds = np.array([[3.0, 4.0, 0, 0, 0, 50.0], [1, 0, 0, 0, 0, 0]])
     assert limit_speeds(speeds, 2.5, 10.0)
     np.testing.assert_allclose(speeds, [[1.5, 2.0, 0, 0, 0, 10.0], [1, 0, 0, 0, 0, 0]])
     assert not limit_speeds(np.full((1, 6), np.nan), 1.0, 1.0)
 
 
-def test_a_missing_engine_says_what_to_install(monkeypatch):
+def test_missing_engine_is_reported_with_the_install_command(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "mujoco" in sys.modules
     with pytest.raises(ResourceError, match=r"enliven-edge\[physics\]"):

@@ -1,4 +1,4 @@
-"""A puppet on the stage: laws of taking hold, sharing, losing and letting go; nothing ever jumps."""
+"""Tests of a puppet on the stage: attaching, sharing, losing and releasing; no jumps."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Show:
 
     @property
     def pace(self) -> float:
-        """Metres a second of the fastest control point in all that was shown."""
+        """Returns the maximum speed of any control point in metres per second."""
         return max(
             np.linalg.norm(b.positions - a.positions, axis=1).max() / ((b.time_ns - a.time_ns) * 1e-9)
             for a, b in pairwise(self.poses)
@@ -76,7 +76,7 @@ def test_puppet_rests_until_attached_performer_moves_it() -> None:
     assert min(show.height(LEFT), show.height(RIGHT)) > 1.05
 
 
-def test_an_example_is_met_by_who_makes_it() -> None:
+def test_puppet_reaches_the_key_pose_of_the_performers_pose() -> None:
     show = Show(fade=0.0)
     bodies = [person(left=a, right=a) for a in (0.0, 1.45, 2.9)]
     mapping = ExampleMap(examples_of(PROJECT, PUPPET), PUPPET.examples)
@@ -161,7 +161,7 @@ def test_frames_that_come_unevenly_and_are_left_out_do_no_harm() -> None:
     assert show.pace < 1.3 * smooth.pace + 0.3
 
 
-def test_after_a_pause_it_eases_over() -> None:
+def test_puppet_blends_smoothly_after_a_pause() -> None:
     show = Show(fade_pace=2.0)
     show.play(person(), frames=5)
     show.stage.possess("cactus")
@@ -174,7 +174,7 @@ def test_after_a_pause_it_eases_over() -> None:
     assert max(np.abs(b.positions - a.positions).max() for a, b in pairwise(show.poses)) < 0.2
 
 
-def test_a_clock_that_goes_back_begins_anew() -> None:
+def test_clock_set_back_causes_no_jump() -> None:
     show = Show()
     show.play(person(), frames=5)
     show.stage.possess("cactus")
@@ -199,7 +199,7 @@ def test_pose_is_held_while_performer_is_away() -> None:
     assert show.pace < 5.0
 
 
-def test_somebody_else_takes_over_from_who_is_away_for_long() -> None:
+def test_other_performer_takes_over_after_a_long_absence() -> None:
     show = Show(hand_over=2.0)
     show.play(person(), frames=3)
     show.stage.possess("cactus")
@@ -212,7 +212,7 @@ def test_somebody_else_takes_over_from_who_is_away_for_long() -> None:
     assert show.pace < 5.0
 
 
-def test_letting_go_it_eases_back_to_rest_where_it_stands() -> None:
+def test_release_blends_to_rest_in_place() -> None:
     show = Show()
     show.play(person(), frames=3)
     show.stage.possess("cactus")
@@ -230,7 +230,7 @@ def test_letting_go_it_eases_back_to_rest_where_it_stands() -> None:
     assert show.actor.state == "free"
 
 
-def test_two_move_one_puppet_each_with_their_parts() -> None:
+def test_two_performers_move_their_own_parts_of_one_puppet() -> None:
     show = Show()
     bodies = [person(), person(id=2, x=1.0)]
     show.play(*bodies, frames=2)
@@ -280,7 +280,7 @@ def test_joining_takes_points_and_alone_takes_all() -> None:
     assert [hold.body for hold in show.actor.holds] == [1]
 
 
-def test_a_preview_shows_what_would_be_moved() -> None:
+def test_preview_shows_the_parts_that_would_move() -> None:
     show = Show()
     show.play(person())
     show.stage.preview("cactus", None, "left arm")
@@ -324,7 +324,7 @@ def test_puppet_stands_next_to_its_first_performer() -> None:
     assert pose.positions[0, 2] == pytest.approx(-3.0, abs=0.1)
 
 
-def test_fixed_it_stays_on_its_spot_and_does_not_turn() -> None:
+def test_fixed_puppet_neither_moves_nor_turns() -> None:
     show = Show(place="fixed")
     show.play(person(), frames=2)
     show.stage.possess("cactus")
@@ -336,7 +336,7 @@ def test_fixed_it_stays_on_its_spot_and_does_not_turn() -> None:
     assert show.height(LEFT) > 0.8
 
 
-def test_a_child_and_an_adult_move_it_alike() -> None:
+def test_puppet_motion_is_independent_of_performer_height() -> None:
     shown = []
     for height in (1.05, 1.95):
         show = Show(fade=0.0)
@@ -390,7 +390,7 @@ ODD = st.sampled_from([np.nan, np.inf, -np.inf, 1e9, -1e9, 0.0, 5.0])
 @given(
     st.lists(st.tuples(st.integers(0, 19), st.integers(0, 2), ODD, st.booleans()), min_size=1, max_size=20)
 )
-def test_whatever_a_sensor_says_the_pose_is_finite(wrong) -> None:
+def test_pose_is_finite_for_any_sensor_data(wrong) -> None:
     show = Show()
     show.play(person(), frames=2)
     show.stage.possess("cactus")

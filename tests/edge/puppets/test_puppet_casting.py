@@ -32,7 +32,7 @@ def with_puppet(**changes: object) -> Project:
     return CACTUS.with_characters(PUPPET.with_changes(**changes))
 
 
-def test_what_is_a_puppet() -> None:
+def test_puppet_names_are_recognised() -> None:
     assert all(
         is_puppet(name) for name in ("cactus", "a/b.toml", "show.enliven", "show.enliven#Bob", "x.TOML")
     )
@@ -51,7 +51,7 @@ def test_the_made_cactus_a_session_and_a_project_are_the_same_puppet(tmp_path: P
         np.testing.assert_allclose(actor._examples.targets, made[1]._examples.targets, atol=1e-3)
 
 
-def test_of_several_puppets_one_is_named(tmp_path: Path) -> None:
+def test_one_of_several_puppets_must_be_named(tmp_path: Path) -> None:
     both = CACTUS.with_characters(PUPPET.with_changes(id="Bob"))
     spec = written(tmp_path / "two.enliven", both)
     with pytest.raises(InputError, match="2 puppets") as caught:
@@ -90,7 +90,7 @@ def test_a_project_without_a_puppet_and_a_file_that_is_none(tmp_path: Path) -> N
         cast_puppet(str(tmp_path / "odd.toml"))
 
 
-def test_a_mesh_that_no_viewer_can_be_sent_is_said_at_once(tmp_path: Path) -> None:
+def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
     count = 2_000_100
     vertices = np.zeros((count, 3))
     vertices[:, 0] = np.arange(count) * 1e-6
@@ -103,7 +103,7 @@ def test_a_mesh_that_no_viewer_can_be_sent_is_said_at_once(tmp_path: Path) -> No
         cast_puppet(written(tmp_path / "p.enliven", CACTUS.with_characters(huge)))
 
 
-def test_the_edge_says_it_before_it_listens(tmp_path: Path, capfd) -> None:
+def test_edge_reports_missing_key_pose_before_listening(tmp_path: Path, capfd) -> None:
     spec = written(tmp_path / "p.enliven", with_puppet(poses=PUPPET.poses[:1]))
     assert run(["edge", "--mesh", spec, "--port", "0"]) != 0
     told = capfd.readouterr().err

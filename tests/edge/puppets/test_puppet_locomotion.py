@@ -1,4 +1,4 @@
-"""The way of a puppet in the world: the anchor does not slide, jumps leave the floor, noise does not."""
+"""Tests of a puppet's locomotion: the anchor does not slide, jumps leave the floor, noise does not."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SOLES = [1 + k for k, point in enumerate(PUPPET.points) if point.foot]
 
 
 def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
-    """(F, 3, 3) a head and two feet that go to and fro in turn, the one that goes ahead lifted."""
+    """Returns (F, 3, 3) a head and two feet that step forward in turn, with the moving foot lifted."""
     phase = 2 * np.pi * np.arange(frames) / 60
     places = np.tile(REST, (frames, 1, 1))
     for foot, shift in ((1, 0.0), (2, np.pi)):
@@ -46,7 +46,7 @@ def walked(frames: int = 120, stride: float = 0.3) -> np.ndarray:
 
 
 def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 3) roots and (F,) anchors."""
+    """Returns (F, 3) roots and (F,) anchors."""
     way = Locomotion(REST, FEET, STEP, LocomotionSettings(leash=1000.0), travel=STEPS)
     way.begin(np.zeros(3), 0j)
     roots, anchors = [], []
@@ -57,7 +57,7 @@ def gone(places: np.ndarray, yaw=None, footings=None, size: float = 1.0) -> tupl
     return np.array(roots), np.array(anchors)
 
 
-def test_the_anchor_stays_where_it_is_and_the_puppet_goes_ahead() -> None:
+def test_anchor_foot_does_not_slide_while_puppet_advances() -> None:
     places = walked()
     roots, anchors = gone(places)
     world = places + roots[:, None]
@@ -68,7 +68,7 @@ def test_the_anchor_stays_where_it_is_and_the_puppet_goes_ahead() -> None:
     np.testing.assert_allclose(world[:, list(FEET), 1].min(1), 0.02, atol=1e-9)
 
 
-def test_frame_by_frame_is_the_whole_take_where_it_stands() -> None:
+def test_live_locomotion_equals_the_whole_take_on_the_ground() -> None:
     places, yaw = walked(), np.linspace(0.0, 1.5, 120)
     roots, anchors = gone(places, yaw)
     whole = locate(places, yaw, STEP, (Switch(0, "contact"),), FEET)
@@ -79,9 +79,7 @@ def test_frame_by_frame_is_the_whole_take_where_it_stands() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.5), st.floats(0.0, 0.3), st.integers(5, 40))
-def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_performers(
-    stride: float, lift: float, frames: int
-) -> None:
+def test_flight_keeps_take_off_velocity_and_performer_height(stride: float, lift: float, frames: int) -> None:
     places = walked(60 + frames, stride)
     footings = [Footing()] * 60 + [Footing(False, lift)] * frames
     roots, anchors = gone(places, footings=footings, size=2.0)
@@ -96,7 +94,7 @@ def test_in_the_air_it_keeps_the_velocity_it_left_with_and_its_height_is_the_per
 @settings(max_examples=6, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.sampled_from([FEET, ()]), st.floats(0.0, 1.2))
 def test_puppet_stays_near_its_performers_path(turn: float, feet: tuple[int, ...], speed: float) -> None:
-    """Its own steps would lead it 4 m away; its performer sways on the spot or walks anywhere."""
+    """Its own steps would move it 4 m away; its performer sways on the spot or walks anywhere."""
     places = walked(720)
     t = np.arange(len(places)) * STEP
     path = np.exp(1j * turn) * (speed * t + 0.02 * np.sin(6 * t))
@@ -131,7 +129,7 @@ def test_a_foot_that_stands_stays_where_it_is_while_the_puppet_is_drawn_back() -
     assert roots[-1][2] < gone(places)[0][-1, 2] - 0.02
 
 
-def test_on_its_spot_it_stays_and_without_feet_it_goes_along() -> None:
+def test_fixed_root_stays_and_footless_puppet_follows() -> None:
     still = Locomotion(REST, (), STEP, LocomotionSettings())
     still.begin(np.array([1.0, 0.0, 2.0]), 0j)
     assert not still.goes
@@ -146,7 +144,7 @@ def test_on_its_spot_it_stays_and_without_feet_it_goes_along() -> None:
     assert_alike(swims.stands(State(at, 0.0, root)), root)
 
 
-def test_only_who_is_seen_off_the_floor_is_in_the_air() -> None:
+def test_only_visibly_lifted_feet_count_as_airborne() -> None:
     feet = Feet()
     assert feet.see(person(), 0.0).touches
     assert feet.see(person(up=0.02), STEP).touches
@@ -162,7 +160,7 @@ def test_only_who_is_seen_off_the_floor_is_in_the_air() -> None:
     assert feet.see(person(knees=(1.2, 0.0)), STEP).touches
 
 
-def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> None:
+def test_small_floor_error_does_not_lift_the_puppet() -> None:
     feet = Feet()
     assert all(feet.see(person(up=0.12), STEP).touches for _ in range(30))
     lost = person()
@@ -172,7 +170,7 @@ def test_a_floor_that_is_not_quite_where_it_is_does_not_make_anybody_fly() -> No
 
 
 def jumped(jump: float = 1.0) -> np.ndarray:
-    """(F,) metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
+    """Returns (F,) heights in metres of the lower sole of the cactus while its performer jumps by 0.3 m."""
     actor = PuppetActor(PROJECT, PUPPET, PuppetSettings(fade=0.0, meet=False, jump=jump))
     heights = []
     for f in range(110):
@@ -210,14 +208,14 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
             actor.possess(body)
     at = np.array(poses)[30:, SOLES]
     speeds = np.linalg.norm(np.diff(at[..., [0, 2]], axis=0), axis=2) * 30
-    assert np.percentile(speeds.min(1), 95) < 0.01  # a person stands
+    assert np.percentile(speeds.min(1), 95) < 0.01  # a person who stands still
     assert np.median(speeds.max(1)) > 0.05
     assert at[:, :, 1].max() > 0.05
     assert np.isfinite(at).all()
 
 
 @pytest.mark.parametrize("contact", [(0.0, 0.0), (1.0, 1.0)])
-def test_contacts_of_the_tracker_alone_do_not_lift_it(contact: tuple[float, float]) -> None:
+def test_tracker_contacts_alone_never_lift_the_puppet(contact: tuple[float, float]) -> None:
     feet = Feet()
     body = replace(person(), contacts=np.array(contact))
     assert all(feet.see(body, STEP).touches for _ in range(10))

@@ -1,4 +1,4 @@
-"""A puppet that loose things bump into is near where its surface is."""
+"""Tests that a puppet's collision spheres are close to its surface."""
 
 from __future__ import annotations
 
@@ -36,6 +36,6 @@ def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
     np.testing.assert_allclose(at_rest, CHARACTER.vertices, atol=1e-5)
 
 
-def test_other_characters_stay_as_they_are() -> None:
+def test_other_characters_stay_unchanged() -> None:
     bones = roughly_skinned(CHARACTER)
     assert roughly_skinned(bones) is bones

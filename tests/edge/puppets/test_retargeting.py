@@ -1,4 +1,4 @@
-"""A tracked person as the examples' performer: sizes, places and looks do not matter, nothing is flung."""
+"""Tests of a tracked person as the examples' performer: size, place and facing do not matter."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
 
 @few
 @given(st.floats(-1.0, 2.5), st.floats(0.0, 1.5))
-def test_who_was_tracked_makes_their_own_poses(arm: float, knee: float) -> None:
+def test_recorded_performer_reproduces_their_own_poses(arm: float, knee: float) -> None:
     bodies = [person(), person(arm=arm, knee=knee)]
     clip = clip_of_bodies(bodies, np.array([0.0, 1.0]), "own", step=1.0)
     retargeting = Retargeting(clip.skeleton, PAIRED)
@@ -145,13 +145,13 @@ def test_never_tracked_performer_stands_with_hanging_arms() -> None:
     assert pose[3, 1] < -0.6
 
 
-def test_turning_round_and_round_is_a_yaw_that_goes_on() -> None:
+def test_repeated_turns_give_a_continuous_yaw() -> None:
     bones = Bones(0.3)
     yaws = [bones.see(person(yaw=yaw), 1 / 30).yaw for yaw in np.linspace(0.0, 4 * np.pi, 90)]
     np.testing.assert_allclose(np.diff(yaws), 4 * np.pi / 89, atol=0.02)
 
 
-def test_the_chest_says_where_who_stands_too_near_looks() -> None:
+def test_facing_comes_from_the_chest_if_legs_are_hidden() -> None:
     near = person(yaw=0.8)
     for joint in Joint:
         if joint.name.split("_")[0] in ("HIP", "KNEE", "ANKLE", "FOOT"):
@@ -159,7 +159,7 @@ def test_the_chest_says_where_who_stands_too_near_looks() -> None:
     assert Bones(0.3).see(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
 
 
-def test_joints_that_a_person_has_nothing_like_are_named() -> None:
+def test_unmappable_joints_are_reported_by_name() -> None:
     with pytest.raises(InputError, match="'Tentacle'"):
         Retargeting(OTHER, ("LeftHand", "Tentacle"))
     tail = Skeleton(

@@ -1,4 +1,4 @@
-"""A recording goes on in a new part when there is room again, and its name is free at each start."""
+"""Tests that a recording continues in a new part once there is space, under a free name at each start."""
 
 import os
 import shutil
@@ -61,7 +61,7 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(disk)]
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("a small disk can be mounted by root only")
-    now = [0.0]  # a clock that stands still unless it is told, so that no pause of the machine is a retry
+    now = [0.0]  # a clock that only advances when told, so that a pause of the machine is not a retry
     monkeypatch.setattr(parts, "time", SimpleNamespace(monotonic=lambda: now[0]))
     filler, begun = disk / "filler", []
     filler.write_bytes(bytes(600 << 10))

@@ -1,4 +1,4 @@
-"""The take while it is performed: what cannot be written ends it or leaves a gap, never the show."""
+"""Tests of recording a take: a failed write ends it or leaves a gap, and never stops the show."""
 
 import subprocess
 import sys
@@ -35,7 +35,7 @@ def made(path) -> Outlet:
 
 
 def tell(outlet, time_ns: int) -> None:
-    """A frame without anybody, and the state of health after it."""
+    """Records a frame without people, and the health state after it."""
     outlet.publish(Tick(BodyFrame([], time_ns, "x")))
     outlet.set_health([])
 
@@ -52,8 +52,8 @@ def test_a_character_is_written_again_every_minute_and_at_the_end(tmp_path, char
     assert all(copy == read[0] for copy in read)
 
 
-def test_a_clock_below_zero_leaves_gaps_in_the_take_and_is_said(tmp_path):
-    """A sensor whose clock counts up from -1 s: what cannot be written is not, the rest is."""
+def test_negative_clock_leaves_gaps_in_the_take_and_is_reported(tmp_path):
+    """A sensor's clock starts at -1 s: frames before 0 are not written, later ones are."""
 
     class Clock:
         name = "x"
@@ -69,7 +69,7 @@ def test_a_clock_below_zero_leaves_gaps_in_the_take_and_is_said(tmp_path):
         edge.run()
         (state,) = [s for s in outlet.publisher.status.health if s.kind == HealthKind.TAKE_GAPS]
     assert edge.frames == 60
-    # 31 frames of bodies, and what stands on the stage as the first of them comes.
+    # 31 frames of bodies, and the stage messages that are written with the first frame.
     assert state.what.startswith("32 messages are not in the take") and "clock" in state.mend
     times = [time_ns for time_ns, _ in Recording(tmp_path / "take.mcap").messages("bodies")]
     assert times == [i * STEP - 10**9 for i in range(31, 60)]
@@ -111,7 +111,7 @@ FULL = """
 
 
 def performed(path, limit: str) -> str:
-    """What a process says at the end of 900 frames of six bodies, its take on that disk."""
+    """Returns the final output of a process that records 900 frames of six bodies to that disk."""
     command = [sys.executable, "-c", textwrap.dedent(FULL), str(path), limit]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -120,7 +120,7 @@ def performed(path, limit: str) -> str:
 
 
 def read_back(path) -> list[int]:
-    """The times of the bodies in a take that was ended."""
+    """Returns the times of the bodies in a finished take."""
     with pytest.warns(RecordingWarning, match="cut off"):
         return [time_ns for time_ns, _ in Recording(path).messages("bodies")]
 

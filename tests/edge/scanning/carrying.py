@@ -1,4 +1,4 @@
-"""Recordings of a made-up camera that is carried round a box, and ``enliven scan`` of them."""
+"""Recordings of a synthetic camera that is carried round a box, and ``enliven scan`` of them."""
 
 import sys
 from dataclasses import replace
@@ -22,11 +22,11 @@ PATH = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.25, height=(0.8, 1.0), turn
 """Once round in six seconds: a fifth of a metre a second."""
 THING = box_mesh(Box((-0.2, 0.0, -0.15), (0.2, 0.5, 0.15)))
 NOTHING = box_mesh(Box((50.0, 0.0, 50.0), (50.1, 0.1, 50.1)))
-"""A thing that is out of view."""
+"""An object that is out of view."""
 
 
 def run(*words) -> str:
-    """What the command prints; its refusals are raised."""
+    """Runs the command and returns its output; raises its error."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     if isinstance(result.exception, EnlivenError):
         raise result.exception
@@ -35,7 +35,7 @@ def run(*words) -> str:
 
 
 def take_of(thing=THING, path=PATH, colour=False, width=240, **given) -> HandheldScan:
-    """The camera that is carried."""
+    """Returns the take of the carried camera."""
     return HandheldScan(thing, load_profile("kinect1"), path, width=width, colour=colour, **given)
 
 
@@ -48,7 +48,7 @@ def write(frames, path: Path) -> Path:
 
 
 def recorded(path: Path, thing=THING, first=0, last=180, step=4, way=PATH, change=None, **given) -> Path:
-    """A recording of some images of a way; ``change`` makes other ones of them."""
+    """Writes a recording of some images of a path; ``change`` modifies each frame."""
     take = take_of(thing, way, **given)
     frames = (take.frame(index) for index in range(first, min(last, take.frames), step))
     return write((frame if change is None else change(frame) for frame in frames), path)

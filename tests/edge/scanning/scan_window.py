@@ -1,4 +1,4 @@
-"""What a window does with an edge that scans, without its picture."""
+"""A window's connection to a scanning edge, without rendering."""
 
 import time
 
@@ -7,11 +7,11 @@ from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.scan import ScanSession
 
 ASKED_EVERY = 20.0
-"""Seconds from one request for a scan to the next: a link that was busy is up again."""
+"""Seconds between two requests for a scan: enough for a busy link to recover."""
 
 
 class Window:
-    """What a window does with the edge: its link, and its scan."""
+    """A window's connection to the edge: its link and its scan."""
 
     def __init__(self, edge, folder):
         self.editor = Editor()
@@ -29,7 +29,7 @@ class Window:
 
 
 class Begun:
-    """Whether a window's scan is under way; it is asked for again where the edge did not hear it."""
+    """Reports if a window's scan has started; repeats the request if the edge did not receive it."""
 
     def __init__(self, scan):
         self.scan, self.asked = scan, -ASKED_EVERY

@@ -1,4 +1,4 @@
-"""A stool seen from above: the floor's noise hides where the camera is, until it is looked at closely."""
+"""Tests of a stool seen from above: floor noise hides the camera's motion until fine alignment runs."""
 
 from scanned_things import THINGS
 
@@ -8,12 +8,12 @@ from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
 BEFORE, IMAGES = range(282, 297, 3), (297, 300, 303)
-"""Images that are fused where they were taken, and those that are looked for from the last of them."""
+"""Images that are fused at their true poses, and images that are aligned to the last of them."""
 ELSEWHERE = 225
-"""An image of another side of it, 2 m away on the path, that is looked for from there, too."""
+"""An image of another side, 2 m away on the path, that is also aligned from there."""
 
 
-def test_what_the_noise_of_a_floor_hides_is_found_where_it_is():
+def test_close_alignment_finds_pose_hidden_by_floor_noise():
     take, scanner = HandheldScan(THINGS["stool"](), load_profile("kinect1"), PATH), Scanner()
     for index in BEFORE:
         scanner.place(take.frame(index), take.pose(index))

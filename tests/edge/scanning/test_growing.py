@@ -1,4 +1,4 @@
-"""The growing surface: pieces are the volume's surface, what changed is sent, and it can be taken back."""
+"""Tests of the incremental surface: chunks equal the volume's surface, changes are sent, undo works."""
 
 import sys
 from pathlib import Path
@@ -20,12 +20,12 @@ from enliven_edge.scanning.growing import as_message
 
 RADIUS = 0.25
 ALL = 10**9
-"""Bytes: everything that changed."""
+"""Byte limit without effect: all changes are sent."""
 
 
 @pytest.fixture(scope="module")
 def sphere():
-    """A sphere of 25 cm, seen from all sides."""
+    """Returns a volume of a sphere of 25 cm, seen from all sides."""
     return fused_sphere(RADIUS)
 
 
@@ -39,17 +39,17 @@ def pieces(volume):
 
 def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     found = pieces(sphere)
-    assert len(found) == 8  # pieces of 1.28 m: one for each octant
+    assert len(found) == 8  # chunks of 1.28 m: one for each octant
     away = np.concatenate([np.linalg.norm(one.vertices, axis=1) for one in found])
     assert np.abs(away - RADIUS).max() < 0.02 and abs(away.mean() - RADIUS) < 0.003
     vertices = np.concatenate([one.vertices for one in found])
     counts = np.cumsum([0, *(len(one.places) for one in found)])
     faces = np.concatenate([one.faces + n for one, n in zip(found, counts, strict=False)])
     whole = Mesh(vertices, faces.astype(np.int32))
-    # Cells are twice as large, so that more of them reach into what was not seen.
+    # Cells are twice as large, so that more of them touch unobserved space.
     assert 0.75 < whole.area / surface_of(sphere, 0.05).area < 1.02
     assert (np.einsum("fi,fi->f", whole.face_normals(), whole.vertices[faces].mean(1)) > 0).mean() > 0.99
-    # Welded, it is closed along its seams: a side there has one other.
+    # After welding it is closed along its seams: each edge there has exactly one opposite edge.
     _, place = np.unique(np.round(vertices * 1e5).astype(int), axis=0, return_inverse=True)
     welded = place.reshape(-1)[faces]
     sides = np.concatenate([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]])
@@ -61,13 +61,13 @@ def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     assert at_seam.sum() > 50 and np.isin(key, back)[at_seam].mean() > 0.9
 
 
-def test_what_was_seen_more_is_told_to_be_seen_better():
+def test_surface_observed_more_often_has_higher_confidence():
     once, often = fused_sphere(RADIUS, 4), fused_sphere(RADIUS, 12)
     known = [np.concatenate([one.seen for one in pieces(volume)]).mean() for volume in (once, often)]
     assert known[1] > 1.5 * known[0]
 
 
-def test_only_what_changed_is_sent_within_the_budget(sphere):
+def test_only_changed_chunks_are_sent_within_the_budget(sphere):
     growing = GrowingSurface(3)
     first = growing.changes(sphere, 1)
     assert len(first) == 1, "one piece at least, or nothing would ever come"
@@ -75,10 +75,10 @@ def test_only_what_changed_is_sent_within_the_budget(sphere):
     assert len(rest) == 7 and not growing.changes(sphere, ALL)
     keys = {one.place for one in first + rest}
     assert len(keys) == 8 and all(one.number == 3 for one in rest)
-    # What is gone, as after an undo, is sent without a surface.
+    # A chunk that vanished, as after an undo, is sent without a surface.
     empty = fused_sphere(0.05)
     gone = [one for one in growing.changes(empty, ALL) if not one.seen]
-    assert not gone  # all octants still have a part of a small sphere about the origin
+    assert not gone  # all octants still contain a part of a small sphere at the origin
     shifted = np.eye(4)
     shifted[:3, 3] = 5.0
     assert len([one for one in growing.changes(fused_sphere(move=shifted), ALL) if not one.seen]) == 8
@@ -95,7 +95,7 @@ def test_a_piece_goes_over_the_wire(sphere):
 
 
 @given(st.lists(st.floats(0.05, 3.0), min_size=1, max_size=40))
-def test_going_back_goes_to_a_state_of_before_and_never_twice_to_one(steps):
+def test_checkpoints_step_back_through_distinct_earlier_states(steps):
     kept, now, states = Checkpoints(), 0, []
     for n, step in enumerate(steps):
         now += round(step * 1e9)
@@ -122,7 +122,7 @@ def test_a_state_that_is_kept_does_not_change_with_the_scan_and_large_ones_are_f
 
 
 def half_seen():
-    """A sphere that was seen from one side, +z towards the camera."""
+    """Returns a volume of a sphere that was seen from one side, +z towards the camera."""
     volume = DistanceVolume(SETTINGS)
     for angle in (-0.4, -0.2, 0.0, 0.2, 0.4):
         pose = looking(np.pi + angle)

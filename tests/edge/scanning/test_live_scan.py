@@ -1,4 +1,4 @@
-"""A scan beside the edge's loop: what a viewer orders holds at once, however busy the scan is."""
+"""Tests of scanning in the background: a viewer's command has effect at once, however busy the scan is."""
 
 import sys
 import threading
@@ -17,7 +17,7 @@ from enliven_edge.scanning import LiveScan
 from enliven_edge.scanning.standing import ScanPlace
 
 PATIENCE = 60.0
-"""Seconds in which anything has happened, on any machine."""
+"""Timeout in seconds that is enough on any machine."""
 
 
 def phases(scan):
@@ -26,7 +26,7 @@ def phases(scan):
 
 @pytest.fixture
 def busy(monkeypatch):
-    """A scan that looks at its surface until it is let go, and what says that it does, and lets it go."""
+    """Blocks a scan in its surface step; returns the event that reports it and the one that ends it."""
     looks, free = threading.Event(), threading.Event()
 
     def look(place, scanner):
@@ -43,7 +43,7 @@ def busy(monkeypatch):
     assert not scan.is_alive()
 
 
-def test_a_pause_holds_and_is_told_while_the_scan_is_busy(busy):
+def test_pause_takes_effect_and_is_reported_while_scan_is_busy(busy):
     scan, looks, free = busy
     take = take_of()
     scan.offer(take.frame(0))
@@ -59,7 +59,7 @@ def test_a_pause_holds_and_is_told_while_the_scan_is_busy(busy):
     assert scan.phase == "paused"
 
 
-def test_of_several_orders_the_last_one_holds(busy):
+def test_last_of_several_commands_wins(busy):
     scan, looks, free = busy
     assert looks.wait(PATIENCE)
     for word in ("pause", "go on", "pause", "pause", "go on"):
@@ -72,7 +72,7 @@ def test_of_several_orders_the_last_one_holds(busy):
         scan.ask(Scan("undo"))
 
 
-def test_done_is_refused_in_words_and_it_can_go_on(busy):
+def test_done_is_refused_and_the_scan_can_continue(busy):
     scan, _, free = busy
     free.set()
     scan.ask(Scan("done"))

@@ -1,4 +1,4 @@
-"""A camera is carried round a large room: its way drifts, and what it saw twice stands there once at last."""
+"""Tests of loop closure: a camera is carried round a large room, drifts, and each surface ends up once."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ FRAMES = 90
 VOXEL = 0.02
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=VOXEL, reach=5.0))
 DRIFT = np.array([0.06, 0.02, -0.08, 0.004, 0.015, -0.004])
-"""Metres and radians that the tracking is off after the whole way, which grows from nothing."""
+"""Final tracking drift in metres and radians; it grows linearly from 0."""
 
 
 @dataclass(frozen=True)
 class Round(HandheldPath):
-    """A level way on a circle; the camera looks outward, and a little ahead."""
+    """A level circular path; the camera looks outward and slightly ahead."""
 
     def world_from_camera(self, time):
         angle, unrest = 2 * np.pi * self.turns * time / self.seconds, self._unrest(time)
@@ -36,7 +36,7 @@ class Round(HandheldPath):
 
 
 def hall():
-    """A floor, four walls, and two rings of 36 boxes along them."""
+    """Returns a floor, four walls, and two rings of 36 boxes along them."""
     random, boxes = np.random.default_rng(5), [Box((-8, -0.2, -8), (8, 0, 8))]
     for far, near in ((-5.2, -5.0), (5.0, 5.2)):
         boxes += [Box((far, 0, -6), (near, 2.6, 6)), Box((-6, 0, far), (6, 2.6, near))]
@@ -51,14 +51,14 @@ def hall():
 
 @pytest.fixture(scope="module")
 def frames():
-    """What the camera sees on 1.12 rounds, and its true poses."""
+    """Renders the camera's images on 1.12 rounds, and returns them with the true poses."""
     path = Round(radius=2.0, turns=1.12, seconds=FRAMES / 30)
     take = HandheldScan(load_sample("chair"), load_profile("kinect1"), path, room=hall(), width=240)
     return [take.frame(n) for n in range(FRAMES)], [take.pose(n) for n in range(FRAMES)]
 
 
 def drifted(frames, truth, drift=DRIFT, settings=SETTINGS):
-    """A scanner that fused the frames where a tracking that drifts has found them."""
+    """Returns a scanner that fused the frames at drifting poses."""
     scanner = Scanner(settings)
     for n, (frame, pose) in enumerate(zip(frames, truth, strict=True)):
         scanner._fuse(frame, scanner.prepared(frame), moved(pose, drift * n / len(frames)), None, None)
@@ -66,7 +66,7 @@ def drifted(frames, truth, drift=DRIFT, settings=SETTINGS):
 
 
 def off(scanner, truth):
-    """Root mean square of metres that the camera's places are off, the ways laid onto one another."""
+    """Returns the root mean square error of the camera positions, metres, after aligning both paths."""
     these, those = (np.array(ways)[:, :3, 3] for ways in ([p for _, p in scanner.poses], truth))
     a, b = these - these.mean(0), those - those.mean(0)
     u, _, v = np.linalg.svd(b.T @ a)
@@ -75,7 +75,7 @@ def off(scanner, truth):
 
 
 def doubled(mesh):
-    """Share of the surface with a second sheet that faces the same way 2 to 8 voxels before or behind it."""
+    """Returns the fraction of the surface with a second layer 2 to 8 voxels away that faces the same way."""
     random, normals = np.random.default_rng(0), mesh.face_normals()
     areas, middles = np.linalg.norm(mesh.face_vectors(), axis=1), mesh.vertices[mesh.faces].mean(1)
     chosen, found = random.choice(len(areas), 3000, p=areas / areas.sum()), 0
@@ -90,7 +90,7 @@ def doubled(mesh):
 
 @pytest.fixture(scope="module")
 def closed(frames):
-    """A scanner whose way was closed, what was found, and how far off and how doubled it was before."""
+    """Closes the loop; returns the scanner, the closure, and errors and duplication before it."""
     scanner = drifted(*frames)
     before = off(scanner, frames[1]), doubled(scanner.surface()), len(scanner.keyframes)
     return scanner, scanner.close_loops(), before
@@ -101,11 +101,11 @@ def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     assert before > 0.015 and twice > 0.01, "it is doubled before"
     assert closing.taken and closing.loops >= 4 and closing.gap > 0.05
     assert off(scanner, frames[1]) < 0.6 * before and doubled(scanner.surface()) < 0.2 * twice
-    # The first pose stays, and the last one is where the first round saw the same.
+    # The first pose is unchanged, and the last one agrees with the first round.
     np.testing.assert_allclose(scanner.poses[0][1], frames[1][0], atol=1e-9)
     assert apart(scanner.poses[-1][1], frames[1][-1])[0] < 0.03
     assert 0 < len(scanner.keyframes) <= keyframes + 2
-    # What is closed stays as it is, and the scan goes on from there.
+    # A closed loop stays unchanged, and scanning continues from there.
     volumes = scanner.volumes
     assert not scanner.close_loops().taken and scanner.volumes is volumes
     assert scanner.add(frames[0][-1]).state is ScanState.SCANNING

@@ -1,4 +1,4 @@
-"""A chair is scanned as it stands, laid on its back by hands, and scanned on: one surface, undersides too."""
+"""Tests of a chair that is scanned upright, laid on its back by hand, and scanned on: one surface results."""
 
 import sys
 from contextlib import ExitStack, closing
@@ -37,15 +37,15 @@ WAY = HandledWay([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.5, height=(0.7, 1.6), turns=1.7, seconds=18.0)
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=0.008))
 EVERY = 3
-"""Images of the camera from one that is looked at to the next."""
+"""Only every third camera image is processed."""
 
 
 @dataclass
 class Scanned:
     """A whole take, scanned by an edge and followed over the wire by a window.
 
-    steps: what the scanner said of each image; truth: the true object_from_camera of it; times: seconds;
-    scanner: after it; told: messages as the window has them after each image, and its words; grown: the
+    steps: the scanner's result for each image; truth: its true object_from_camera; times: seconds;
+    scanner: after it; told: messages received by the window after each image, with its texts; grown: the
     surface at the end, on the stage; made: the character's mesh in the window's project.
     """
 
@@ -91,7 +91,7 @@ def scanned(tmp_path_factory):
     return Scanned(steps, truth, [index / 30.0 for index in indices], told, scanner, stood, made)
 
 
-def test_it_is_lost_while_it_is_carried_and_found_where_it_lies(scanned):
+def test_object_is_lost_while_carried_and_found_at_rest(scanned):
     states = {t: step.state for t, step in zip(scanned.times, scanned.steps, strict=True)}
     assert all(state is ObjectState.RESTING for t, state in states.items() if t < MOVE[0])
     carried = [state for t, state in states.items() if MOVE[0] + 0.6 < t < MOVE[1] - 0.3]
@@ -101,7 +101,7 @@ def test_it_is_lost_while_it_is_carried_and_found_where_it_lies(scanned):
     assert len(scanned.scanner.rests) >= 2 and scanned.steps[-1].rests == len(scanned.scanner.rests)
 
 
-def test_where_it_says_that_the_object_is_it_is(scanned):
+def test_reported_object_pose_is_accurate(scanned):
     off = [
         apart(step.object_from_camera, true)
         for step, true in zip(scanned.steps, scanned.truth, strict=True)
@@ -109,17 +109,17 @@ def test_where_it_says_that_the_object_is_it_is(scanned):
     ]
     assert len(off) > 0.7 * len(scanned.steps)
     metres, radians = np.array(off).T
-    # While it begins to tilt the camera follows it for an image or two.
+    # While the chair begins to tilt, the camera follows it for an image or two.
     assert np.quantile(metres, 0.95) < 0.03 and np.median(metres) < 0.015
     assert np.quantile(radians, 0.95) < 0.025
 
 
 def seconds_of(message):
-    """Seconds of the take."""
+    """Returns the take's times in seconds."""
     return (message.time_ns - LATER) * 1e-9
 
 
-def test_the_window_says_what_goes_on(scanned):
+def test_window_texts_follow_the_object_state(scanned):
     words = [text for _, text in scanned.told]
     assert any(text.startswith("Object lifted or lost: put it down") for text in words)
     assert any(text.startswith("Looking for the object, ") for text in words)
@@ -134,7 +134,7 @@ def test_the_window_says_what_goes_on(scanned):
     assert said[-1].thing == "stands"
 
 
-def test_the_surface_that_grows_lies_as_it_lies(scanned):
+def test_incremental_surface_has_the_objects_final_pose(scanned):
     lies = CHAIR.vertices @ BACK[:3, :3].T
     low, high = np.quantile(scanned.grown, [0.002, 0.998], axis=0)
     assert abs(high[1] - low[1] - np.ptp(lies[:, 1])) < 0.06, "on its back, and the floor that it had is gone"
@@ -142,7 +142,7 @@ def test_the_surface_that_grows_lies_as_it_lies(scanned):
     assert np.linalg.norm((low + high)[[0, 2]]) < 0.2, "in the middle"
 
 
-def test_what_became_of_it_is_said(scanned):
+def test_summary_reports_places_and_losses_of_the_object(scanned):
     said = " ".join(said_of_things(scanned.scanner))
     assert f"It was found in {len(scanned.scanner.rests)} places" in said
     lost = [step.told.state is ScanState.LOST for step in scanned.steps]
@@ -150,7 +150,7 @@ def test_what_became_of_it_is_said(scanned):
 
 
 @pytest.mark.parametrize("other", [["--whole"], ["--within", "2"], ["--add", "x.glb"]])
-def test_what_does_not_go_together_is_refused(other, tmp_path):
+def test_incompatible_options_are_refused(other, tmp_path):
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command()(scan)
     words = ["--sensor", "none", "-o", str(tmp_path / "x.glb"), "--moved", *other]
@@ -159,17 +159,17 @@ def test_what_does_not_go_together_is_refused(other, tmp_path):
 
 
 def complete(mesh, points):
-    """Share of points (N, 3) of the truth that have surface within a voxel of them."""
+    """Returns the fraction of the true points (N, 3) that have surface within a voxel."""
     return float((cKDTree(sampled(mesh, 400_000).points).query(points)[0] < 0.008).mean())
 
 
 def placed(mesh):
-    """The mesh in the frame of the true chair: it is upright and on the floor, its box centred."""
+    """Returns the mesh in the true chair's frame: upright, on the floor, with a centred bounding box."""
     return replace(mesh, vertices=mesh.vertices + np.mean(CHAIR.bounds, axis=0) * [1, 0, 1])
 
 
 def laid_onto_the_truth(mesh):
-    """The mesh moved and turned by what is left between it and the true chair."""
+    """Aligns the mesh with the true chair by the remaining rigid transform."""
     from enliven.scanning.objects.registration import laid
     from enliven.scanning.objects.surface_points import nearest_grid
 
@@ -189,7 +189,7 @@ def test_both_halves_are_one_surface_with_its_undersides(scanned):
     assert complete(whole, under) > complete(alone, under) + 0.15
     assert complete(whole, truth.points) > complete(alone, truth.points)
     error = distances(CHAIR, sampled(whole, 20_000).points)
-    # Voxels are twice as large as a scan's own, and images half as wide.
+    # Voxels are twice the default size, and images half as wide.
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.009
-    # A second sheet, or a hand: no more than a hundredth of the surface is so far out.
+    # A second layer, or a hand: at most a hundredth of the surface may be that far off.
     assert (error > 0.02).mean() < 0.01

@@ -1,4 +1,4 @@
-"""``enliven scan --person``: who turns before a still camera becomes a mesh, on the floor, with joints."""
+"""Tests of ``enliven scan --person``: a person turning before a still camera becomes a mesh with joints."""
 
 import sys
 from dataclasses import replace
@@ -21,9 +21,9 @@ from enliven_edge.scanning import PersonScanner
 from enliven_edge.stage import cast_mesh
 
 STILL, IMAGES = 5, 24
-"""Images before they turn, and in all: 5.8 degrees from one to the next, 104 in all."""
+"""Images before the turn, and in all: 5.8 degrees from one to the next, 104 in all."""
 HALF = 14
-"""Images of one who holds still: half of them, with joints."""
+"""Number of images of a person that stands still: half of all images, with joints."""
 
 
 def scanner():
@@ -38,13 +38,13 @@ def scene():
 
 @pytest.fixture(scope="module")
 def images(scene):
-    """The person stands still, and turns."""
+    """Renders a person that stands still and then turns."""
     return [scene.frame(n, max(n - STILL, 0) * np.radians(5.8)) for n in range(IMAGES)]
 
 
 @pytest.fixture(scope="module")
 def half(scene):
-    """They hold still, and their feet are out of view, below the image."""
+    """Renders a person that stands still, with the feet below the image."""
     made = scanner()
     for n in range(HALF):
         made.add(scene.frame(n))
@@ -57,7 +57,7 @@ def scanned(images):
     return made, [made.add(image).state for image in images]
 
 
-def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
+def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
     made, states = scanned
     assert states.count(ScanState.SCANNING) >= IMAGES - 4
     turned = made.poses[-1][1][:3, :3] @ made.poses[0][1][:3, :3].T
@@ -69,12 +69,13 @@ def test_who_turns_is_followed_and_stands_upright_on_the_floor(scanned, scene):
     true, known = scene.joints(), np.isfinite(person.joints).all(1)
     assert known.sum() >= 16
     apart = (person.joints - true)[known]
-    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]  # where they stand in the mesh is by its box
+    # the origin of the mesh is the centre of its bounding box
+    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.03 and np.linalg.norm(apart, axis=1).max() < 0.1
     assert made.advice(IMAGES) == []
 
 
-def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
+def test_still_person_with_hidden_feet_reaches_the_floor(half):
     seen = half.surface().vertices[:, 1].min()
     mesh = half.person().mesh
     assert seen > 0.05, "the floor ends what is seen of their feet"
@@ -82,7 +83,7 @@ def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
         foot = mesh.vertices[side * mesh.vertices[:, 0] > 0]
         assert foot[:, 1].min() == 0.0
         low = foot[foot[:, 1] < 0.02]
-        # What was seen lowest is as wide as a shin; what is under it stands there, and nowhere else.
+        # The lowest visible part is as wide as a shin; only the completed part below it may be there.
         assert np.ptp(low[:, 0]) < 0.15 and np.ptp(low[:, 2]) < 0.2 and len(low) >= 5
     assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(1.7, abs=0.05)
 
@@ -91,7 +92,7 @@ def test_who_holds_still_stands_on_the_floor_with_both_feet(half):
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
     person = (half if one_side else scanned[0]).person()
     actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
-    # The mesh stands on the stage about the middle, as large as a person: so do its bones.
+    # The mesh is life-size and centred on the stage, and so are its bones.
     grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
     arms = [np.diff(of[[4, 5, 6]], axis=0) for of in (actor.likeness.joints, grown * person.joints)]
     np.testing.assert_allclose(*(np.linalg.norm(arm, axis=1) for arm in arms), rtol=1e-6)
@@ -114,7 +115,7 @@ def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, o
     assert lifted[0] > 0.3 and abs(lifted[1]) < 0.1, "the mesh raises its left hand as they do"
 
 
-def test_of_whom_a_part_was_in_view_that_part_is_as_large_as_they_are(scanned):
+def test_partial_scan_of_a_person_keeps_its_size(scanned):
     person = scanned[0].person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
     upper = submesh(person.mesh, high)
@@ -125,7 +126,7 @@ def test_of_whom_a_part_was_in_view_that_part_is_as_large_as_they_are(scanned):
     assert actor.place[0] == pytest.approx(1.0, abs=0.01)
 
 
-def test_what_was_not_seen_of_a_person_is_as_of_one_who_stands(scanned):
+def test_unseen_joints_are_completed_from_a_standing_person(scanned):
     person = scanned[0].person()
     assert np.isfinite(person.joints[Joint.KNEE_LEFT]).all()
     hidden = person.joints.copy()
@@ -150,7 +151,7 @@ def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     assert load_mesh(tmp_path / "me.glb").mesh.bounds[1, 1] == pytest.approx(1.73, abs=0.06)
 
 
-def test_nobody_in_view_is_said(scene, tmp_path):
+def test_recording_without_a_person_is_refused(scene, tmp_path):
     empty = write((scene.frame(n, seen=False) for n in range(6)), tmp_path / "empty.mcap")
     with pytest.raises(InputError, match=r"no person was seen.* Stand"):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person")
@@ -158,7 +159,7 @@ def test_nobody_in_view_is_said(scene, tmp_path):
         run("--recording", empty, "-o", tmp_path / "no.glb", "--person", "--within", 1.5)
 
 
-def test_who_leaves_the_view_or_moves_an_arm_is_told_so(scene):
+def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
     made = scanner()
     for n in range(8):
         made.add(scene.frame(n))

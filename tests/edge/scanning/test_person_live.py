@@ -1,4 +1,4 @@
-"""A person who turns before a still camera becomes a character of the window, over the wire."""
+"""Tests that a person turning in front of a still camera becomes a character in the window, over the wire."""
 
 import copy
 import sys
@@ -19,10 +19,10 @@ from scan_window import Begun, Window
 from turning import TurningPerson
 
 STILL, TURNED, STEP = 3, 62, 5.8
-"""Images before they turn, and in which they turn once, by so many degrees each."""
+"""Images before the turn, images during one full turn, and degrees per image."""
 
 
-def test_who_turned_once_is_a_character_by_themself_that_knows_its_ends(tmp_path):
+def test_full_turn_creates_a_character_with_named_ends(tmp_path):
     scene = TurningPerson(640)
     images = [scene.frame(n, max(n - STILL, 0) * np.radians(STEP)) for n in range(STILL + TURNED + 6)]
     told = []

@@ -1,4 +1,4 @@
-"""``enliven scan`` of what cannot be scanned, or only in part: each is said in words, and nothing is lost."""
+"""Tests of ``enliven scan`` on bad input: the reason is reported, and usable data are kept."""
 
 import errno
 import os
@@ -24,11 +24,11 @@ from enliven_synthesis.sensor.scene import Box
 
 @pytest.fixture(scope="module")
 def carried(tmp_path_factory):
-    """A recording of a third of the way round the box, without colours."""
+    """Records a third of a round about the box, without colours."""
     return recorded(tmp_path_factory.mktemp("bad") / "carried.mcap", last=60)
 
 
-def test_a_camera_that_does_not_move_is_told_to(tmp_path):
+def test_unmoved_camera_gives_advice(tmp_path):
     frame = take_of().frame(0)
     still = write((replace(frame, time_ns=n * 33_000_000) for n in range(5)), tmp_path / "still.mcap")
     with pytest.raises(InputError, match=r"the camera moved 0 cm only\. Carry it round"):
@@ -36,15 +36,15 @@ def test_a_camera_that_does_not_move_is_told_to(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.mcap"]
 
 
-def test_a_camera_that_is_flung_about_is_told_to_be_slow(tmp_path):
+def test_too_fast_camera_gives_advice(tmp_path):
     quick = replace(PATH, seconds=0.8)
     flung = recorded(tmp_path / "flung.mcap", way=quick, last=24, step=3)
     with pytest.raises(InputError, match=r"the camera was lost in \d of 8 frames.* more slowly"):
         run("--recording", flung, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried, tmp_path):
-    """Of the second half every image is from somewhere else."""
+def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
+    """In the second half every image is from somewhere else."""
     take, frames = take_of(), []
     for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
         frames.append(replace(take.frame(index), time_ns=n * 33_000_000))
@@ -56,7 +56,7 @@ def test_a_scan_that_was_too_fast_for_a_while_keeps_the_rest_and_says_so(carried
 
 
 @pytest.mark.parametrize("distance", [1.0, 1.5, 3.0])
-def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
+def test_blank_wall_is_reported(tmp_path, distance):
     wall = (Box((-9.0, -9.0, -0.4), (9.0, 9.0, 0.0)),)
     way = HandheldPath(target=(0.0, 0.5, 0.0), radius=distance, height=(0.5, 0.8), turns=0.03, seconds=2.0)
     blank = recorded(tmp_path / "wall.mcap", NOTHING, way=way, room=wall)
@@ -64,8 +64,8 @@ def test_a_blank_wall_is_told_to_be_blank(tmp_path, distance):
         run("--recording", blank, "-o", tmp_path / "no.glb", "--voxel", 16, "--reach", 5)
 
 
-def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
-    """A part of the thing has no depth, from wherever it is seen; the rest is scanned."""
+def test_mirror_hole_stays_a_hole(tmp_path):
+    """A part of the object has no depth from any direction; the rest is scanned."""
 
     def mirror(depth):
         height, width = depth.shape
@@ -82,8 +82,8 @@ def test_a_hole_as_a_mirror_makes_it_stays_a_hole(tmp_path):
         run("--recording", nothing, "-o", tmp_path / "no.glb")
 
 
-def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
-    # What it finds its way by is farther than what is kept.
+def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
+    # The surfaces used for tracking are farther away than the kept range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
     made = tmp_path / "no.glb"
     with pytest.raises(InputError, match=r"nothing that stands on the floor.*--whole"):
@@ -108,7 +108,7 @@ def test_nothing_to_cut_out_is_said_and_what_a_sensor_saw_is_kept(tmp_path):
     assert len(load_mesh(made).mesh.faces) > 1000
 
 
-def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_chosen(tmp_path):
+def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
     low = Box((-0.85, 0.0, -0.2), (-0.5, 0.3, 0.2))
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
     words = ["--recording", both, "--voxel", 8, "--no-keep"]
@@ -123,7 +123,7 @@ def test_of_two_things_the_one_that_is_looked_at_is_taken_and_the_other_may_be_c
         run(*words, "-o", tmp_path / "third.glb", "--thing", 3)
 
 
-def test_a_recording_without_colours_makes_a_mesh_without_and_says_so(carried, tmp_path):
+def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_path):
     said = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
     assert "The camera gave no colours, so the mesh has none" in said
     assert load_mesh(tmp_path / "plain.glb").mesh.colours is None
@@ -138,7 +138,7 @@ def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_pat
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
-def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
+def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
     add = ScanDiary.add
 
     def interrupted(diary, step, time_ns):
@@ -148,7 +148,7 @@ def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
 
     monkeypatch.setattr(ScanDiary, "add", interrupted)
     before = signal.getsignal(signal.SIGINT)
-    # A camera that never ends.
+    # The camera never ends.
     camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
     said = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
     assert "of 8 frames" in said and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
@@ -157,7 +157,7 @@ def test_ctrl_c_saves_what_was_scanned(carried, tmp_path, monkeypatch):
 
 
 def full_disk(monkeypatch, folder, of_all=False):
-    """Every write into a folder, or into all, ends as on a disk without room."""
+    """Every write into a folder, or anywhere, fails as on a full disk."""
 
     def no_room(descriptor):
         if of_all or os.readlink(f"/proc/self/fd/{descriptor}").startswith(str(folder)):
@@ -168,7 +168,7 @@ def full_disk(monkeypatch, folder, of_all=False):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it asks /proc which file is written")
 @pytest.mark.parametrize("ending", ["glb", "enliven"])
-def test_a_full_disk_loses_neither_the_scan_nor_what_was_there(carried, tmp_path, monkeypatch, ending):
+def test_full_disk_keeps_the_scan_and_the_old_file(carried, tmp_path, monkeypatch, ending):
     disk, home = tmp_path / "disk", tmp_path / "home"
     disk.mkdir(), home.mkdir()
     made = disk / f"thing.{ending}"

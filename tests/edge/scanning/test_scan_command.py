@@ -1,4 +1,4 @@
-"""``enliven scan``: a carried camera's recording becomes a mesh; what cannot be is refused in words."""
+"""Tests of ``enliven scan``: a carried camera's recording becomes a mesh; bad input gives an error."""
 
 import re
 import sys
@@ -33,14 +33,14 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
     mesh = load_mesh(made).mesh
     size = mesh.bounds[1] - mesh.bounds[0]
     assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
-    # Which way it faces is the first camera's choice: its diagonal lies between its sides and their sum.
+    # The first camera defines the heading, so the box's extent lies between its side and its diagonal.
     assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
     assert mesh.colours is not None and np.abs(np.median(mesh.colours, axis=0) - 90).max() < 12
     picture = np.asarray(Image.open(sheet))
     assert picture.shape == (720, 1080, 3) and (picture != picture[0, 0]).any(-1).mean() > 0.05
 
 
-def test_a_budget_is_kept_and_told_and_a_project_opens(carried, tmp_path):
+def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
     made = tmp_path / "box.enliven"
     words = ["--recording", carried, "-o", made, "--voxel", 12, "--seconds", 2]
     said = run(*words, "--triangles", 900)
@@ -57,14 +57,14 @@ def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
     made = tmp_path / "room.ply"
     run("--recording", carried, "-o", made, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)
     mesh = load_mesh(made).mesh
-    # The camera looked down by a third of a right angle, and its first image has no pose.
+    # The camera looked down by 30 degrees, and its first image has no pose.
     floor = (mesh.face_normals()[:, 1] > 0.9) & (np.abs(mesh.vertices[mesh.faces[:, 0], 1]) < 0.02)
     areas = np.linalg.norm(mesh.face_vectors(), axis=1)
     assert areas[floor].sum() > 0.75 * areas.sum()
     assert abs(np.median(mesh.vertices[mesh.faces[floor, 0], 1])) < 0.004
 
 
-def test_what_cannot_be_scanned_is_refused(carried, tmp_path):
+def test_invalid_scan_arguments_are_refused(carried, tmp_path):
     made = tmp_path / "made.glb"
     with pytest.raises(InputError, match="give a recording or a sensor"):
         run("-o", made)
@@ -86,7 +86,7 @@ def step(state, place=0.0, room=True):
     return ScanStep(state, pose, Alignment(pose, 1.0, 1.0, 0.0, np.eye(6)), room)
 
 
-def test_the_diary_counts_the_way_and_says_what_to_do_better():
+def test_scan_log_measures_the_path_and_gives_advice():
     diary = ScanDiary()
     for n in range(10):
         diary.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)
@@ -94,7 +94,8 @@ def test_the_diary_counts_the_way_and_says_what_to_do_better():
     for n in range(10):
         diary.add(step(ScanState.LOST), (10 + n) * 33_000_000)
     diary.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
-    assert diary.way == pytest.approx(0.18)  # what lies between a loss and the camera found again is no way
+    # the gap between losing and re-finding the camera adds no path length
+    assert diary.way == pytest.approx(0.18)
     said = " ".join(diary.advice())
     assert "10 of 21 frames" in said and "memory" in said and "1 m/s" not in said
     quick = ScanDiary()

@@ -1,4 +1,4 @@
-"""``enliven scan`` cuts out by a box and by a scan of the empty place, and adds to an earlier scan."""
+"""Tests that ``enliven scan`` crops by a box or by a scan of the empty place, and extends an earlier scan."""
 
 import sys
 from pathlib import Path
@@ -23,12 +23,12 @@ ROOM = (
     Box((-0.4, 0.0, -1.0), (-0.1, 0.4, -0.8)),
     Box((0.35, 0.0, -0.75), (0.75, 0.45, -0.35)),
 )
-"""A bare floor would not tell where the camera is."""
+"""A bare floor alone would not constrain the camera's pose."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Recordings of the place with the thing, and of the place alone, from a part of the way."""
+    """Records the place with the object, and the place alone from a part of the path."""
     folder = tmp_path_factory.mktemp("cutting")
     recorded(folder / "with.mcap", room=ROOM)
     recorded(folder / "empty.mcap", NOTHING, 20, 160, room=ROOM)
@@ -39,11 +39,11 @@ def bounds(path):
     return load_mesh(path).mesh.bounds
 
 
-def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
+def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
     whole = tmp_path / "whole.ply"
     run("--recording", folder / "with.mcap", "-o", whole, "--voxel", 16, "--whole", "--triangles", 0)
     mesh = load_mesh(whole).mesh
-    # The thing is the only surface near the origin that is higher than the floor.
+    # The object is the only surface near the origin that is above the floor.
     high = mesh.vertices[(mesh.vertices[:, 1] > 0.05) & (np.abs(mesh.vertices[:, [0, 2]]) < 0.33).all(1)]
     low, top = high.min(0) - 0.03, high.max(0) + 0.03
     assert top[1] == pytest.approx(0.53, abs=0.03) and np.abs(low[[0, 2]] + top[[0, 2]]).max() < 0.2
@@ -55,7 +55,7 @@ def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
     np.testing.assert_allclose(
         size, [high[:, 0].max() - high[:, 0].min(), 0.5, np.ptp(high[:, 2])], atol=0.03
     )
-    # Its lower half, of the scan that was kept, and as a project.
+    # The lower half of the kept scan, as a project.
     half = tmp_path / "half.enliven"
     corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], top[0], 0.25, top[2]))
     kept = tmp_path / "box.scan.mcap"
@@ -68,12 +68,12 @@ def test_a_box_keeps_what_the_whole_scan_shows_in_it(folder, tmp_path):
 
 
 @pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d,e,f", "0,0,0,1,-1,1", "0,0,0,1,nan,1"])
-def test_what_is_no_box_is_refused_before_the_scan(box, tmp_path):
+def test_invalid_box_is_refused_before_the_scan(box, tmp_path):
     with pytest.raises(InputError, match="is not a box"):
         run("--recording", tmp_path / "none.mcap", "-o", tmp_path / "made.glb", f"--box={box}")
 
 
-def test_what_was_put_there_between_two_scans_is_the_thing(folder, tmp_path):
+def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
     made = tmp_path / "new.glb"
     said = run(
         "--recording", folder / "with.mcap", "--before", folder / "empty.mcap", "-o", made, "--voxel", 8
@@ -98,13 +98,13 @@ def test_another_place_is_no_place_before(folder, tmp_path):
 
 
 def test_a_bare_floor_is_no_place_before(folder, tmp_path):
-    """It does not tell where the camera is, and is not taken for a scan that does."""
+    """A bare floor does not constrain the camera, so it must not count as an earlier scan of the place."""
     bare = recorded(tmp_path / "bare.mcap", NOTHING, 0, 60, room=(Box((-9, -0.2, -9), (9, 0, 9)),))
     with pytest.raises(InputError, match=r"little more than one blank surface.* Keep other objects"):
         run("--recording", folder / "with.mcap", "--before", bare, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
-def test_a_scan_is_added_to_and_what_it_lacked_is_there(tmp_path):
+def test_added_scan_completes_the_earlier_one(tmp_path):
     front = recorded(tmp_path / "front.mcap", last=70)
     back = recorded(tmp_path / "back.mcap", first=50)
     made = tmp_path / "box.glb"

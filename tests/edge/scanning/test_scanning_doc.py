@@ -1,4 +1,4 @@
-"""docs/scanning.md keeps its promises: options are there, refusals are said, numbers are right."""
+"""Tests that docs/scanning.md is correct: its options, refusals and numbers."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A small chair on a turntable, a room with corners in view: it is followed apart from the room."""
+"""Tests that a small chair on a turntable in a structured room is tracked apart from the room."""
 
 from dataclasses import replace
 
@@ -12,10 +12,11 @@ from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandledScan, InHandsWay, TurntableWay, load_profile
 
 IMAGES, TURNING = 85, 70
-"""Images at 30 a second, and from which on it turns at full speed and is known to."""
+"""Number of images at 30 per second; first image in which the chair turns at full speed and counts as
+moving."""
 
 
-def test_it_is_followed_where_it_is_while_the_room_stands():
+def test_spun_object_is_tracked_and_room_stays_still():
     take = HandledScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
     frames = [take.frame(index) for index in range(IMAGES)]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
@@ -26,16 +27,16 @@ def test_it_is_followed_where_it_is_while_the_room_stands():
     turned = range(TURNING, IMAGES)
     pose = [inverse(take.thing_pose(index)) @ take.pose(index) for index in turned]
     off = np.array([apart(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)])
-    # Metres and radians; the depth of this camera is off by 4 mm there.
+    # Metres and radians; this camera's depth is off by 4 mm there.
     assert np.median(off[:, 0]) < 0.015 and off[:, 0].max() < 0.06 and off[:, 1].max() < 0.06
     room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
-    # What may begin to move is left out where the camera is sought, so the camera does not go with it.
+    # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
     assert not any("objects stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
 
 
-def test_what_two_hands_take_up_is_followed():
-    """It stands for a second and a half, and is taken up in the next one; then it turns."""
+def test_object_picked_up_by_two_hands_is_tracked():
+    """It stands for a second and a half, is picked up within the next second, and is then turned."""
     take = HandledScan(THING, InHandsWay(), load_profile("kinect1"), HELD, room=ROOM, width=320)
     scanner, off = MovedScanner(following(ScanSettings())), list[float]()
     for index in range(0, 130, 2):
@@ -49,7 +50,7 @@ def test_what_two_hands_take_up_is_followed():
     assert scanner.followed >= len(off)
 
 
-def test_where_nothing_moved_it_is_said_how_it_would_be_seen():
+def test_unmoved_object_is_reported_with_advice():
     take = HandledScan(THING, TurntableWay(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160)
     scanner = MovedScanner(following(ScanSettings(volume=VolumeSettings(voxel=0.008))))
     steps = [scanner.add(take.frame(index)) for index in range(4)]

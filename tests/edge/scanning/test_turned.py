@@ -1,4 +1,4 @@
-"""A chair that turns, or is turned by hand, before a camera that stands still: all its sides are scanned."""
+"""Tests of a chair that turns, or is turned by hand, in front of a still camera: all sides are scanned."""
 
 from dataclasses import replace
 
@@ -34,31 +34,31 @@ WALL = (Box((-3.0, -1.0, -2.4), (3.0, 3.0, -2.0)),)
 STILL = HandheldPath(target=(0.0, 0.88, 0.0), radius=1.45, height=(1.4, 1.4), turns=0.0, sway=0.0, shake=0.0)
 FRAMES = 72
 STEP = 2.2 * np.pi / FRAMES
-"""Radians from a frame to the next: round in little more than two seconds, and a tenth more."""
+"""Radians per frame: a full turn in little more than two seconds, and a tenth more."""
 CHAIR = load_sample("chair")
 THING = replace(CHAIR, vertices=CHAIR.vertices - np.mean(CHAIR.bounds, axis=0) * [1, 0, 1])
 
 
 def turn(index):
-    """(3, 3) how the thing is turned in a frame."""
+    """Returns the object's (3, 3) rotation in a frame."""
     return rotation.to_matrix(rotation.from_rotation_vector([0.0, STEP * index, 0.0]))
 
 
 @pytest.fixture(scope="module")
 def frames():
-    """The still camera's pose, and what it sees."""
+    """Returns the still camera's pose and its frames."""
     take = HandheldScan(THING, load_profile("kinect1"), STILL, room=WALL, width=320)
     turned = (replace(THING, vertices=THING.vertices @ turn(index).T) for index in range(FRAMES))
     return take.pose(0), [take.frame(index, thing) for index, thing in enumerate(turned)]
 
 
-def test_what_turns_before_a_wall_is_scanned_from_all_sides(frames):
+def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
     pose, images = frames
     volume = VolumeSettings(voxel=0.008, reach=2.2, far=2.2)
     scanner = Scanner(ScanSettings(volume=volume, least_depth=0.01))
     steps = [scanner.add(image) for image in [replace(images[0], world_from_camera=pose), *images[1:]]]
     assert all(step.state is ScanState.SCANNING for step in steps)
-    # As the thing sees it, the camera went round it the other way.
+    # In the object's frame the camera went round it the other way.
     apart = [
         np.linalg.norm(turn(n).T @ pose[:3, 3] - step.world_from_camera[:3, 3])
         for n, step in enumerate(steps)
@@ -69,7 +69,7 @@ def test_what_turns_before_a_wall_is_scanned_from_all_sides(frames):
     assert error.mean() < 0.004 and np.quantile(error, 0.95) < 0.012
 
 
-def test_the_command_cuts_it_free_of_what_is_behind(frames, tmp_path):
+def test_within_option_cuts_off_the_background(frames, tmp_path):
     app, made = typer.Typer(pretty_exceptions_enable=False), tmp_path / "thing.glb"
     app.command()(scan)
     with Recorder(tmp_path / "turned.mcap") as recorder:
@@ -85,12 +85,12 @@ def test_the_command_cuts_it_free_of_what_is_behind(frames, tmp_path):
 
 
 HELD_UP = InHandsWay(begins=-1.5, lift=0.6, behind=0.55)
-"""Held up by two hands of a person behind it, and turned once, while the hands take hold anew."""
+"""Held up by both hands of a person behind it, and turned once while the hands change their grip."""
 WITHIN = 1.8
-"""Metres up to which it reaches, and the person does not."""
+"""Depth limit in metres: the object is nearer, the person is not."""
 
 
-def test_what_is_turned_in_two_hands_is_scanned_without_them():
+def test_object_turned_in_two_hands_is_scanned_without_hands():
     take = HandledScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
     scanner, steps = Scanner(alone_within(VolumeSettings(voxel=0.006), WITHIN)), []
     for index in range(0, 240, 3):
@@ -100,7 +100,7 @@ def test_what_is_turned_in_two_hands_is_scanned_without_them():
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)
     made = largest_part(scanner.surface())
-    # A hand lies on the thing while a part of the images shows it; others see through where it was.
+    # A hand covers the object in a part of the images; other images see the free space where it was.
     grid = nearest_grid(sampled(SMALL, 30_000), 0.01, 0.1)
     ((pose,), _) = laid(grid, sampled(made, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
     error = distances(SMALL, sampled(made, 6000).points @ pose[:3, :3].T + pose[:3, 3])

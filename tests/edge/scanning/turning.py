@@ -1,4 +1,4 @@
-"""A made-up person who stands before a camera that stands still, and turns once round."""
+"""A synthetic person that stands in front of a still camera and turns round once."""
 
 import numpy as np
 
@@ -10,19 +10,19 @@ from enliven_synthesis.sensor import DepthNoise, DepthRenderer, load_profile
 from enliven_synthesis.sensor.scene import cast_room
 
 AWAY = -2.1
-"""Metres of the camera's way ahead at which they stand, along Z."""
+"""Position of the person along the camera's Z axis, metres."""
 STEP_NS = 66_666_667
 
 
 def posture(left_arm=0.35):
-    """Legs apart and arms away from the trunk; the left one by ``left_arm`` radians."""
+    """Returns a posture with legs apart and arms held away; the left arm by ``left_arm`` radians."""
     right, left = ArmPose(abduct=0.35, elbow=0.1), ArmPose(abduct=left_arm, elbow=0.1)
     feet = FootPose(0.15, 0.0), FootPose(-0.15, 0.0)
     return PerformerPosture(left_arm=left, right_arm=right, left_foot=feet[0], right_foot=feet[1])
 
 
 class TurningPerson:
-    """Renders images of the person by the angle that they turned."""
+    """Renders images of the person at a turning angle."""
 
     def __init__(self, width=320):
         profile = load_profile("kinect1")
@@ -33,11 +33,11 @@ class TurningPerson:
         self._noise = DepthNoise(profile, self.camera, 0)
 
     def joints(self):
-        """(20, 3) the joints before they turn, with the person at the origin."""
+        """Returns the (20, 3) joints before the turn, with the person at the origin."""
         return self.performer.pose(posture()).joints
 
     def frame(self, number, angle=0.0, left_arm=0.35, aside=0.0, seen=True):
-        """The image of a number; ``aside`` metres to the left they stand, or are not there at all."""
+        """Renders the image with a number; the person stands ``aside`` metres to the left, or is absent."""
         placed = np.eye(4)
         turn = rotation.from_rotation_vector([0.0, angle, 0.0])
         placed[:3, :3], placed[:3, 3] = rotation.to_matrix(turn), (aside, 0.0, AWAY)

@@ -1,4 +1,4 @@
-"""A process that asks the cameras' real libraries for what they cannot give, and says what the drivers say.
+"""A process that asks the cameras' real libraries for unavailable features, and prints the drivers' errors.
 
 It is a process of its own because the libraries set signal handlers and leave threads behind. The first word
 of its command line is a folder with recordings and made-up USB trees; its answer is JSON.
@@ -19,7 +19,7 @@ from enliven_edge.sensors.drivers.realsense_library import depth_mode
 
 
 def say(ask: Callable[[], object]) -> list[str]:
-    """What comes of it: the error's class, its words and its exit code, or what was returned."""
+    """Returns the error's class, message and exit code, or the returned value."""
     try:
         return ["", str(ask()), "0"]
     except EnlivenError as error:
@@ -27,19 +27,19 @@ def say(ask: Callable[[], object]) -> list[str]:
 
 
 def on_usb(folder: Path, name: str) -> None:
-    """The system shows the cameras of this tree."""
+    """Makes the system list the cameras of this USB tree."""
     refusals.attached = lambda: attached(folder / name / "devices", folder / name / "nodes")
 
 
 def opened_twice() -> object:
-    """librealsense's own error for a stream that is open already."""
+    """Triggers librealsense's own error for a stream that is already open."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
         stream = depth_mode(sensor._rs, sensor._depth, (320, 240, 30), sensor.name)
         return sensor._open(sensor._depth, stream, sensor._images)
 
 
 def on_usb_2() -> object:
-    """A device of software that says of itself what one on a USB 2 cable says."""
+    """Creates a software device that reports a USB 2 connection."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
         sensor._device.register_info(sensor._rs.camera_info.usb_type_descriptor, "2.1")
         found = sensor.condition()
@@ -47,7 +47,7 @@ def on_usb_2() -> object:
 
 
 def lensless(kind: type, name: str) -> object:
-    """The lens of an image of a device that does not know its own, and whether it says so."""
+    """Returns the lens used for a device without calibration, and the reported warning."""
     with kind(rehearse=str(folder / f"lensless-{name}.mcap")) as sensor:
         while True:
             try:

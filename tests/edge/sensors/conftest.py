@@ -1,4 +1,4 @@
-"""The driver of these tests is found beside them."""
+"""Lets these tests import the driver in this folder."""
 
 import sys
 from pathlib import Path

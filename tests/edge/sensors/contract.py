@@ -1,4 +1,4 @@
-"""What every live sensor promises, and the sensors that are held to it: adding one is one line of DRIVERS."""
+"""The contract of every live sensor, and the sensors under test. Adding one is one line of DRIVERS."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from enliven_edge.sensors.isolation import IsolatedOpener
 from enliven_edge.sensors.reopening import kept_open
 
 FULL = os.environ.get("ENLIVEN_CONTRACT") == "full"
-"""make test-devices holds every driver to all of it, make test to a shorter version."""
+"""make test-devices tests every driver completely; make test runs a shorter version."""
 FRAMES = 300 if FULL else 60
 STEP = 11_111_111
-"""Nanoseconds between two images, 90 a second: the fastest mode of the cameras."""
+"""Nanoseconds between two images, 90 per second: the cameras' fastest mode."""
 CLOCK = 1_000
-"""Nanoseconds by which a library's clock may round."""
+"""Maximum rounding of a library's clock in nanoseconds."""
 SIZE, OTHER = (96, 64), (128, 72)
-"""Pixels of the images, and of those after the mode was changed."""
+"""Image sizes in pixels, before and after the mode change."""
 LONG = 1_200
-"""Images of a rehearsal, 13 s: longer than any clause needs."""
+"""Images of a rehearsal, 13 s: longer than any test needs."""
 PAUSE = 40
-"""Images' time, 0.44 s, for which a device sends nothing while its mode is changed: less than a loss."""
+"""Images, 0.44 s, for which a device sends nothing while its mode changes: shorter than a loss."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Driver:
 
     @property
     def rounds(self) -> int:
-        """How often it is lost and comes back."""
+        """Number of times that the device is lost and returns."""
         return 5 if FULL else 2 if self.name == "plain" else 1
 
     def opener(self, take: Path, kind: type | None = None) -> IsolatedOpener:
-        """Opens it as the registry does, before a recording."""
+        """Returns an opener for a recording, like the registry's."""
         module, _, name = self.kind.partition(":")
         kind = kind or getattr(importlib.import_module(module), name)
         return IsolatedOpener(self.name, kind, {"rehearse": str(take)})
@@ -80,11 +80,11 @@ DRIVERS = (
     Driver("orbbec", "enliven_edge.sensors.drivers.orbbec:OrbbecSensor", needs=("pyorbbecsdk", "orbbec")),
     Driver("tof", "enliven_edge.sensors.drivers.tof:TofSensor"),
 )
-"""The drivers; "plain" is one of an engineer's own, without any library."""
+"""The drivers under test; "plain" is a user's own driver without any library."""
 
 
 def usable(driver: Driver) -> Driver:
-    """The driver; the test is skipped, with the reason, where its library is missing."""
+    """Returns the driver; skips the test with a reason if its library is missing."""
     library, extra = driver.needs
     if library and importlib.util.find_spec(library) is None:
         pytest.skip(f'{library} is not installed: pip install "./edge[{extra}]"')
@@ -92,14 +92,14 @@ def usable(driver: Driver) -> Driver:
 
 
 def numbered(number: int, size: tuple[int, int] = SIZE) -> np.ndarray:
-    """(height, width) uint16 millimetres of an image that says its number."""
+    """Returns a (height, width) uint16 depth image, millimetres, that encodes its number."""
     depth = picture(number % 7, *size)
     depth[0, :2] = number % 1000, number // 1000
     return depth
 
 
 def number_of(depth: np.ndarray) -> int:
-    """The number that an image says."""
+    """Decodes the number of an image."""
     return int(depth[0, 0]) + 1000 * int(depth[0, 1])
 
 
@@ -108,7 +108,7 @@ def lens(size: tuple[int, int]):
 
 
 def recorded(path: Path, frames: int, change_at: int | None = None) -> Path:
-    """A recording of numbered images; after a pause at ``change_at`` they are of another size."""
+    """Writes a recording of numbered images; after a pause at ``change_at`` their size changes."""
     with Recorder(path) as recorder:
         for number in range(frames):
             changed = change_at is not None and number >= change_at
@@ -118,17 +118,17 @@ def recorded(path: Path, frames: int, change_at: int | None = None) -> Path:
 
 
 def helpers() -> list:
-    """The helper processes of this process."""
+    """Returns the helper processes of this process."""
     return [p for p in multiprocessing.active_children() if p.name.startswith("sensor")]
 
 
 def helper_of(sensor: Sensor) -> int:
-    """The helper process of a sensor that is kept open."""
+    """Returns the helper process of a sensor that is kept open."""
     return sensor._device._helper._process.pid
 
 
 def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: float = PATIENCE):
-    """The next frame, over silence and faults, which are noted."""
+    """Returns the next frame, skipping silence and recording faults."""
     deadline = time.monotonic() + most
     while time.monotonic() < deadline:
         try:
@@ -142,7 +142,7 @@ def next_frame(sensor: Sensor, errors: list[Exception] | None = None, most: floa
 
 
 class Live:
-    """A sensor that is kept open before a recording, which may be exchanged, taken away and given back."""
+    """A sensor that is kept open on a recording, which may be exchanged, removed and restored."""
 
     def __init__(self, driver: Driver, take: Path, folder: Path) -> None:
         self.driver, self.take, self.path = driver, take, folder / "rehearsal.mcap"
@@ -152,7 +152,7 @@ class Live:
         self.last = next_frame(self.sensor)
 
     def frame(self, errors: list[Exception] | None = None) -> DepthFrame:
-        """The next frame; later than the one before by the sensor's clock, whatever came between."""
+        """Returns the next frame, and checks that its time is later than the previous frame's."""
         frame = next_frame(self.sensor, errors)
         assert frame is not None, "a live sensor never ends"
         assert frame.time_ns > self.last.time_ns
@@ -160,11 +160,13 @@ class Live:
         return frame
 
     def signal(self, number: int) -> None:
-        """To the helper process: SIGSTOP is a library's call that hangs, SIGKILL one that crashes."""
+        """Sends a signal to the helper process: SIGSTOP simulates a hanging library call, SIGKILL a crash."""
         os.kill(helper_of(self.sensor), number)
 
     def awake(self) -> Live:
-        """The sensor with enough of its recording left; opened anew where that is over, or was another."""
+        """Returns the sensor with enough of its recording left; reopens it if the recording is over or was
+        changed.
+        """
         frame = next_frame(self.sensor, [])
         if frame is None or number_of(frame.depth) > LONG // 4 or frame.depth.shape[::-1] != SIZE:
             self.close()
@@ -175,19 +177,19 @@ class Live:
         return self
 
     def gone(self, gone: bool = True) -> None:
-        """The device is unplugged, or back."""
+        """Unplugs the device, or plugs it in again."""
         here, there = (self.path, self._aside) if gone else (self._aside, self.path)
         here.rename(there)
 
     def lose(self) -> Exception:
-        """The helper is killed; what is said of that, once the edge has noticed."""
+        """Kills the helper; returns the reported error once the edge has noticed."""
         self.signal(signal.SIGKILL)
         errors: list[Exception] = []
         self.until(lambda: errors, errors)
         return errors[0]
 
     def play(self, take: Path) -> None:
-        """Another recording from now on, as of a camera that was changed while it was away."""
+        """Switches to another recording, like a camera that was reconfigured while it was away."""
         self.gone()
         self.lose()
         shutil.copy(take, self._aside)
@@ -195,7 +197,7 @@ class Live:
         self.frame()
 
     def until(self, done: Callable[[], object], errors: list[Exception]) -> None:
-        """Reads until something holds."""
+        """Reads until a condition holds."""
         deadline = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < deadline, f"it never came to that: {errors}"
@@ -211,7 +213,7 @@ class Live:
 
 
 def processor_seconds(pid: int) -> float:
-    """Seconds of processor time of another process; 0 where the system does not say."""
+    """Returns the processor time of another process in seconds; 0 if the system does not report it."""
     if not sys.platform.startswith("linux"):
         return 0.0
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()

@@ -1,4 +1,4 @@
-"""Drivers to whose real library an image of garbage is handed now and then, in the way that images are."""
+"""Drivers with a real library that delivers a garbage image now and then, in its usual way."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enliven_edge.sensors.drivers.realsense import RealSenseSensor
 from enliven_edge.sensors.replay import ReplaySensor
 
 EVERY = 10
-"""Every how many images one is garbage."""
+"""Every tenth image is garbage."""
 
 
 def is_garbage(number: int) -> bool:
@@ -22,7 +22,7 @@ def is_garbage(number: int) -> bool:
 
 
 class Plain:
-    """A driver of an engineer's own, in a helper process: it opens, reads and closes a recording."""
+    """A user's own driver, in a helper process: it opens, reads and closes a recording."""
 
     isolated = True
 
@@ -45,7 +45,7 @@ class Plain:
 
 
 class GarbledPlain(Plain):
-    """An image of another type, and one of another size than its camera's."""
+    """Delivers an image of another type, and one of another size than its camera's."""
 
     def _made(self, frame: DepthFrame, number: int) -> DepthFrame:
         camera, depth = frame.intrinsics, frame.depth
@@ -55,7 +55,7 @@ class GarbledPlain(Plain):
 
 
 class GarbledOak(OakSensor):
-    """Too few bytes, none, another type, no size, a lens of no numbers, and something that is no image."""
+    """Delivers too few bytes, none, another type, no size, a NaN lens, and an object that is not an image."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         if not is_garbage(number):
@@ -89,7 +89,7 @@ class GarbledOak(OakSensor):
 
 
 class GarbledRealSense(RealSenseSensor):
-    """Another type, half a row, and times that are none; of a lack of rows such a device tells nothing."""
+    """Delivers another type, half a row, and NaN times. Such a device reports no missing rows."""
 
     def _send(self, frame: DepthFrame, number: int) -> None:
         if not is_garbage(number):

@@ -1,4 +1,4 @@
-"""A wild sensor in a helper process, and the fixture that none of them is left."""
+"""A faulty sensor in a helper process, and a fixture that checks that no helper is left."""
 
 import time
 from pathlib import Path
@@ -16,7 +16,7 @@ def opener(folder: Path, every_frame: bool = False, **options) -> IsolatedOpener
 
 @pytest.fixture(autouse=True)
 def none_left():
-    """Every test ends without a helper process."""
+    """Checks that every test ends without a helper process."""
     yield
     deadline = time.monotonic() + PATIENCE
     while helpers():

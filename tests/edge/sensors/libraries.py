@@ -1,4 +1,4 @@
-"""The libraries of the drivers whose rehearsals need them, and what skips a test without one."""
+"""The libraries that drivers need for their rehearsals, and skipping of tests if one is missing."""
 
 import importlib.util
 

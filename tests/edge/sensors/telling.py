@@ -1,4 +1,4 @@
-"""A driver whose device tells bodies by itself."""
+"""A driver for a device that reports bodies itself."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ STEP = 40_000_000
 
 
 def bodies(number: int) -> list[Body]:
-    """As many as the number of the frame says, none of them twice the same."""
+    """Returns as many bodies as the frame's number; all different."""
     random = np.random.default_rng(number)
     return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
 
 
 class Telling:
-    """Frames with ever more bodies."""
+    """Frames with an increasing number of bodies."""
 
     isolated = True
     name = "telling"
@@ -29,9 +29,9 @@ class Telling:
         self._next = 0
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
-        """The next."""
+        """Returns the next frame."""
         number, self._next = self._next, self._next + 1
         return BodyFrame(bodies(number), number * STEP, self.name) if number < FRAMES else None
 
     def close(self) -> None:
-        """Nothing to do."""
+        """Has nothing to close."""

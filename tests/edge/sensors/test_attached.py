@@ -1,4 +1,4 @@
-"""Cameras on USB as the system lists them: which they are, what they lack, and what to type."""
+"""Tests of the USB cameras that the system lists: their kinds, missing parts, and the command to type."""
 
 import fnmatch
 import re
@@ -15,7 +15,7 @@ RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-ca
 
 @pytest.fixture
 def usb(tmp_path):
-    """Plugs a device into a made-up USB tree."""
+    """Adds a device to an artificial USB tree."""
     devices, nodes = tmp_path / "devices", tmp_path / "nodes"
 
     def plug(vendor: str, product: str, title: str = "", speed: str = "5000", mode: int = 0o666) -> None:
@@ -38,7 +38,7 @@ def usb(tmp_path):
     return plug
 
 
-def test_each_camera_is_known_and_nothing_else_is(usb):
+def test_only_known_cameras_are_recognised(usb):
     usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435")
     usb("8086", "0032", "AX210 Bluetooth")
     usb("045e", "07b2", "Microsoft Nano Transceiver")
@@ -50,7 +50,7 @@ def test_each_camera_is_known_and_nothing_else_is(usb):
     assert [camera.kind.name for camera in usb.found()] == ["Kinect v2", "OAK", "OAK", "Orbbec", "RealSense"]
 
 
-def test_what_a_camera_lacks_is_said_with_what_to_type(usb, monkeypatch):
+def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatch):
     versions = {"depthai": "3.6.1"}
 
     def version(package: str) -> str:
@@ -90,7 +90,7 @@ def test_a_library_that_no_extra_can_have_has_its_own_line(usb, monkeypatch):
 
 
 def test_the_rules_open_the_cameras_that_are_known_and_no_other_devices(usb):
-    """Read as udev reads them: every condition of a line holds."""
+    """Read as udev reads them: all conditions of a line must hold."""
     lines = [line for line in RULES.read_text().splitlines() if line.startswith("ATTR")]
     assert all('TAG+="uaccess"' in line and 'MODE="0660"' in line for line in lines)
 

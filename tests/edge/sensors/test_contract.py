@@ -1,4 +1,4 @@
-"""One contract for every live sensor, on its real library where there is one, a recording for a device."""
+"""Tests of one contract for every live sensor, on its real library if any, with a recording as device."""
 
 import itertools
 import os
@@ -44,15 +44,15 @@ from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
 
 LOAD = 0.5
-"""Share of the time of waiting that may be spent computing: busy waiting takes all of it, and a helper's own
-threads, the decoding of a recording and the reading of 90 images a second less than a tenth."""
+"""Maximum fraction of the waiting time spent on computing. Busy waiting uses all of it; a helper's threads,
+decoding and reading 90 images per second use less than a tenth."""
 TURN = 0.1
-"""Seconds that the edge waits for a frame at a time."""
+"""Seconds for which the edge waits for a frame at a time."""
 
 
 @pytest.fixture(scope="module")
 def takes(tmp_path_factory):
-    """A long recording, and one whose images change their size after 120."""
+    """Writes a long recording, and one with a change of image size after 120 images."""
     folder = tmp_path_factory.mktemp("takes")
     return recorded(folder / "long.mcap", LONG), recorded(folder / "changing.mcap", LONG // 2, change_at=120)
 
@@ -64,7 +64,7 @@ def driver(request):
 
 @pytest.fixture(scope="module")
 def kept(driver, takes, tmp_path_factory):
-    """One sensor for all clauses: what it promises is that it outlives them."""
+    """One sensor for all tests, since it must survive each of them."""
     made = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
     yield made
     made.close()
@@ -76,8 +76,8 @@ def live(kept):
     return kept.awake()
 
 
-def test_images_arrive_as_they_are_and_gaps_are_told(live):
-    """By the sensor's clock and by its count: on a loaded machine some are left out, as of a camera."""
+def test_images_arrive_unchanged_and_gaps_are_reported(live):
+    """Compared by clock and count: on a loaded machine some frames are skipped, as with a camera."""
     seen = []
     for _ in range(FRAMES):
         frame = live.frame()
@@ -96,7 +96,7 @@ def test_images_arrive_as_they_are_and_gaps_are_told(live):
 
 
 def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
-    """By the number of waits, each no shorter than it says; and while it waits the edge does nothing else."""
+    """Counted in waits of minimum duration; the edge does nothing else meanwhile."""
     before, at = time.process_time(), time.monotonic()
     live.signal(signal.SIGSTOP)
     waits, last = 0, live.last.time_ns
@@ -113,7 +113,7 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
 
 
 def test_lost_and_back_again_and_again(live):
-    """Its process killed, the device gone for two attempts, and there again: each time a fresh process."""
+    """Its process is killed, the device is gone for two attempts and returns: each time a new process."""
     for _ in range(live.driver.rounds):
         live.gone()
         assert "signal 9" in str(live.lose())
@@ -125,7 +125,7 @@ def test_lost_and_back_again_and_again(live):
 
 
 def test_another_size_in_the_middle_of_the_stream(live, takes):
-    """Image and lens always belong together; while its mode is changed nothing computes in its place."""
+    """Image and lens always match; nothing computes in its place while the mode changes."""
     live.play(takes[1])
     shapes: list[tuple[int, ...]] = []
     errors: list[Exception] = []
@@ -143,12 +143,10 @@ def test_another_size_in_the_middle_of_the_stream(live, takes):
     assert spent < LOAD * max(waited, PAUSE * STEP * 1e-9)
 
 
-def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(
-    live, takes, monkeypatch, request
-):
-    """What is no image is said to be none and costs itself; the other one does not notice.
+def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, monkeypatch, request):
+    """An image of garbage is reported and skipped; the other sensor is not affected.
 
-    At last its library hangs for ever: closing does not wait for it, and neither does the reader.
+    Finally its library hangs for ever: neither closing nor the reader waits for it.
     """
     other = kept_open(live.driver.opener(takes[0], live.driver.garbled))
     request.addfinalizer(other.close)
@@ -176,7 +174,7 @@ def test_of_two_of_one_kind_one_sends_garbage_and_is_closed_while_it_is_read(
 
 
 def read_to_the_end(sensor):
-    """Reads for ever, as long as each frame takes."""
+    """Reads for ever, each frame at its own duration."""
     while True:
         try:
             if sensor.read() is None:
@@ -187,7 +185,7 @@ def read_to_the_end(sensor):
 
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory):
-    """An empty room seen by a camera at its place, and by one that was turned and put higher."""
+    """Renders an empty room for a camera, and for the same camera rotated and raised."""
     folder = tmp_path_factory.mktemp("rooms")
     for name, tilt, height in (("here", 6.0, 1.2), ("there", 20.0, 1.6)):
         more = {"choreography": "idle", "width": 160, "camera_height": height, "camera_tilt": tilt}
@@ -199,7 +197,7 @@ def rooms(tmp_path_factory):
 
 
 @pytest.mark.skipif(not FULL, reason="15 s of tracking: make test-devices")
-def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(rooms, live):
+def test_only_a_camera_moved_while_absent_is_reported_as_moved(rooms, live):
     tracker = Tracker()
 
     def moved(name: str, frames: int) -> bool:
@@ -216,7 +214,7 @@ def test_only_a_camera_that_was_moved_while_it_was_away_is_said_to_have_been(roo
 
 
 class Nobody:
-    """Finds no landmarks in an image."""
+    """A landmark source that finds no landmarks."""
 
     def find(self, colour, time_ns):
         return []
@@ -226,7 +224,7 @@ class Nobody:
 
 
 def filmed(path):
-    """A film of 12 images a second, for a second."""
+    """Writes a film of one second at 12 images per second."""
     av = pytest.importorskip("av")
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=12)
@@ -243,12 +241,12 @@ IN_THE_EDGE = {
     "synthetic": lambda takes, folder: {"width": 64},
     "webcam": lambda takes, folder: {"device": filmed(folder / "film.mp4"), "source": Nobody()},
 }
-"""What opens the sensors that need no process of their own."""
+"""Options for the sensors that run without a process of their own."""
 
 
 @pytest.mark.parametrize("name", IN_THE_EDGE)
-def test_what_runs_in_the_edge_itself_keeps_to_its_part_of_it(name, takes, tmp_path):
-    """Times rise, waiting is no computing, and closed it has ended."""
+def test_sensors_inside_the_edge_fulfil_their_contract(name, takes, tmp_path):
+    """Times increase, waiting uses no processor time, and a closed sensor has ended."""
     with open_sensor(name, **IN_THE_EDGE[name](takes, tmp_path)) as sensor:
         times = [next_frame(sensor).time_ns]
         before, at = time.process_time(), time.monotonic()

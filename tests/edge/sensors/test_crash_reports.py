@@ -1,4 +1,4 @@
-"""Crashes of a camera's program and of its library leave a report that the doctor names, within limits."""
+"""Tests that crashes of a camera's program or library leave a bounded report, which the doctor names."""
 
 import importlib.util
 import re
@@ -15,13 +15,13 @@ from enliven_edge.sensors.drivers.oak import keep_dump_of
 
 @pytest.fixture(autouse=True)
 def state(tmp_path, monkeypatch):
-    """The user's state folder."""
+    """Returns the user's state folder."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "enliven" / "crashes"
 
 
 def crashed(folder) -> None:
-    """A library that crashes at its second image."""
+    """Runs a library that crashes at its second image."""
     folder.mkdir()
     with opener(folder, mishap="crashes", after=2)() as sensor:
         next_frame(sensor)
@@ -30,7 +30,7 @@ def crashed(folder) -> None:
                 sensor.read(1.0)
 
 
-def test_a_library_that_crashes_says_where_and_the_same_crash_is_counted(tmp_path):
+def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
     assert doctor._crashes().detail == "none kept"
     for name in ("first", "second"):
         crashed(tmp_path / name)
@@ -40,8 +40,8 @@ def test_a_library_that_crashes_says_where_and_the_same_crash_is_counted(tmp_pat
     assert "sensor wild, signal 11" in text and "seen 2 times" in text
 
 
-def test_the_dump_of_an_oak_is_kept_as_its_library_writes_it(state):
-    """The library's own dump; only the device that hands it out is none."""
+def test_crash_dump_of_an_oak_is_kept_unchanged(state):
+    """The library's own dump format; only the device that delivers it is simulated."""
     if importlib.util.find_spec("depthai") is None:
         pytest.skip('depthai is not installed: pip install "./edge[oak]"')
     import depthai as dai
@@ -86,7 +86,7 @@ def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):
     assert [report.path.name for report in crash_reports.reports()] == ["crash_dump_7.tar.gz"]
 
 
-def test_a_disk_that_refuses_stops_nothing(state, caplog):
+def test_unwritable_state_folder_is_only_logged(state, caplog):
     state.parent.mkdir(parents=True)
     state.write_text("a file in its place")
     crash_reports.keep_text("oak", "Fatal Python error: Aborted", 6)

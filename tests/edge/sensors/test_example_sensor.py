@@ -1,4 +1,4 @@
-"""The driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
+"""Tests that the driver of docs/add-a-sensor.md, installed as a user would, runs in the edge."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ def test_the_example_is_short():
     assert lines < 60
 
 
-def test_it_is_installed_and_runs(tmp_path):
+def test_example_sensor_is_installed_and_runs(tmp_path):
     install = ["-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
     subprocess.run(
         [sys.executable, *install, "--target", str(tmp_path / "site"), str(EXAMPLE)],

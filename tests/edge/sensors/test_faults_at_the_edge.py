@@ -1,4 +1,4 @@
-"""Every fault of a sensor through the real edge: said, survived, over afterwards; the end where asked for."""
+"""Tests of every sensor fault through the real edge: reported, survived and cleared; ended if requested."""
 
 import time
 import uuid
@@ -21,7 +21,7 @@ from enliven_edge.tracking.health.health import HealthMonitor
 from enliven_edge.tracking.tracker import Tracker
 
 FRAMES = 160
-"""Enough for a state to be over again by the sensor's clock."""
+"""Number of frames after which a state has cleared, by the sensor's clock."""
 SAID = {
     "OSError": HealthKind.SENSOR_LOST,
     "RuntimeError": HealthKind.SENSOR_LOST,
@@ -43,7 +43,7 @@ def outlet(tmp_path):
 
 
 def serve(edge: Edge) -> list[dict[str, str]]:
-    """Runs the edge; after each step what its heartbeat says is wrong, by kind."""
+    """Runs the edge; yields the problems in its heartbeat after each step, by kind."""
     said: list[dict[str, str]] = []
     listen = edge._listen
 
@@ -57,7 +57,7 @@ def serve(edge: Edge) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_edge_goes_on_with_the_next_good_frame(outlet, tmp_path, fault):
+def test_edge_continues_with_the_next_good_frame(outlet, tmp_path, fault):
     with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
         said = serve(edge)
@@ -70,7 +70,7 @@ def test_the_edge_goes_on_with_the_next_good_frame(outlet, tmp_path, fault):
 
 
 @pytest.mark.parametrize("fault", ["OSError", "another size", "focal length nan", "endless time"])
-def test_it_ends_at_the_first_fault_where_asked_for(outlet, fault):
+def test_once_option_ends_edge_at_first_fault(outlet, fault):
     with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0), once=True)
         with pytest.raises(ResourceError, match=r"troubled: .*without --once"):
@@ -97,7 +97,7 @@ def test_another_size_that_stays_is_a_new_mode_of_the_sensor(outlet):
 
 
 class Plugged(Troubled):
-    """A live sensor of its own numbers; breaks once, for a while."""
+    """A live sensor with its own frame numbers that fails once, for a while."""
 
     breaks_at = 10
 
@@ -116,7 +116,7 @@ class Plugged(Troubled):
 
 
 def fused(once: bool) -> FusedSensors:
-    """Two sensors; the first breaks after ten frames, once."""
+    """Fuses two sensors; the first fails once after ten frames."""
     outages = ["No such device"]
     sensors = {
         "a": kept_open(lambda: Plugged("a", outages)),

@@ -1,4 +1,4 @@
-"""Every camera of a machine, as the window lists them: what it is, how it starts, what it lacks."""
+"""Tests of the window's list of all cameras: what each is, how it starts, what it lacks."""
 
 import json
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.camera_list import found_cameras, video_cameras
 
 @pytest.fixture
 def video(tmp_path):
-    """Plugs video devices into a made-up tree of the system."""
+    """Adds video devices to an artificial system tree."""
     devices, nodes = tmp_path / "video4linux", tmp_path / "dev"
     devices.mkdir()
     nodes.mkdir()
@@ -36,7 +36,7 @@ def camera(name: str, title: str, mbit: float = 5000.0, tmp: object = "/") -> At
     return Attached(kind, title, mbit, tmp)
 
 
-def test_webcams_and_time_of_flight_are_told_from_other_video_devices(video, monkeypatch):
+def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: object())
     video("HD Pro Webcam C920")
     video("HD Pro Webcam C920", 1)
@@ -54,7 +54,7 @@ def test_webcams_and_time_of_flight_are_told_from_other_video_devices(video, mon
     assert "may not open" in found[2].trouble and "usermod" in found[2].mend
 
 
-def test_a_camera_without_its_library_says_what_to_type(video, monkeypatch):
+def test_camera_without_its_library_gives_the_install_command(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
     video("A webcam")
     (one,) = video.found()

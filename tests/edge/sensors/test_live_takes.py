@@ -1,4 +1,4 @@
-"""A live sensor that was recorded is replayed as that sensor: frames, conditions, health and losses."""
+"""Tests that a recorded live sensor is replayed identically: frames, conditions, health and losses."""
 
 import importlib.util
 import threading
@@ -42,7 +42,7 @@ conditions = st.builds(
 
 @dataclass(frozen=True)
 class Step:
-    """What the scripted sensor does at one read: a frame after so many lost ones, or an error."""
+    """One read of the scripted sensor: a frame after some lost ones, or an error."""
 
     lost_before: int = 0
     condition: Condition | None = None
@@ -61,17 +61,17 @@ steps = st.lists(
 
 
 SLOPE = 5
-"""Steps of a colour from one pixel to the next."""
+"""Colour difference between neighbouring pixels."""
 
 
 def shades(number: int) -> np.ndarray:
-    """(24, 32, 3) uint8 that rises across and down, another for each of some numbers."""
+    """Returns (24, 32, 3) uint8 colour gradients that depend on a number."""
     across, down = np.meshgrid(np.arange(32), np.arange(24))
     return np.stack([SLOPE * across, SLOPE * down, np.full_like(down, number % 250)], -1).astype(np.uint8)
 
 
 class Scripted:
-    """Does one step a read; its condition stays until the next that it states."""
+    """Does one step per read; its condition holds until the next step with one."""
 
     name, fps = "scripted", 30.0
 
@@ -102,7 +102,7 @@ class Scripted:
 
 
 def lived(sensor) -> list[tuple]:
-    """All that a sensor says, with what the health monitor of an edge makes of it."""
+    """Returns all output of a sensor, with an edge's health monitor's states."""
     health, said = HealthMonitor(fps=30.0), []
     while True:
         try:
@@ -138,12 +138,12 @@ def test_whatever_a_sensor_goes_through_its_recording_goes_through(tmp_path_fact
     with recorded(path, Scripted(script, coloured)) as replayed:
         assert replayed.name == "scripted"
         assert lived(replayed) == lived(Scripted(script, coloured))
-    # Who does not know of the two topics reads the frames alone.
+    # A reader that does not know the two topics reads the frames alone.
     frames = [frame for frame in Recording(path).frames() if isinstance(frame, DepthFrame)]
     assert len(frames) == sum(not step.error for step in script)
 
 
-def test_a_loss_is_said_at_the_same_frames_and_looped(tmp_path):
+def test_replayed_loss_is_reported_at_the_same_frames_and_loops(tmp_path):
     hot = Condition("USB 2", True, 95.0, 90.0)
     script = [Step(condition=hot), *[Step()] * 20, Step(error="lost"), *[Step()] * 160]
     with recorded(tmp_path / "a.mcap", Scripted(script)) as replayed:
@@ -175,7 +175,7 @@ def test_the_topics_are_open_to_other_programs_and_say_when_it_was_back(tmp_path
     assert [time_ns // STEP for time_ns, _ in recording.messages(CONDITION_TOPIC)] == [1], "once, as it stays"
 
 
-def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_path, capsys):
+def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     hot = Condition("USB 2", True, 93.4, 105.0)
     script = [Step(condition=Condition("USB 3", temperature=41.2, hot=105.0)), Step(2), Step(7, hot)]
     script += [Step(error="lost"), Step(error="lost"), Step(30), Step(error="bad frame"), Step()]
@@ -195,8 +195,8 @@ def test_inspect_says_what_is_missing_how_hot_it_was_and_when_it_was_lost(tmp_pa
     assert film.stat().st_size > 1000 and "9 images in 2 gaps" in capsys.readouterr().out
 
 
-def test_what_was_said_of_the_sensor_never_costs_a_frame(tmp_path):
-    """Damaged words beside the frames, and a device that measures no number."""
+def test_damaged_sensor_reports_never_cost_a_frame(tmp_path):
+    """Damaged messages next to the frames, and a device that measures NaN."""
     frame = Scripted([Step()]).read()
     with Recorder(tmp_path / "a.mcap") as recorder:
         Diary(recorder).frame(frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0)))
@@ -215,7 +215,7 @@ def test_an_older_recording_says_nothing_of_its_device(tmp_path):
 
 
 def test_every_frame_waits_for_a_slow_reader(tmp_path):
-    """More than there is room for in memory: then the driver waits; none is lost, none is another."""
+    """More frames than fit in memory: the driver then waits; none is lost or exchanged."""
     with opener(tmp_path, pace=0.002, every_frame=True)() as sensor:
         next_frame(sensor)
         time.sleep(0.5)
@@ -235,20 +235,20 @@ def test_images_that_wait_stay_when_larger_ones_need_other_memory(tmp_path):
 
 @pytest.mark.parametrize("driver", LIBRARIES)
 def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(driver, tmp_path):
-    """A rehearsal of a recording with gaps, recorded as a user does: the same frames, numbers, conditions.
+    """Rehearses a recording with gaps as a user does: frames, numbers and conditions are the same.
 
-    Depth is the same to the bit. The RealSense library lays colour over it, at most one pixel beside.
+    Depth is the same to the bit. The RealSense library maps colour onto it, at most one pixel off.
     """
     needed(driver)
     cold, hot = Condition("USB 3", False, 41.0, 90.0, (0.0, 9.8, 0.1)), Condition("USB 2", True, 93.0, 90.0)
     script = [Step(error="bad frame"), Step(error="lost"), Step(condition=cold), *[Step()] * 30]
     script += [Step(4, hot), *[Step()] * 26, Step(grey=True), Step(1)]
-    # Silent for four seconds: a driver that is silent for one is lost, and would begin anew for ever.
+    # Silent for four seconds: a driver counts one second as a loss, and would start again for ever.
     script += [Step(error="lost"), Step(120), Step()]
     take, made = tmp_path / "take.mcap", tmp_path / "made.mcap"
     recorded(take, Scripted(script, coloured=True)).close()
     words = ["--sensor", driver, "--set", f"rehearse={take}", "--set", "colour=true"]
-    # It ends by itself; one that begins anew for ever ends so.
+    # It ends by itself; a recording that starts again for ever ends this way.
     assert cli.run(["record", *words, "--seconds", "12", "-o", str(made)]) == 0
     with ReplaySensor(take, speed=0.0) as first, ReplaySensor(made, speed=0.0) as second:
         assert [type(next_said(first)) for _ in range(2)] == [InputError, SensorFault]
@@ -260,22 +260,22 @@ def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(d
             b = second.read()
             assert (b.sequence, b.time_ns) == (a.sequence, a.time_ns)
             np.testing.assert_array_equal(a.depth, b.depth)
-            # A camera has colour always; where the recording had none it is that of before.
+            # A camera always has colour; if the recording has none, the previous image is repeated.
             colour = colour if a.colour is None else a.colour
             judge_colour(driver, colour, b)
         assert second.read() is None, "and no loss of its own"
-        # The helper process asks for the condition once a second.
+        # The helper process reads the condition once per second.
         assert second.condition() in (cold, hot)
 
 
 def needed(driver: str) -> None:
-    """Skips where a driver's library is not installed."""
+    """Skips the test if a driver's library is not installed."""
     if importlib.util.find_spec(LIBRARIES[driver]) is None:
         pytest.skip(f'{LIBRARIES[driver]} is not installed: pip install "./edge[{driver}]"')
 
 
 def judge_colour(driver: str, expected: np.ndarray, frame: DepthFrame) -> None:
-    """The colour of a driver's frame is that of its moment and place."""
+    """Checks that a driver's colour image has the right time and position."""
     if driver == "oak":
         np.testing.assert_array_equal(frame.colour, expected)
         return
@@ -295,7 +295,7 @@ def test_a_recording_without_colour_is_no_rehearsal_of_colour(driver, tmp_path):
 
 
 def test_each_depth_gets_the_colour_of_its_moment_or_none(tmp_path):
-    """On the RealSense library: colour alone is passed over, one that is ahead waits for its depth."""
+    """On the RealSense library: a colour image alone is skipped, one that is ahead waits for its depth."""
     needed("realsense")
     recorded(tmp_path / "a.mcap", Scripted([Step()] * 8, coloured=True)).close()
     with ReplaySensor(tmp_path / "a.mcap", speed=0.0) as replayed:

@@ -1,4 +1,6 @@
-"""Sensor profiles: every shipped file is valid and plausible, and what is wrong is refused with a reason."""
+"""Tests of sensor profiles: every shipped file is valid and plausible; invalid ones are refused with a
+reason.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ def test_a_shipped_profile_is_plausible(name: str) -> None:
     for z in (reach.near, 1.0, 2.0, min(reach.far, 4.0)):
         assert 0.0003 < profile.sigma(z) < 0.12
         assert profile.step(z) <= 0.065
-        # Published deviations include the steps, so that they cannot be below those of the steps alone.
+        # Published deviations include the quantisation, so they cannot be below it.
         assert profile.sigma(z) > 0.9 * profile.step(z) / math.sqrt(12)
 
 
@@ -73,7 +75,7 @@ def test_a_wrong_file_is_refused(tmp_path: Path, before: str, after: str, messag
         load_profile(path)
 
 
-def test_a_profile_of_ones_own_is_found_by_its_path(tmp_path: Path) -> None:
+def test_custom_profile_is_found_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes((profiles_folder() / "tof.toml").read_bytes())
     assert load_profile(path) == load_profile(str(path)) == load_profile("tof")

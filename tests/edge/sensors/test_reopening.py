@@ -1,4 +1,4 @@
-"""A live sensor for ever: it fails, hangs, comes back, and its stream goes on."""
+"""Tests of a live sensor that runs for ever: it fails, hangs and returns, and its stream continues."""
 
 import itertools
 import threading
@@ -19,7 +19,7 @@ from enliven_edge.sensors.reopening import ReopeningSensor, kept_open
 from enliven_edge.sensors.replay import ReplaySensor
 
 DEADLINE = 60.0
-"""Seconds that a loaded machine may take for anything here."""
+"""Timeout in seconds for a loaded machine."""
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +36,7 @@ def until(condition) -> None:
 
 
 def stream(sensor) -> tuple[list, list[Exception]]:
-    """Every frame, and every error that came between."""
+    """Yields every frame, and every error in between."""
     frames, errors = [], []
     deadline = time.monotonic() + DEADLINE
     while time.monotonic() < deadline:
@@ -53,7 +53,7 @@ def stream(sensor) -> tuple[list, list[Exception]]:
     raise AssertionError("the stream never ends")
 
 
-def test_a_device_that_fails_is_closed_and_another_one_goes_on():
+def test_failed_device_is_closed_and_replaced():
     with ReopeningSensor(lambda: Troubled(30, "OSError,RuntimeError")) as sensor:
         frames, errors = stream(sensor)
     assert len(frames) == 30
@@ -72,8 +72,8 @@ def test_times_rise_although_every_device_counts_from_0():
     assert sum(step == STEP for step in steps) == 27, "but for the two gaps they are the device's"
 
 
-def test_a_clock_that_goes_on_is_left_alone():
-    """A device that tells the host's time tells it again when it is opened anew."""
+def test_continuing_clock_is_not_shifted():
+    """A device with the host's clock continues it after it is reopened."""
 
     class Host(Troubled):
         def read(self, timeout=None):
@@ -91,8 +91,8 @@ def test_a_clock_that_goes_on_is_left_alone():
 
 
 @pytest.mark.parametrize("place", [4, 5, 6])
-def test_one_wrong_time_beside_a_failure_does_no_harm(place):
-    """The last before it, or the first after it."""
+def test_one_wrong_time_next_to_a_failure_is_harmless(place):
+    """The last time before it, or the first one after it."""
 
     class Wild(Troubled):
         def read(self, timeout=None):
@@ -111,13 +111,13 @@ SECOND = 10**9
 steps = st.tuples(
     st.integers(1, 3 * SECOND), st.integers(1, SECOND), st.none() | st.integers(-SECOND, SECOND) | st.just(0)
 )
-"""Nanoseconds until a frame arrives and since the one before by its device's clock; of a device that was
-opened anew, what its clock differs from the one before."""
+"""Nanoseconds until a frame arrives, and since the previous one by the device's clock; for a reopened device,
+the offset of its clock from the previous one."""
 
 
 @given(st.lists(steps, max_size=20))
 def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arrivals):
-    """As on a busy machine, where a frame may come late and the next ones at once."""
+    """As on a busy machine, with one late frame and the next ones at once."""
     now = own = SECOND
     told = []
     with pytest.MonkeyPatch.context() as patch, ReopeningSensor(lambda: Troubled(1)) as sensor:
@@ -131,7 +131,7 @@ def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arriv
     assert told == sorted(set(told))
 
 
-def test_attempts_become_rarer_and_go_on_for_ever():
+def test_attempts_become_rarer_and_never_stop():
     opened: list[float] = []
 
     def open_device():
@@ -150,14 +150,14 @@ def test_attempts_become_rarer_and_go_on_for_ever():
         assert wait > 0.99 * least
 
 
-def test_a_frame_that_cannot_be_used_costs_itself_only():
+def test_only_the_unusable_frame_is_lost():
     with ReopeningSensor(lambda: Troubled(30, "focal length nan,wrong type,wrong shape")) as sensor:
         frames, errors = stream(sensor)
     assert len(frames) == 30 and len(Troubled.devices) == 1
     assert all(type(error) is InputError for error in errors) and len(errors) == 3
 
 
-def test_a_device_of_nothing_but_such_frames_is_opened_anew():
+def test_device_with_only_bad_frames_is_reopened():
     class Blind(Troubled):
         def read(self, timeout=None):
             return self._fault("focal length zero") if self is Troubled.devices[0] else super().read(timeout)
@@ -168,7 +168,7 @@ def test_a_device_of_nothing_but_such_frames_is_opened_anew():
     assert [type(error) for error in errors] == [InputError] * reopening.BAD_FRAMES + [SensorFault]
 
 
-def test_a_read_that_hangs_is_left_to_itself_and_a_fresh_device_goes_on(monkeypatch):
+def test_hanging_read_is_abandoned_for_a_new_device(monkeypatch):
     monkeypatch.setitem(reopening._LONGEST, "read", 0.3)
     let_go = threading.Event()
 
@@ -206,8 +206,8 @@ def test_closing_does_not_wait_for_a_read_that_hangs():
     until(lambda: Troubled.devices[0].closed)
 
 
-def test_nothing_is_read_ahead():
-    """The device is asked when the edge asks: no frame waits while it grows old."""
+def test_no_frame_is_read_ahead():
+    """The device is read when the edge asks, so no frame waits and ages."""
     with ReopeningSensor(lambda: Troubled(20)) as sensor:
         for count in range(1, 6):
             sensor.read(DEADLINE)
@@ -223,7 +223,7 @@ def test_the_first_opening_fails_as_the_device_says():
         kept_open(missing)
 
 
-def test_a_recording_is_read_as_it_is_and_ends(tmp_path):
+def test_recording_is_read_unchanged_and_ends(tmp_path):
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.write_frame(Troubled(3).read())
     with kept_open(lambda: ReplaySensor(tmp_path / "a.mcap", speed=0)) as sensor:

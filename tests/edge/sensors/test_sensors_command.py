@@ -1,4 +1,4 @@
-"""``enliven sensors``: lists what there is, and says what one sensor sees."""
+"""Tests of ``enliven sensors``: it lists the sensors, and describes one sensor's view."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +24,7 @@ def test_all_are_listed(capsys):
     assert code == 0 and "oak, orbbec, realsense, replay, synthetic, tof, webcam" in out
 
 
-def test_what_is_plugged_in_is_listed_with_all_that_is_to_be_typed(capsys, monkeypatch):
+def test_connected_cameras_are_listed_with_install_commands(capsys, monkeypatch):
     kind = next(kind for kind in attached_cameras.KINDS if kind.sensor == "oak")
     camera = attached_cameras.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
     monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
@@ -46,14 +46,14 @@ class CameraManager:
         made.cameras = [Camera(*each) for each in models.items()]
         return made
 """
-"""What is used of libcamera's binding, in the shape that the guest of make test-devices has it."""
+"""The used part of libcamera's binding, as in the virtual machine of make test-devices."""
 AT_PORTS = [
     ("", ["imx708 /base/i2c@88000/imx708@1a: --sensor libcamera --set left=0", "@60: --sensor", "left=1"]),
     ("os.abort()", ["libcamera cannot list its cameras (exit code -6", "rpicam-hello --list-cameras"]),
     ("time.sleep(60)", ["libcamera has not listed its cameras within"]),
     ("import nothing_of_the_kind", ["libcamera does not load (No module named", "apt install python3-lib"]),
 ]
-"""A line more of the binding, and what is said then: libcamera may end or hang its process."""
+"""One more line of the binding, and the expected output: libcamera may end or hang its process."""
 
 
 @pytest.mark.parametrize(("line", "words"), AT_PORTS)
@@ -70,7 +70,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
     assert all(word in " ".join(out.split()) for word in words), out
 
 
-def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, monkeypatch, tmp_path):
+def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
     if libcamera_library._installed():
         pytest.skip("libcamera is installed")
     monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")
@@ -79,8 +79,8 @@ def test_without_libcamera_only_a_raspberry_pi_is_told_what_to_install(capsys, m
     assert "libcamera is not installed. Type: sudo apt install" in " ".join(said(capsys)[1].split())
 
 
-def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
-    """The shipped recording's floor, tilt and size are known: it was made 1.15 m up, five degrees down."""
+def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
+    """Floor, tilt and size of the shipped recording are known: 1.15 m high, five degrees down."""
     path = f"path={shipped_recording()}"
     code, out, _ = said(capsys, "replay", "--set", path, "--seconds", "0.5", "-o", str(tmp_path / "a.png"))
     assert code == 0
@@ -91,7 +91,7 @@ def test_what_one_sees_is_told_and_drawn(capsys, tmp_path):
     assert picture.shape[:2] == (240, 320) and picture.std() > 10
 
 
-def test_an_accelerometer_is_shown_beside_the_floor():
+def test_accelerometer_is_shown_next_to_the_floor():
     from enliven_edge.commands.sensors import _condition_facts
     from enliven_edge.sensors.base import Condition
 
@@ -110,6 +110,6 @@ def test_an_accelerometer_is_shown_beside_the_floor():
         (["webcam", "--set", "device=/dev/video99"], 4, "/dev/video99"),
     ],
 )
-def test_what_cannot_be_done_is_said(capsys, words, code, what):
+def test_invalid_sensor_arguments_are_reported(capsys, words, code, what):
     found, _, err = said(capsys, *words)
     assert found == code and what in err

@@ -1,4 +1,4 @@
-"""The tuning files for libcamera hold what its readers ask for (its src/ipa/rpi/controller/rpi)."""
+"""Tests that libcamera's tuning files contain what its readers need (its src/ipa/rpi/controller/rpi)."""
 
 import itertools
 import json
@@ -14,7 +14,7 @@ ZONES = {"pisp": 15 * 15, "bcm2835": 15}
 
 
 def rising(points: list[float], strictly: bool = True) -> bool:
-    """Whether x0, y0, x1, y1, ... are a function that does not fall."""
+    """Returns True if x0, y0, x1, y1, ... is a non-decreasing function."""
     steps = list(itertools.pairwise(zip(points[::2], points[1::2], strict=True)))
     return all(x0 < x1 and (y0 < y1 if strictly else y0 <= y1) for (x0, y0), (x1, y1) in steps)
 
@@ -43,8 +43,8 @@ def test_a_tuning_file_has_what_libcamera_reads(path):
 def test_the_one_for_two_cameras_keeps_them_in_step_sharp_and_steady():
     (path,) = [path for path in FILES if "stereo" in path.stem]
     algorithms = {k: v for each in json.loads(path.read_text())["algorithms"] for k, v in each.items()}
-    # At 30 images a second a message every ten: in step within a second.
+    # At 30 images per second with a message every ten: synchronised within a second.
     assert algorithms["rpi.sync"]["sync_period"] <= 10
-    # Half a period of 50 Hz light, and what a hand at 1 m/s smears over two pixels at 2 m.
+    # Half a period of 50 Hz light; a hand at 1 m/s blurs over two pixels at 2 m in that time.
     assert max(algorithms["rpi.agc"]["exposure_modes"]["normal"]["shutter"]) == 10_000
     assert "rpi.denoise" not in algorithms and "rpi.sharpen" not in algorithms

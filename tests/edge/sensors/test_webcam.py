@@ -1,4 +1,4 @@
-"""A film in place of a webcam; the landmarks are those of a performer who is not in it."""
+"""Tests of a film in place of a webcam; the landmarks are a performer's that is not in it."""
 
 import math
 import time
@@ -22,7 +22,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 class Truth:
-    """Says of every image where the synthetic performer's joints would be in it."""
+    """Returns the synthetic performer's projected joints for every image."""
 
     def __init__(self) -> None:
         self.sensor = SyntheticSensor(choreography="walk", realtime=False)
@@ -52,7 +52,7 @@ class Truth:
 
 @pytest.fixture
 def film(tmp_path):
-    """Twelve grey images, brighter and brighter, at 12 a second."""
+    """Writes twelve grey images of increasing brightness, at 12 per second."""
     path = tmp_path / "film.mp4"
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=12)
@@ -93,7 +93,7 @@ def test_an_image_that_is_not_due_yet_is_kept_for_the_next_call(film):
         assert sensor.read().time_ns == pytest.approx(1e9 / 12, abs=1e6)
 
 
-def test_two_people_keep_their_numbers(film):
+def test_two_people_keep_their_ids(film):
     class Two(Truth):
         def find(self, colour, time_ns):
             (one,) = super().find(colour, time_ns)
@@ -110,7 +110,7 @@ def test_two_people_keep_their_numbers(film):
     assert max(seen[1]) < min(seen[2])
 
 
-def test_what_is_no_film_or_no_camera_is_said(tmp_path):
+def test_invalid_film_or_camera_is_reported(tmp_path):
     (tmp_path / "a.mp4").write_bytes(b"no film" * 100)
     with pytest.raises(InputError, match=r"a\.mp4"):
         open_sensor("webcam", device=str(tmp_path / "a.mp4"))

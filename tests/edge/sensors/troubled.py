@@ -1,4 +1,4 @@
-"""A driver as other people write them: it opens, reads and closes, and has every fault that a camera has."""
+"""A third-party driver: it opens, reads and closes, and has every fault of a camera."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FAULTS = (
 
 
 def picture(number: int, width: int = 64, height: int = 48) -> np.ndarray:
-    """(height, width) uint16 millimetres of a wall that is never twice the same."""
+    """Returns a (height, width) uint16 image of a wall, millimetres, that never repeats."""
     noise = np.random.default_rng(number).integers(0, 20, (height, width))
     return (2500 + noise).astype(np.uint16)
 
@@ -37,7 +37,7 @@ def camera(width: int = 64, height: int = 48, focal: float = 60.0) -> Intrinsics
 
 
 class Troubled:
-    """Frames 0 to ``frames`` - 1; before each that ``faults`` numbers comes that fault, once.
+    """Delivers frames 0 to ``frames`` - 1; before each number in ``faults`` its fault occurs once.
 
     Each device counts time from 0, as after being plugged in again. The stream goes on over devices.
     """
@@ -57,11 +57,11 @@ class Troubled:
 
     @classmethod
     def reset(cls) -> None:
-        """As if nothing had been plugged in yet."""
+        """Resets to the state before the first device."""
         cls.devices, cls.number, cls.done = [], 0, set()
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        """The next frame, or the fault whose turn it is."""
+        """Returns the next frame, or raises the fault that is due."""
         time.sleep(self.pace)
         at = Troubled.number
         if at in self.faults and at not in Troubled.done:

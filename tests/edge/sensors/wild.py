@@ -1,4 +1,4 @@
-"""A driver whose library does what libraries do: it crashes, hangs, goes silent, and prints."""
+"""A driver with a library that crashes, hangs, goes silent, and prints."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from enliven_edge.sensors.base import Condition
 
 
 class Wild:
-    """Frames without end, numbered by what their first pixel holds; a mishap at frame ``after``.
+    """Endless frames, numbered in their first pixel; one failure at frame ``after``.
 
     Args:
-        folder: where each device leaves a file, so that the next knows to be well; and where a file ``gone``
-            says that the device is unplugged, and a file ``slow`` that opening it has not ended yet.
-        mishap: what happens, once.
+        folder: each device leaves a file there, so that the next device does not fail. A file ``gone`` means
+            that the device is unplugged, a file ``slow`` that opening has not finished.
+        mishap: the failure, which happens once.
     """
 
     isolated = True

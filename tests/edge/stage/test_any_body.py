@@ -25,17 +25,21 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 FRAME = 33_333_333
 ARM = {"left": (model.UPPER_ARM_L, model.FOREARM_L, 1), "right": (model.UPPER_ARM_R, model.FOREARM_R, -1)}
 FAR = 0.35
-"""Metres from the bones of an arm, of a body of 1.75 m, beyond which nothing is its: a bear's is thick."""
+"""Distance from the bones of an arm, metres, for a body of 1.75 m, beyond which nothing belongs to it: a
+bear's arm is thick."""
 STILL = 0.3
-"""Share of the hand's way that anything far from the arm may move: a bear leans its head by 17 cm."""
+"""Maximum motion of points far from the arm, as a fraction of the hand's path: a bear leans its head by 17
+cm."""
 TAKEN = 0.005
-"""Metres a frame that a mesh which met its performer moves by as they take hold: the solver still settles."""
+"""Maximum motion of an aligned mesh at attachment, metres per frame: the solver is still converging."""
 SETTLED, WAVING = 75, 40
-"""Frames until the mesh has come to its performer's pose, and of the wave."""
+"""Frames until the mesh has reached its performer's pose, and frames of the wave."""
 
 
 def waving(side: str, share: float) -> Body:
-    """Standing with hanging arms; one arm lifts to the side and up, by a share, and the forearm beckons."""
+    """Returns a standing person with hanging arms that lifts one arm sideways by a fraction, and waves the
+    forearm.
+    """
     upper, fore, sign = ARM[side]
     rotations = standing()
     rotations[upper] = rotation(z=sign * (0.12 + 2.1 * share))
@@ -57,14 +61,14 @@ def test_all_limbs_are_found(known):
 
 
 def at_origin(known) -> np.ndarray:
-    """(20, 3) metres: its joints in a mesh of 1.75 m in its modelled position."""
+    """Returns the (20, 3) joints of a mesh of 1.75 m in its modelled position, metres."""
     low, high = known.mesh.bounds
     middle = [(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2]
     return (known.joints - middle) * 1.75 / (high[1] - low[1])
 
 
 def test_performers_back_is_in_the_meshs_back(known):
-    """The trunk within 4 cm of theirs, and the front theirs."""
+    """The trunk is within 4 cm of the performer's, and faces the same way."""
     modelled, _ = prepared(known.mesh, ActorSettings(stand="modelled"))
     fitted, _ = prepared(known.mesh, ActorSettings(stand="fitted"))
     first = slice(len(known.mesh.vertices))
@@ -78,8 +82,8 @@ def test_performers_back_is_in_the_meshs_back(known):
     assert across[0] > 0.95 * np.linalg.norm(across[[0, 2]])
 
 
-def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
-    """Each is given as the middle of some vertices, so it is theirs wherever the mesh then stands."""
+def test_known_bones_follow_the_fitted_mesh():
+    """Each bone is given as the centre of some vertices, so it is correct wherever the mesh stands."""
     turned = t_woman()
     vertices = turned.mesh.vertices @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
     joints = turned.joints @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
@@ -97,7 +101,7 @@ def test_bones_that_are_known_go_along_as_the_mesh_is_fitted():
 
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])
 def test_mesh_waves_with_its_performer(known, how, side):
-    """The mesh comes to its performer's pose without a jump, arms hanging as theirs do, then waves."""
+    """The mesh reaches its performer's pose without a jump, with hanging arms, and then waves."""
     own = ActorSettings(how=how, stand="modelled")
     actor = cast_mesh(known.mesh, "it", 128, own)
     joints = at_origin(known)
@@ -130,7 +134,7 @@ def test_mesh_waves_with_its_performer(known, how, side):
 
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("ahead", [True, False])
-def test_a_t_pose_lets_its_arms_hang_before_anybody_holds_it(how, ahead):
+def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
     """It approaches the performer in view without a jump, and does not move on attachment."""
     known = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)

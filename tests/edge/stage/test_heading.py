@@ -1,4 +1,4 @@
-"""A mesh that is built as a person faces where its performer faces, however they turn."""
+"""Tests that a mesh of human build keeps its performer's heading, however the performer turns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MAX_DEVIATION_DEG = 10.0
 FRAME_NS = 33_333_333
 SEEDS = st.integers(0, 2**32 - 1)
 NOISE_M = st.sampled_from([0.0, 0.004])
-"""Metres: perfect joints, and joints that shake as those of a depth camera do."""
+"""Joint noise in metres: none, and that of a depth camera."""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
 @given(SEEDS, NOISE_M, st.floats(-np.pi, np.pi), st.floats(0.0, 3.0))
 @settings(max_examples=25, deadline=None)
 def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, front, seconds):
-    """The law holds from the first frame on, while the limbs still come to the performer's pose."""
+    """True from the first frame on, while the limbs are still approaching the performer's pose."""
     rest = standing_figure()
     rest[[Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT], 1] = (
         1.39  # a lifted arm, which must come down
@@ -62,7 +62,7 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
         carrying.at(n * FRAME_NS)
         gaps.append(wrapped(hip_heading(carrying(body.joints)) - hip_heading(body.joints)))
     assert deviations_deg(np.array(gaps)).max() < MAX_DEVIATION_DEG
-    # A mesh that faced elsewhere has turned to its performer when it is in their pose.
+    # A mesh with another heading has turned to its performer when it has reached the pose.
     late = Mapped(like, film[0], 1.0, seconds=seconds, front=front)
     late.at(0)
     late.at(round(1e9 * late._seconds) + 1)
@@ -74,14 +74,14 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
 @given(SEEDS, NOISE_M, st.integers(0, 120))
 @settings(max_examples=6, deadline=None)
 def test_hips_of_the_mesh_keep_their_performers_heading(woman, how, seed, noise_m, held_from):
-    """The law on the stage: before, as and after the performer takes hold, at any moment."""
+    """On the stage: before, during and after attachment, at any moment."""
     actor = cast_mesh(woman, "it", 128, ActorSettings(how=how))
     gaps, _ = headings_on_stage(actor, spinning_people(seed, 6.0, noise_m), held_from)
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
 
 
 @pytest.mark.parametrize("name", ["sitting", "robot", "teddy", "holed scan"])
-def test_other_bodies_keep_it_too(name):
+def test_other_bodies_keep_their_performers_heading(name):
     actor = cast_mesh(BODIES[name]().mesh, "it", 128, ActorSettings(how="mapped"))
     gaps, _ = headings_on_stage(actor, spinning_people(7, 6.0, 0.004), 60)
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
@@ -89,7 +89,7 @@ def test_other_bodies_keep_it_too(name):
 
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 def test_holding_again_does_not_turn_the_mesh(woman, how):
-    """A performer that is attached again and again while spinning still has the same heading."""
+    """A performer that is repeatedly attached while spinning keeps the same heading."""
     film, actor = spinning_people(3, 6.0), cast_mesh(woman, "it", 128, ActorSettings(how=how))
     stage, facing = Stage([actor]), []
     for n, body in enumerate(film):
@@ -99,12 +99,12 @@ def test_holding_again_does_not_turn_the_mesh(woman, how):
         if n % 20 == 10:
             stage.possess("it")
     gaps = wrapped(np.array(facing) - [hip_heading(body.joints) for body in film])
-    # The mean rotation of all nodes: arms and legs swing in it.
+    # The mean rotation of all nodes: arms and legs swing relative to it.
     assert deviations_deg(gaps).max() < 1.5 * MAX_DEVIATION_DEG
 
 
-def test_a_mesh_without_legs_turns_with_who_holds_it():
-    """It has no hips whose line could tell a heading: a lamp was left behind by 29 degrees."""
+def test_mesh_without_legs_turns_with_its_performer():
+    """It has no hip line that could define a heading: a lamp lagged by 29 degrees."""
     actor = cast("lamp", 128, ActorSettings(how="mapped"))
     assert actor.likeness is not None and np.isnan(actor.likeness.joints[Joint.HIP_LEFT]).all()
     gaps, _ = headings_on_stage(actor, [facing(0.05 * n) for n in range(240)], 0)
@@ -112,7 +112,7 @@ def test_a_mesh_without_legs_turns_with_who_holds_it():
 
 
 def test_holding_again_holds_the_same_limbs():
-    """A chair that has turned with its performer is held again: a leg of it is still that leg."""
+    """A chair that turned with its performer is attached again: each limb keeps its leg of the chair."""
     still = [facing(min(0.05 * n, 1.5), x=min(0.02 * n, 0.6)) for n in range(60)]
     lifting = [facing(1.5, x=0.6, lift=min(0.04 * n, 0.8)) for n in range(60)]
     poses = []
@@ -129,7 +129,7 @@ def test_holding_again_holds_the_same_limbs():
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 @pytest.mark.parametrize("held_from", [0, 40])
 def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
-    """Before anybody is in view it stands at the sensor; it does not glide from there."""
+    """Before anybody is in view the mesh stands at the sensor; it does not glide from there."""
     own = ActorSettings(how=how)
     actor = cast_mesh(woman, "it", 128, own)
     film = [facing(0.4)] * 60
@@ -139,8 +139,8 @@ def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_performer_who_returns_turned_is_faced_without_a_jump(woman, held):
-    """They are lost, turn unseen, and return: the mesh turns to them no faster than a fade goes."""
+def test_mesh_turns_to_a_returning_performer_without_a_jump(woman, held):
+    """The performer is lost, turns unseen, and returns: the mesh turns no faster than a fade allows."""
     own = ActorSettings(how="mapped")
     stage = Stage([cast_mesh(woman, "it", 128, own)])
     stage.perform([facing(0.0)], 0)

@@ -60,7 +60,7 @@ def held(stage: Stage) -> dict[str, list[int]]:
 
 
 def after(stage: Stage, bodies, frame: int):
-    """The poses after a frame, by character."""
+    """Returns the poses after a frame, by character."""
     return {pose.character: pose for pose in stage.perform(bodies, frame * FRAME)}
 
 
@@ -89,7 +89,7 @@ def test_a_stage_of_all_kinds_moves_each_by_its_own_performer(graph):
     assert not stage.holders
 
 
-def test_they_wait_side_by_side_and_the_nearest_is_meant(graph):
+def test_characters_wait_side_by_side_and_the_nearest_is_attached(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
     poses = after(stage, [person(x=0.0, id=1)], 0)
     low, high = (poses[name].positions[:, 0] for name in "ab")
@@ -182,7 +182,7 @@ def test_a_hold_is_not_handed_to_a_performer_of_another_character(graph):
     assert stage.holders == {1, 3}, "3 has none"
 
 
-def test_characters_come_change_and_go_while_others_go_on(graph):
+def test_characters_come_change_and_go_while_others_continue(graph):
     stage = Stage([chair(graph, "a")])
     body = person(id=1)
     after(stage, [body], 0)
@@ -223,14 +223,14 @@ def test_the_command_line_names_any_number_and_ids_are_unique():
         characters_of(["a"], ["skelton"], [], {})
 
 
-def test_a_wish_without_names_is_as_small_and_an_old_one_is_read():
+def test_possession_requests_round_trip_without_names():
     for body in (Possess(), Release(), Browse(), Possess("chair", 3, "legs", "join")):
         assert unpack_control(pack_control(Request(1, body)), REQUEST).body == body
     assert Possess().character is None and Release("x").body is None
 
 
 def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(graph, tmp_path):
-    """One that is added, replaced and removed between frames reaches the take with its own revision."""
+    """A character that is added, replaced or removed between frames is recorded with its own revision."""
 
     class People:
         name, fps = "people", 30.0

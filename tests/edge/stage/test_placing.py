@@ -1,5 +1,4 @@
-"""Tests of the placement of performer and mesh: inside, next to each other, limb by limb; and of their
-sizes."""
+"""Tests of placing performer and mesh: inside, next to each other, limb by limb; and of their sizes."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ FRAME = 33_333_333
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Body:
-    """Standing with hanging arms; the left thigh lifted, the right arm raised ahead, by radians."""
+    """Returns a standing person, the left thigh lifted and the right arm raised, by radians."""
     rotations = standing(yaw, arm_forward=0.1, elbow=0.1)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
@@ -40,7 +39,7 @@ def person(x=0.0, z=-2.5, yaw=0.0, id=1, lift=0.0, height=1.75, reach=0.0) -> Bo
 
 
 def leaning(angle: float) -> Body:
-    """Bent forward at the hip, by radians."""
+    """Returns a person that bends forward at the hips, by radians."""
     body = person()
     hip = body.joints[Joint.HIP_CENTER]
     up = list(range(1, 12))
@@ -56,7 +55,7 @@ def chair():
 
 
 def block(low, high, n=6) -> tuple[np.ndarray, np.ndarray]:
-    """(V, 3) and (F, 3) of a box with n x n squares a side."""
+    """Returns (V, 3) vertices and (F, 3) faces of a box with n x n squares per side."""
     grid = np.linspace(0, 1, n + 1)
     vertices, faces = [], []
     for axis in range(3):
@@ -73,7 +72,7 @@ def block(low, high, n=6) -> tuple[np.ndarray, np.ndarray]:
 
 
 def beast() -> Mesh:
-    """A trunk along +X on four legs, with a head on a neck: blocks that overlap, welded by the graph."""
+    """Returns a trunk along +X on four legs, with a head on a neck: overlapping blocks."""
     boxes = [((-0.7, 0.7, -0.2), (0.7, 1.1, 0.2)), ((0.55, 1.0, -0.12), (0.8, 1.5, 0.12))]
     boxes += [((0.7, 1.35, -0.12), (1.1, 1.55, 0.12))]
     boxes += [((x, 0.0, z), (x + 0.15, 0.8, z + 0.13)) for x in (-0.7, 0.55) for z in (-0.2, 0.07)]
@@ -102,7 +101,7 @@ def test_a_beast_is_like_a_person_on_all_fours(animal):
 
 
 def play(house, name, bodies):
-    """The last pose, of bodies in order after the one that takes hold."""
+    """Returns the last pose for a sequence of bodies; the first one is attached."""
     house.perform([bodies[0]], 0)
     house.possess(name)
     for i, body in enumerate(bodies, 1):
@@ -133,7 +132,7 @@ def test_mapped_arms_drive_the_forelegs_and_legs_the_hind_legs(animal):
 
 
 @pytest.mark.parametrize("how", ["beside", "mapped"])
-def test_beside_it_the_mesh_stays_where_it_is(chair, how):
+def test_mesh_next_to_its_performer_stays_at_attachment(chair, how):
     house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, aside=1.5, fade=0.0))])
     before = house.perform([person()], 0)[0]
     assert before.positions[:, 0].mean() == pytest.approx(1.5, abs=0.1)
@@ -153,7 +152,7 @@ def test_beside_it_the_mesh_stays_where_it_is(chair, how):
     st.sampled_from([0.0, 0.5, 1.0]),
 )
 @settings(max_examples=8, deadline=None)
-def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
+def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how, travel):
     """The performer's rigid rotation rotates the mesh equally; walking moves it by the set fraction of the
     way."""
     house = Stage([EmbeddedActor(*chair, ActorSettings(how=how, travel=travel, fade=0.0))])
@@ -167,7 +166,7 @@ def test_beside_it_a_rigid_motion_is_carried_over(chair, way, yaw, how, travel):
     shift = (pose.positions - turned).mean(0)
     assert np.linalg.norm(pose.positions - turned - shift, axis=1).max() < 0.03
     if how == "beside":
-        # The mesh turns about where the performer's hip would be in it.
+        # The mesh turns about the performer's hip, mapped into the mesh.
         pivot = np.array([1.2, 0.0, -2.5])
         expected = pivot - turn @ pivot + [travel * way, 0, 0]
         np.testing.assert_allclose(shift[[0, 2]], expected[[0, 2]], atol=0.05)
@@ -190,7 +189,7 @@ def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):
 
 
 def saved(path: Path, height: float) -> str:
-    """The chair as a file, so tall."""
+    """Writes the chair as a file, with a height."""
     mesh = make_chair(0.08)
     factor = height / np.ptp(mesh.vertices[:, 1])
     lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in mesh.vertices * factor]
@@ -206,7 +205,7 @@ SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
 @pytest.mark.parametrize("scaled", ["mesh", "performer"])
 @pytest.mark.parametrize("how", ["inside", "beside"])
 def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
-    """The mesh is scaled to the performer, or keeps its size and scales the motion."""
+    """The mesh is scaled to the performer, or keeps its size and the motion is scaled."""
     own = ActorSettings(scaled=scaled, how=how, fade=0.0)
     house = Stage([cast(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
     house.perform([person()], 0)
@@ -306,7 +305,7 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
     assert 0.1 < moved.max() < 1.5
 
 
-def test_a_part_that_cannot_reach_the_mesh_is_told_to_hold_with_others(tmp_path):
+def test_unreachable_part_is_refused_with_advice(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
     low = Stage([cast(saved(tmp_path / "low.obj", 0.15), 32, own)])
     low.perform([person()], 0)

@@ -1,4 +1,4 @@
-"""Several performers on one mesh: laws of taking hold, sharing, losing and letting go."""
+"""Tests of several performers on one mesh: attaching, sharing, losing and releasing."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def stage(chair, **options) -> Stage:
 
 
 def steps(poses):
-    """Returns (F - 1,) distance that the fastest node moves from frame to frame, metres."""
+    """Returns the (F - 1,) maximum motion of any node from frame to frame, metres."""
     return np.array([np.linalg.norm(b.positions - a.positions, axis=1).max() for a, b in pairwise(poses)])
 
 
-def test_two_hold_one_mesh_each_with_their_parts(chair):
+def test_two_performers_hold_their_own_parts_of_one_mesh(chair):
     house = stage(chair)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -78,7 +78,7 @@ def test_two_hold_one_mesh_each_with_their_parts(chair):
     assert set(cues.owners) == {1, 2} and cues.held == len(cues.nodes)
 
 
-def test_joining_replaces_ones_own_hold_and_extending_keeps_it(chair):
+def test_join_replaces_and_extend_keeps_the_own_attachment(chair):
     house, bodies = stage(chair), [person(), person(id=2)]
     house.perform(bodies, 0)
     house.possess("chair", 1, "legs")
@@ -110,7 +110,7 @@ def test_unnamed_join_selects_a_free_performer(chair):
     assert house.actors["chair"].state == "free"
 
 
-def test_a_limb_that_was_lost_when_taking_hold_takes_hold_later(chair):
+def test_limb_lost_at_attachment_is_attached_later(chair):
     house = stage(chair)
     hidden = person()
     hidden.joints[[Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]] = np.nan
@@ -144,12 +144,12 @@ EVENTS = st.lists(
 
 @given(EVENTS, st.floats(-0.5, 0.5))
 @settings(max_examples=12, deadline=None)
-def test_whatever_happens_when_nothing_jumps(chair, events, apart):
-    """The law: what is shown moves no faster than what is computed, and than its gaps close.
+def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
+    """The shown mesh moves no faster than the computed one plus the speed at which gaps are blended out.
 
-    The performers stand still but for a slow sway, so what is computed may move by leaps only where
-    somebody takes hold, is lost, returns or lets go; a leap is at most the mesh's size and the way between
-    the performers, and it closes at most at 1.5 / fade (pi / 2 where it turns).
+    The performers only sway slowly, so the computed mesh may jump only if a performer is attached, lost,
+    found or released. A jump is at most the mesh's size plus the distance between the performers. It is
+    blended out at a rate of at most 1.5 / fade, or pi / 2 for a rotation.
     """
     house, shown, poses, k = stage(chair), {1, 2}, [], 0
     for pause, what, who, parts in [*events, (12, "show", 1, "all")]:
@@ -174,8 +174,8 @@ def test_whatever_happens_when_nothing_jumps(chair, events, apart):
 
 @given(st.integers(0, 2**32 - 1), st.floats(-3, 3), st.floats(0.2, 3.0), st.sampled_from([0.5, 4.0, np.inf]))
 @settings(max_examples=40, deadline=None)
-def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
-    """Easing alone: between two states that stand still, the bound of its docstring, and both ends met."""
+def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):
+    """Easing alone, between two fixed states: the bound in its docstring holds, and both ends are exact."""
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
     linear = np.tile(np.eye(3), (20, 1, 1))
@@ -195,7 +195,7 @@ def test_a_gap_closes_no_faster_than_it_says(seed, yaw, growth, pace):
     assert not easing.under_way
 
 
-def test_taking_hold_in_the_middle_of_a_fade_goes_on_from_what_is_shown(chair):
+def test_attachment_during_a_fade_continues_from_the_shown_pose(chair):
     house, poses = stage(chair), []
     poses.append(house.perform([person()], 0)[0])
     house.possess("chair")
@@ -253,7 +253,7 @@ def test_lost_performer_releases_smoothly_and_other_continues(chair):
 
 
 def test_a_crowd_leaves_and_comes_back(chair):
-    """The mesh waits in its pose; both continue with their parts, and a third performer never takes over."""
+    """The mesh keeps its pose; both performers continue with their parts, and a third never takes over."""
     house = stage(chair, hand_over=0.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -284,7 +284,7 @@ def test_performer_below_the_floor_counts_as_lost(chair):
     assert np.abs(pose.positions - before[0].positions).max() < 0.1
 
 
-def test_a_newcomer_goes_on_for_who_was_away_longest(chair):
+def test_newcomer_takes_over_from_the_longest_absent(chair):
     house = stage(chair, hand_over=1.0)
     house.perform([person(), person(id=2)], 0)
     house.possess("chair", 1, "legs")
@@ -297,8 +297,8 @@ def test_a_newcomer_goes_on_for_who_was_away_longest(chair):
 @pytest.mark.parametrize("mode", ["alone", "join"])
 @pytest.mark.parametrize("how", ["inside", "beside"])
 @pytest.mark.parametrize("parts", ["all", "legs + head"])
-def test_the_preview_is_what_then_takes_hold(chair, mode, how, parts):
-    """The law: in one and the same frame, previewed nodes and strengths are the held ones."""
+def test_preview_equals_the_attachment(chair, mode, how, parts):
+    """In the same frame, the previewed nodes and strengths equal the attached ones."""
     house = stage(chair, how=how)
     house.preview("chair", parts=parts)
     bodies = [person(), person(id=2, x=0.05)]
@@ -319,7 +319,7 @@ def test_the_preview_is_what_then_takes_hold(chair, mode, how, parts):
     assert {n: held[n] for n in np.flatnonzero(held) if n not in others} == pytest.approx(would)
 
 
-def test_an_unattached_body_is_told_what_to_do(chair):
+def test_distant_or_unseen_performer_gets_advice(chair):
     house = stage(chair)
     house.perform([person(), person(id=2, x=3.0)], 0)
     house.possess("chair", 1)
@@ -351,7 +351,7 @@ def test_the_play_opens_with_each_performer_as_they_come(chair):
     assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
 
 
-def test_an_opening_that_cannot_be_is_said_once(chair, caplog):
+def test_impossible_opening_is_logged_once(chair, caplog):
     house = stage(chair)
     opening = Opening(house, 0.0, "tail")
     house.perform([person()], 0)

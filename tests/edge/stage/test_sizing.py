@@ -112,7 +112,7 @@ def test_resizing_keeps_the_attachment():
     np.testing.assert_allclose(there, 2.0 * here, atol=2e-3)
     np.testing.assert_allclose(after.linear, 2.0 * before.linear, atol=2e-3)
     assert after.positions[:, 1].min() == pytest.approx(2.0 * before.positions[:, 1].min(), abs=5e-3)
-    # It stays as large when it is let go, held again, or replaced by an edited one.
+    # It keeps its size when it is released, attached again, or replaced by an edited version.
     tall = np.ptp(after.positions[:, 1])
     grown.stage.release()
     assert np.ptp(grown.frames(person(), 30).positions[:, 1]) > 0.8 * tall
@@ -136,7 +136,7 @@ def test_a_placement_grows_about_a_place_and_back(one, other, seed):
     np.testing.assert_allclose(twice, place.larger(one * other, about).to_world(points), atol=1e-8)
 
 
-def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
+def test_exaggeration_is_published_kept_by_revisions_and_reset():
     play = Play()
     play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.5))
     play.frames(person())
@@ -153,7 +153,7 @@ def test_an_exaggeration_is_told_kept_by_the_next_revision_and_taken_back():
 
 def test_rigid_mesh_refuses_follow_through():
     class Stiff(EmbeddedActor):
-        exaggerate = Actor.exaggerate  # as of characters with bones, and puppets
+        exaggerate = Actor.exaggerate  # like characters with bones, and puppets
 
     play = Play()
     play.stage.put(Stiff(CHAIR, GRAPH, ActorSettings()))
@@ -161,7 +161,7 @@ def test_rigid_mesh_refuses_follow_through():
         play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.0))
 
 
-def test_the_word_scale_begins_and_ends_it_and_what_cannot_be_is_said():
+def test_word_scale_starts_and_ends_scaling_and_refusals_are_reported():
     play = Play()
     assert orders("scale", play.stage) == [Resize("hands")]
     with pytest.raises(InputError, match="nobody is in view"):

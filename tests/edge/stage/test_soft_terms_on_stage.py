@@ -44,7 +44,7 @@ def chair():
 
 
 def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
-    """Standing in the chair with the forearms forward, but lower, swayed aside above the hip, farther on."""
+    """Returns a person in the chair with the forearms forward, lower, swayed sideways, and farther away."""
     posture = Posture(
         np.array([0.0, 1.0, -2.5]), standing(arm_forward=0.1, elbow=1.5), lengths_for_height(1.75)
     )
@@ -55,7 +55,7 @@ def person(down=0.0, sway=0.0, ahead=0.0) -> Body:
 
 
 def played(chair, bodies, **options):
-    """(F, V, 3) the vertices, frame by frame, after the first body took hold; and the actor."""
+    """Returns the (F, V, 3) vertices, frame by frame, after the first body was attached; and the actor."""
     actor = EmbeddedActor(*chair, ActorSettings(**{"fade": 0.0} | options))
     house = Stage([actor])
     house.perform([bodies[0]], 0)
@@ -93,7 +93,7 @@ def test_feet_that_stand_do_not_slide_while_the_performer_sways(chair):
     assert slides["stand"] < 0.012 and slides["stand"] < 0.4 * slides["off"]
 
 
-def test_feet_let_go_of_the_floor_when_the_performer_walks_off(chair):
+def test_feet_release_the_floor_when_the_performer_walks_off(chair):
     bodies = [person() for _ in range(15)] + [person(ahead=0.03 * min(i, 30)) for i in range(60)]
     vertices, _ = played(chair, bodies, floor=FloorSettings(use="stand"))
     moved = (vertices[-1] - vertices[14])[:, 2]
@@ -112,7 +112,7 @@ LEGS = np.array(
 
 
 def to_capsules(points, ends, radius):
-    """(N,) metres from points to capsules, negative inside."""
+    """Returns the (N,) distances from points to capsules in metres, negative inside."""
     best = np.full(len(points), np.inf)
     for a, b in ends:
         share = np.clip((points - a) @ (b - a) / max((b - a) @ (b - a), 1e-12), 0, 1)
@@ -122,7 +122,7 @@ def to_capsules(points, ends, radius):
 
 @pytest.fixture(scope="module")
 def trousers():
-    """Two legs hanging from a bar."""
+    """Returns two legs hanging from a bar."""
     low, high = np.array([-0.3, -0.1, -0.15]), np.array([0.3, 1.0, 0.15])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, LEGS, 0.06), low, high, 0.03), "trousers")
     graph = DeformationGraph.build(mesh, nodes=64, seed=0)
@@ -131,7 +131,7 @@ def trousers():
 
 @dataclasses.dataclass
 class Held:
-    """Nodes held at their own places."""
+    """Nodes attached to fixed positions."""
 
     points: np.ndarray
     node_indices: np.ndarray
@@ -146,7 +146,7 @@ def held_at(graph, places) -> Held:
 
 
 def crossing(trousers, across, use):
-    """The states while the left leg's end is driven ``across`` metres to the right, the right one held."""
+    """Returns the states while the left leg's end moves ``across`` metres to the right; the right stays."""
     character, graph = trousers
     left, right, bar = (
         [(0.15, 0.1, 0), (0.15, 0.4, 0)],
@@ -180,7 +180,7 @@ def depth_in_each_other(trousers, states, contact):
     return worst
 
 
-def test_legs_driven_through_each_other_stay_beside_each_other(trousers):
+def test_legs_driven_through_each_other_stay_side_by_side(trousers):
     off, on = (depth_in_each_other(trousers, *crossing(trousers, 0.25, use)) for use in (False, True))
     assert off > 0.03 and on < 0.35 * off
 
@@ -203,7 +203,7 @@ WORLD_FROM_CAMERA = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1.5], [0
 
 
 def arm(bend):
-    """(2, 2, 3) the two halves of an arm along x, the left one bent up and towards the camera by radians."""
+    """Returns the (2, 2, 3) halves of an arm along x, the left bent up and towards the camera by radians."""
     tip = END * np.array([np.cos(bend), 0.8 * np.sin(bend), 0.6 * np.sin(bend)])
     return np.array([[ELBOW, [-END, 0, 0]], [ELBOW, tip]])
 
@@ -226,7 +226,7 @@ def seen_of(ends) -> ObservedPoints:
     return ObservedPoints(*surface_samples(points, z, np.ascontiguousarray(pixels), eye))
 
 
-def test_the_surface_follows_what_is_seen_without_a_skeleton():
+def test_surface_follows_depth_without_a_skeleton():
     """Non-rigid ICP: from depth alone, a bending arm's mesh stays on the bending arm."""
     low, high = np.array([-0.6, -0.2, -0.2]), np.array([0.6, 0.2, 0.2])
     mesh = Mesh(*surface_of(lambda p: to_capsules(p, arm(0.0), RADIUS), low, high, 0.025), "arm")

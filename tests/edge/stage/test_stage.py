@@ -1,4 +1,4 @@
-"""The stage: meeting, taking hold, letting go, and nothing that jumps."""
+"""Tests of the stage: approaching, attaching, releasing, and no jumps."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def chair():
 
 
 def person(x=0.0, z=-2.5, yaw=0.0, id=1, elbow=1.5, lift=0.0, confidence=1.0) -> Body:
-    """A standing person with the forearms forward, the left knee lifted by ``lift`` radians."""
+    """Returns a standing person with the forearms forward and the left knee lifted by ``lift`` radians."""
     rotations = standing(yaw, arm_forward=0.1, elbow=elbow)
     rotations[model.THIGH_L] = rotation(x=-lift) @ rotations[model.THIGH_L]
     rotations[model.SHIN_L] = rotation(x=lift)
@@ -51,7 +51,7 @@ def test_a_free_character_meets_the_first_performer(chair):
     assert -2.3 < centre[2] < -1.6
 
 
-def test_taking_hold_does_not_jump(chair):
+def test_attachment_does_not_jump(chair):
     house = stage(chair)
     before = house.perform([person()], 0)[0]
     house.possess("chair")
@@ -77,7 +77,7 @@ def test_a_lifted_knee_lifts_the_chairs_leg(chair):
 @given(st.floats(-1, 1), st.floats(-1.5, 1.5), st.floats(-0.6, 0.6))
 @settings(max_examples=8, deadline=None)
 def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, yaw):
-    """The law: a rigid motion of the performer is the same rigid motion of the mesh."""
+    """A rigid motion of the performer causes the same rigid motion of the mesh."""
     house = stage(chair, fade=0.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -95,7 +95,7 @@ def test_walking_and_turning_as_a_whole_moves_the_mesh_rigidly(chair, dx, dz, ya
     assert np.linalg.norm(pose.positions - expected, axis=1).max() < 0.01
 
 
-def test_letting_go_eases_back_to_rest_where_it_is(chair):
+def test_release_blends_back_to_rest_in_place(chair):
     house = stage(chair)
     house.perform([person()], 0)
     house.possess("chair")
@@ -111,7 +111,7 @@ def test_letting_go_eases_back_to_rest_where_it_is(chair):
     assert abs(last.positions[:, 0].mean() - held.positions[:, 0].mean()) < 0.05
 
 
-def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(chair):
+def test_lost_performer_leaves_the_mesh_unchanged_and_resumes(chair):
     house = stage(chair, fade=0.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -123,7 +123,7 @@ def test_a_performer_who_is_lost_leaves_the_mesh_as_it_is_and_takes_it_up_again(
 
 
 def test_another_never_steals_a_character(chair):
-    """Not while the performer is there, nor when they are away, nor when they come back."""
+    """Neither while the performer is present, nor while they are away, nor when they return."""
     house = stage(chair, fade=0.0, hand_over=0.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -137,7 +137,7 @@ def test_another_never_steals_a_character(chair):
     assert again.positions[:, 0].mean() < held.positions[:, 0].mean() - 0.3
 
 
-def test_after_the_stated_time_who_is_alone_goes_on_without_a_jump(chair):
+def test_single_free_performer_takes_over_without_a_jump(chair):
     house = stage(chair, hand_over=2.0)
     house.perform([person()], 0)
     house.possess("chair")
@@ -175,7 +175,7 @@ def test_nan_joints_leave_the_pose_finite(chair):
         assert np.abs(pose.positions).max() < 10
 
 
-def test_only_the_named_part_takes_hold(chair):
+def test_only_the_named_part_is_attached(chair):
     house = stage(chair)
     house.perform([person()], 0)
     house.possess("chair", parts="legs")
@@ -184,7 +184,7 @@ def test_only_the_named_part_takes_hold(chair):
     assert chair[0].pivots[cues.nodes, 1].max() < 1.2
 
 
-def test_the_preview_shows_what_would_be_held(chair):
+def test_preview_shows_the_parts_that_would_be_attached(chair):
     house = stage(chair)
     house.perform([person()], 0)
     preview = house.cues()["chair"]
@@ -208,14 +208,14 @@ def test_impossible_order_is_reported_and_changes_nothing(chair, asked):
     assert farthest(house.perform([person()], FRAME)[0], before) < 1e-6
 
 
-def test_nobody_in_view_is_said(chair):
+def test_possession_with_nobody_in_view_is_refused(chair):
     house = stage(chair)
     house.perform([], 0)
     with pytest.raises(InputError, match="nobody is in view"):
         house.possess("chair")
 
 
-def test_out_of_reach_is_said(chair):
+def test_possession_out_of_reach_is_refused(chair):
     house = stage(chair, place="fixed")
     house.perform([person(z=-9.0)], 0)
     with pytest.raises(InputError, match="no part of the mesh is within"):

@@ -1,4 +1,4 @@
-"""The sensor's faults: their statistics are the profile's, and the same seed gives the same faults."""
+"""Tests of simulated sensor faults: statistics match the profile, and a seed gives the same faults."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 
 
 def _profile(name: str, **changed: object) -> SensorProfile:
-    """A shipped profile with some figures of its faults changed."""
+    """Returns a shipped profile with some of its fault parameters changed."""
     profile = load_profile(name)
     return dataclasses.replace(profile, faults=dataclasses.replace(profile.faults, **changed))
 
@@ -30,7 +30,7 @@ def _wall(z: float) -> tuple[Float, np.ndarray]:
 @pytest.mark.parametrize("z", [1.1, 2.03, 3.4])
 def test_a_wall_scatters_as_published(name: str, z: float) -> None:
     profile = load_profile(name)
-    # Only its scatter, at many phases of the steps: a flat wall, slid through one step.
+    # Only its scatter, at many phases of the quantisation steps: a flat wall is moved through one step.
     noise = DepthNoise(
         dataclasses.replace(profile, noise=dataclasses.replace(profile.noise, slant=0.0)), CAMERA, seed=5
     )
@@ -54,7 +54,7 @@ def test_depth_comes_in_steps_of_disparity() -> None:
     assert np.abs(eighths - np.rint(eighths)).max() * values.max() ** 2 / (8 * 580 * 75) < 30.0
     allowed = {round(8 * 580.0 * 75.0 / n) for n in range(80, 500)}
     assert set(values.tolist()) <= allowed
-    assert np.diff(values).max() > 30  # far steps are coarse
+    assert np.diff(values).max() > 30  # far quantisation steps are coarse
 
 
 def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
@@ -65,7 +65,8 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
     a, b = first - first.mean(), second - second.mean()
     assert (a[:, 1:] * a[:, :-1]).mean() / a.var() > 0.6
     assert abs((a[:, 12:] * a[:, :-12]).mean()) / a.var() < 0.02
-    # What stays is part of the scatter before the steps, which add a ninth to a third of the variance.
+    # The fixed pattern is a part of the scatter before quantisation, which adds a ninth to a third of the
+    # variance.
     assert 0.6 * frozen < (a * b).mean() / a.var() < frozen + 0.05
     tof = DepthNoise(_profile("tof"), CAMERA, seed=2).corrupt(depth, material, 0)
     c = tof - tof.mean()
@@ -73,7 +74,7 @@ def test_neighbours_and_frames_share_noise_as_far_as_the_profile_says() -> None:
 
 
 def _before_a_wall(profile: SensorProfile) -> np.ndarray:
-    """(H, W) a board at 1.5 m, columns 100..219, before a wall at 3 m."""
+    """Returns (H, W) depth of a board at 1.5 m, columns 100..219, in front of a wall at 3 m."""
     depth, material = _wall(3.0)
     depth[60:180, 100:220] = 1.5
     return DepthNoise(profile, CAMERA, seed=1).corrupt(depth, material, 0)
@@ -85,7 +86,8 @@ def test_the_projectors_shadow_is_as_wide_as_geometry_says() -> None:
     width = 290.0 * 0.075 * (1 / 1.5 - 1 / 3.0)
     holes = (seen[80:160] == 0).sum(1)
     assert np.abs(holes - width).max() <= 1.0
-    assert (seen[80:160, 220 : 220 + int(width)] == 0).all()  # on the image's right: the projector is left
+    # on the image's right, since the projector is on the left
+    assert (seen[80:160, 220 : 220 + int(width)] == 0).all()
     mirrored = dataclasses.replace(profile, range=dataclasses.replace(profile.range, baseline=0.075))
     seen = _before_a_wall(mirrored)
     assert (seen[80:160, 100 - int(width) : 100] == 0).all() and (seen[80:160, 220:] > 0).all()
@@ -145,7 +147,7 @@ def test_the_same_seed_and_number_give_the_same_image() -> None:
     assert (first == again).all()
     assert (first != other).mean() > 0.7
     sensor = DepthNoise(load_profile("oak-d"), CAMERA, 1)
-    sensor.corrupt(depth, material, 0)  # the order of the frames does not matter
+    sensor.corrupt(depth, material, 0)  # the result does not depend on the order of the frames
     assert (sensor.corrupt(depth, material, 3) == first).all()
     assert (sensor.corrupt(depth, material, 4) != first).any()
 

@@ -1,4 +1,4 @@
-"""Several performers in one scene: the truth agrees with the picture, and visibility with a slow ray."""
+"""Tests of several performers in one scene: the truth agrees with the image and with ray casting."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def appearance(name: str, build: Proportions | None = None, **more) -> Appearanc
 
 
 def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
-    """Whether a ray to the joint meets a box, another's sdf, or own flesh well before the joint's own."""
+    """Returns True if a ray to the joint hits a box, another body, or the own body well before the joint."""
     target = scene.camera_from_world[:3, :3] @ figures[p].joints[joint] + scene.camera_from_world[:3, 3]
     performer = scene.cast[p].performer
     thick = THICKNESS[joint] * performer.scale * max(1.0, performer.proportions.girth)
@@ -64,11 +64,11 @@ def test_visibility_agrees_with_a_slow_ray(frame: int) -> None:
         for j in range(20)
     ]
     assert truth.visible.sum() > 15
-    assert (~truth.visible).sum() > 4  # the desk hides legs
+    assert (~truth.visible).sum() > 4  # the desk occludes the legs
     assert np.mean(agree) >= 0.9
 
 
-def test_the_one_behind_is_hidden() -> None:
+def test_performer_behind_another_is_occluded() -> None:
     cast = (
         appearance("still", Proportions(1.9, 1.3), place=(0.0, -2.2)),
         appearance("still", place=(0.0, -3.2)),
@@ -94,7 +94,7 @@ def test_out_of_the_image_or_of_range_is_not_visible() -> None:
     aside = Ensemble(TOF, (appearance("still", place=(4.0, -2.7)),), noise=False, room=()).frame(0)[1]
     assert aside.present[0] and not aside.visible.any()
     far = Ensemble(TOF, (appearance("still", place=(0.0, -5.5)),), noise=False, room=()).frame(0)[1]
-    assert not far.visible.any()  # the profile measures to 5 m
+    assert not far.visible.any()  # the profile's range ends at 5 m
 
 
 def test_absent_performer_has_no_joints() -> None:

@@ -1,4 +1,4 @@
-"""The exercises: bones keep, soles keep to the floor, nothing jumps, seeds differ."""
+"""Tests of the exercises: rigid bones, soles on the floor, no jumps, varied seeds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_synthesis.motion.exercises import exercise, exercise_names
 
 
 def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 20, 3) joints and (F, 2, 3) soles at 60 frames a second."""
+    """Returns (F, 20, 3) joints and (F, 2, 3) soles at 60 frames per second."""
     performer, moves = Performer(build), exercise(name, seed)
     figures = [performer.pose(moves.posture(t)) for t in np.arange(0.0, moves.duration, 1 / 60)]
     return np.stack([f.joints for f in figures]), np.stack([performer.soles(f) for f in figures])
@@ -21,7 +21,7 @@ def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.n
 
 @pytest.mark.parametrize("seed", [0, 5])
 @pytest.mark.parametrize("name", exercise_names())
-def test_a_body_does_it(name: str, seed: int) -> None:
+def test_exercises_are_physically_possible(name: str, seed: int) -> None:
     joints, soles = danced(name, seed)
     lengths = np.stack([np.linalg.norm(joints[:, b] - joints[:, a], axis=-1) for a, b in BONES], -1)
     assert np.ptp(lengths, axis=0).max() < 1e-6
@@ -30,7 +30,7 @@ def test_a_body_does_it(name: str, seed: int) -> None:
     assert (np.linalg.norm(np.diff(joints, axis=0), axis=-1) * 60).max() < 9.0
 
 
-def test_they_are_as_hard_as_they_say() -> None:
+def test_exercises_reach_their_extreme_poses() -> None:
     head = lambda joints: joints[:, Joint.HEAD, 1]  # noqa: E731
     joints, _ = danced("overhead", 0)
     assert joints[:, Joint.HAND_LEFT, 1].max() > head(joints).max() + 0.3

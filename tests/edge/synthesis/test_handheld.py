@@ -1,4 +1,4 @@
-"""The renderer of hand-held scans: triangles are drawn where rays meet them, and the path is a hand's."""
+"""Tests of rendering hand-held scans: triangles are drawn where rays hit them; the path is realistic."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ FACES = np.array([face for a, b, c, d in SIDES for face in ((a, b, c), (a, c, d)
 
 
 def box_mesh(box: Box) -> Mesh:
-    """The twelve triangles of a box."""
+    """Returns the twelve triangles of a box."""
     low, high = np.array(box.low), np.array(box.high)
     return Mesh(low + CORNERS * (high - low), FACES, colours=np.full((8, 3), 90, np.uint8))
 
@@ -27,7 +27,7 @@ def test_a_drawn_box_is_the_cast_one():
         cast, _ = cast_room(CAMERA, pose, (box,))
         drawn = draw_mesh(box_mesh(box), CAMERA, pose)
         both = np.isfinite(cast) & np.isfinite(drawn.depth)
-        # The rim may fall to either; each pixel beside it is the same to rounding.
+        # Edge pixels may belong to either triangle; all other pixels are equal up to rounding.
         assert (np.isfinite(cast) != np.isfinite(drawn.depth)).sum() < 20 and both.sum() > 500
         np.testing.assert_allclose(drawn.depth[both], cast[both], atol=1e-9)
         mesh, at = box_mesh(box), drawn.face[both]
@@ -42,7 +42,7 @@ def test_a_scan_is_the_same_again_and_looks_at_its_target():
     made = [HandheldScan(box, load_profile("kinect1"), path, width=160, colour=True) for _ in range(2)]
     one, two = (scan.frame(7) for scan in made)
     assert (one.depth == two.depth).all() and (one.colour == two.colour).all()
-    assert one.world_from_camera is None  # the frame does not tell where it was taken
+    assert one.world_from_camera is None  # the frame does not state its camera pose
     for index in range(0, 60, 10):
         pose = made[0].pose(index)
         local = (np.array([0.0, 0.4, 0.0]) - pose[:3, 3]) @ pose[:3, :3]

@@ -1,4 +1,4 @@
-"""Motion captures danced by a performer: limbs keep their directions, soles the floor, whatever the names."""
+"""Tests of motion captures on a performer: limb directions are kept, soles stay on the floor, any names."""
 
 from __future__ import annotations
 
@@ -49,7 +49,9 @@ STEP = 1.0 / 60.0
 def captured_from(
     name: str, convention: str, unit: float = 1.0, yaw: float = 0.0, build: Proportions | None = None
 ) -> tuple[Capture, np.ndarray]:
-    """A performer's motion as a capture of another convention, unit and heading; (F, 20, 3) its joints."""
+    """Returns a performer's motion as a capture of another convention, unit and heading; (F, 20, 3) its
+    joints.
+    """
     performer = Performer(build)
     moves = exercise(name) if name != "chair" else choreography(name)
     figures = [performer.pose(moves.posture(t)) for t in np.arange(0, min(moves.duration, 6.0), STEP)]
@@ -76,7 +78,7 @@ def captured_from(
 
 
 def directions(joints: np.ndarray) -> np.ndarray:
-    """(F, 8, 3) unit vectors along arms and legs."""
+    """Returns (F, 8, 3) unit vectors along arms and legs."""
     pairs = [(4, 5), (5, 6), (8, 9), (9, 10), (12, 13), (13, 14), (16, 17), (17, 18)]
     v = np.stack([joints[:, b] - joints[:, a] for a, b in pairs], 1)
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
@@ -96,7 +98,7 @@ def test_limbs_point_where_the_captured_ones_did(convention, name, unit, yaw, he
     motion = Captured(Performer(Proportions(height, arms=arms)), capture)
     some = range(0, capture.frames, 7)
     danced, joints = np.stack([motion.figure(n * STEP).joints for n in some]), joints[some]
-    # Both begin facing +Z, the capture's heading taken off.
+    # Both begin facing +Z, since the capture's heading is removed.
     np.testing.assert_allclose(directions(danced), directions(joints), atol=0.03)
 
 
@@ -134,7 +136,7 @@ def test_soles_are_on_the_floor_and_steps_are_in_proportion(height: float) -> No
 
 def test_a_hop_leaves_the_floor() -> None:
     capture, _ = captured_from("chair", "namco", 0.01)
-    # The chair's hop comes after 7 s; here somebody is thrown up in the middle.
+    # The chair's hop comes after 7 s; here the performer is thrown up in the middle.
     lift = 0.3 * np.clip(1 - ((np.arange(capture.frames) - 200) / 20.0) ** 2, 0, 1)
     positions = capture.positions.copy()
     positions[..., 1] += lift[:, None] / 0.01
@@ -156,7 +158,7 @@ def test_motion_begins_at_origin_and_is_still_beyond_its_ends() -> None:
     np.testing.assert_array_equal(motion.figure(99.0).joints, motion.figure(motion.duration).joints)
 
 
-def test_a_capture_without_elbows_says_what_it_has() -> None:
+def test_capture_without_elbows_lists_its_joints() -> None:
     capture, _ = captured_from("overhead", "cmu")
     names = tuple(name.replace("ForeArm", "Wing") for name in capture.names)
     bird = Capture(names, capture.parents, capture.positions, capture.rotations, STEP)

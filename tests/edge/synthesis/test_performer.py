@@ -1,4 +1,4 @@
-"""The performer's laws: bones keep their lengths, joints their limits, planted feet their places."""
+"""Tests of the synthetic performer: bone lengths, joint limits, and planted feet that do not slide."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEPS = 2 * GRID
 
 
 def _joints(name: str, performer: Performer | None = None) -> np.ndarray:
-    """(F, 20, 3) the joints of a whole choreography."""
+    """Returns the (F, 20, 3) joints of a whole choreography."""
     performer, moves = performer or Performer(), choreography(name)
     times = np.arange(0.0, moves.duration + 1e-9, 1.0 / RATE)
     return np.stack([performer.pose(moves.posture(float(t))).joints for t in times])
@@ -89,7 +89,7 @@ def test_any_posture_has_the_performers_bones(made: PerformerPosture, height: fl
 
 @settings(deadline=None, max_examples=100)
 @given(_posture)
-def test_a_posture_is_that_of_the_slow_twin(made: PerformerPosture) -> None:
+def test_posture_matches_the_slow_reference(made: PerformerPosture) -> None:
     build = Proportions(height=1.6, shoulders=1.2, hips=0.8, arms=0.9, legs=1.1)
     figure, slow = Performer(build).pose(made), SlowPerformer(build).pose(made)
     np.testing.assert_allclose(figure.joints, slow.joints, rtol=0, atol=STEPS)
@@ -120,7 +120,7 @@ def test_planted_feet_do_not_slide_and_no_foot_sinks(name: str) -> None:
     for side, ball in enumerate((Joint.FOOT_LEFT, Joint.FOOT_RIGHT)):
         planted = np.array([moves.planted(side, n / RATE) for n in range(len(joints))])
         pairs = planted[1:] & planted[:-1]
-        # A flight shorter than a frame would hide a slide; there is none.
+        # A flight shorter than a frame would hide sliding; there is none.
         steps = np.linalg.norm(np.diff(joints[:, ball], axis=0), axis=-1)
         assert pairs.sum() > 0.5 * len(pairs)
         assert steps[pairs].max() < 1e-6
@@ -139,7 +139,7 @@ def test_a_choreography_closes_and_never_jumps(name: str) -> None:
 
 def test_the_chair_is_taken_hold_of_in_its_posture() -> None:
     joints = _joints("chair")[: int(1.5 * RATE)]
-    assert np.ptp(joints, axis=0).max() < 0.06  # hardly moving
+    assert np.ptp(joints, axis=0).max() < 0.06  # almost no motion
     apart = joints[:, Joint.ANKLE_LEFT, 0] - joints[:, Joint.ANKLE_RIGHT, 0]
     assert np.allclose(apart, 0.45, atol=0.02)
     for side in ("LEFT", "RIGHT"):
@@ -172,7 +172,7 @@ def test_left_is_the_performers_own_left() -> None:
 
 
 @pytest.mark.parametrize("height", [1.0, 1.6, 1.9])
-def test_the_stature_is_as_asked(height: float) -> None:
+def test_performer_has_the_requested_height(height: float) -> None:
     performer = Performer(Proportions(height=height))
     figure = performer.pose(PerformerPosture(FootPose(0.08, 0.0), FootPose(-0.08, 0.0)))
     crown = figure.joints[Joint.HEAD, 1] + 0.12 * height / 1.75

@@ -1,4 +1,4 @@
-"""The picture: what the tiled, pruned, sixteen-fold marching draws is the surface of the whole body."""
+"""Tests that the tiled, pruned, vectorised ray marching draws the surface of the whole body."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import MIRROR, Box, cast_room
 
-CAMERA = Intrinsics(162, 122, 145.0, 145.0, 80.0, 60.0)  # no multiple of the tiles
+CAMERA = Intrinsics(162, 122, 145.0, 145.0, 80.0, 60.0)  # not a multiple of the tile size
 WORLD_FROM_CAMERA = world_from_level_camera(1.15, np.radians(5.0))
 CAMERA_FROM_WORLD = np.linalg.inv(WORLD_FROM_CAMERA)
 
@@ -26,7 +26,7 @@ def _united(a: np.ndarray, b: np.ndarray, k: float) -> np.ndarray:
 
 
 def slow_field(sdf: BodySdf, points: np.ndarray) -> np.ndarray:
-    """(N,) distance of (N, 3) points to the whole body: every primitive, no tiles, no pruning."""
+    """Returns the (N,) distances of (N, 3) points to the whole body: no tiles, no pruning."""
     whole = np.full(len(points), 1e9)
     for group in range(len(BLEND)):
         part = np.full(len(points), 1e9)
@@ -72,7 +72,7 @@ def test_the_picture_is_the_surface(name: str, time: float, build: Proportions |
     hit = np.isfinite(depth)
     assert 500 < hit.sum() < 0.4 * hit.size
     assert np.abs(slow_field(sdf, ray[hit] * depth[hit][:, None])).max() < 1.5e-3
-    # Nothing of the body is in front of what was drawn, nor anywhere on a ray that met nothing.
+    # No part of the body is in front of the drawn surface, or on a ray that hit nothing.
     rng = np.random.default_rng(3)
     v, u = np.nonzero(hit | np.roll(hit, 3, 1) | np.roll(hit, -3, 0))
     for n in rng.choice(len(v), 60, replace=False):
@@ -97,11 +97,11 @@ def test_joints_are_just_behind_the_surface(time: float) -> None:
     behind = camera[:, 2] - depth[pixels[:, 1], pixels[:, 0]]
     assert np.isfinite(behind).all()
     assert behind.min() > 0.0
-    assert np.median(behind) < 0.13  # the others are hidden by a limb in front of them
+    assert np.median(behind) < 0.13  # the others are occluded by a limb
 
 
 def test_hair_and_shoes_are_dark() -> None:
-    _, depth, material, _ = _drawn("chair", 8.7)  # bowing: the crown shows
+    _, depth, material, _ = _drawn("chair", 8.7)  # bending forward: the top of the head is visible
     v, _ = np.nonzero((material == DARK) & np.isfinite(depth))
     assert (v < 50).any() and (v > 90).any()
     assert not material[~np.isfinite(depth)].any()
@@ -134,10 +134,10 @@ def test_the_room_is_where_it_should_be() -> None:
 
 
 def slow_entry(origin: np.ndarray, direction: np.ndarray, box: Box) -> np.ndarray:
-    """(H, W) the multiple of ``direction`` (H, W, 3) at which it enters a box; inf where it misses."""
+    """Returns the (H, W) multiple of ``direction`` (H, W, 3) at which it enters a box; inf if it misses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = ((np.array(side) - origin) / direction for side in (box.low, box.high))
-    # A ray that lies in a side is NaN there: that side does not count.
+    # A ray in the plane of a face gives NaN there: that face does not count.
     enter = np.fmax.reduce(np.minimum(low, high), axis=2)
     leave = np.fmin.reduce(np.maximum(low, high), axis=2)
     return np.where((enter <= leave) & (enter > 0), enter, np.inf)
@@ -151,8 +151,8 @@ _size = st.tuples(*[st.sampled_from([0.5, 1.0]) | st.floats(0.05, 2)] * 3)
 @given(
     st.lists(st.tuples(_corner, _size), min_size=1, max_size=5), _corner, st.sampled_from([0.0, 0.4, -1.9])
 )
-def test_a_room_is_that_of_the_slow_twin(boxes: list, at: tuple, yaw: float) -> None:
-    """Corners, cameras and rays often lie in one plane: what is level is cast without a turn."""
+def test_room_matches_the_slow_reference(boxes: list, at: tuple, yaw: float) -> None:
+    """Corners, cameras and rays are often coplanar: axis-aligned parts are cast without a rotation."""
     camera = Intrinsics(24, 18, 20.0, 20.0, 12.0, 9.0)
     room = tuple(Box(low, tuple(np.add(low, size)), i % 3) for i, (low, size) in enumerate(boxes))
     mount = world_from_level_camera(1.0, 0.3 * yaw, yaw) if yaw else np.eye(4)
@@ -162,7 +162,7 @@ def test_a_room_is_that_of_the_slow_twin(boxes: list, at: tuple, yaw: float) -> 
     hits = np.stack(
         [slow_entry(mount[:3, 3], (ray[..., None, :] * mount[:3, :3]).sum(-1), box) for box in room]
     )
-    # A ray through the very edge of a box, or into two boxes at once, may go either way.
+    # A ray through the edge of a box, or into two boxes at once, may give either result.
     assert np.isclose(depth, hits.min(0), rtol=1e-9).mean() > 0.97
     stuff = np.array([box.material for box in room])
     found = np.isfinite(depth)
@@ -179,7 +179,9 @@ _turns = st.tuples(st.permutations(range(3)), st.tuples(*[st.sampled_from([-1.0,
 @example([((0, 0, 2), (1, 1, 1))], (0, 0, 0), ((0, 1, 2), (1.0, 1.0, 1.0)))
 @example([((0, 0, 2), (1, 1, 1))], (1, 1, 0), ((0, 1, 2), (-1.0, -1.0, 1.0)))
 def test_a_ray_that_lies_in_a_side_of_a_box_meets_it(boxes: list, at: tuple, turn: tuple) -> None:
-    """Everything is in whole metres, so that a ray lies in a side exactly, and enters after whole steps."""
+    """All coordinates are whole metres, so rays lie exactly in a face and enter after a whole number of
+    steps.
+    """
     order, signs = turn
     mount = np.eye(4)
     mount[:3, :3] = np.eye(3)[list(order)] * signs

@@ -14,7 +14,7 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 
 def nearest_to(body: Body, points: np.ndarray) -> np.ndarray:
-    """(N,) metres from (N, 3) points to the nearest joint."""
+    """Returns the (N,) distances from (N, 3) points to the nearest joint, metres."""
     return np.asarray(np.linalg.norm(points[:, None] - body.joints[None], axis=-1).min(1))
 
 
@@ -32,7 +32,7 @@ def test_frames_carry_the_camera_and_rising_times() -> None:
 
 
 @pytest.mark.parametrize(("noise", "share"), [(False, 100), (True, 90)])
-def test_the_performer_is_where_the_truth_says(noise: bool, share: float) -> None:
+def test_rendered_performer_agrees_with_the_truth(noise: bool, share: float) -> None:
     sensor = SyntheticSensor("kinect1", "idle", width=320, realtime=False, noise=noise)
     frame = sensor.read()
     assert frame is not None
@@ -43,7 +43,7 @@ def test_the_performer_is_where_the_truth_says(noise: bool, share: float) -> Non
     body = sensor.truth(frame.time_ns)
     assert figure.sum() > 4000
     nearest = nearest_to(body, world)
-    assert np.percentile(nearest, share) < 0.27  # the middle of a thigh is that far from hip and knee
+    assert np.percentile(nearest, share) < 0.27  # the middle of a thigh is that far from the hip and the knee
     assert np.percentile(world[nearest_to(body, world) < 0.3, 1], 99.9) == pytest.approx(1.75, abs=0.06)
     assert body.height == pytest.approx(1.75, abs=0.06)
     assert (body.confidence == 1).all()
@@ -72,7 +72,7 @@ def test_the_same_options_give_the_same_frames() -> None:
     for _ in range(3):
         a, b, c = one.read(), two.read(), other.read()
         assert (a.depth == b.depth).all() and (a.depth != c.depth).any()
-    # Which frames were read before does not matter.
+    # The result does not depend on the frames that were read before.
     assert (one.studio.frame(40).depth == two.studio.frame(40).depth).all()
 
 
@@ -82,13 +82,14 @@ def test_in_real_time_a_frame_is_not_due_at_once() -> None:
         sensor._started += 1000.0  # as if the first frame were far in the future
         with pytest.raises(TimeoutError, match="is due in"):
             sensor.read(0.0)
-        sensor._started -= 1000.0 + 2.0  # as if the reader had slept two seconds: those frames are gone
+        # as if the reader had slept for two seconds: those frames are dropped
+        sensor._started -= 1000.0 + 2.0
         late = sensor.read()
         assert late.time_ns >= 2_000_000_000
     assert sensor.read() is None
 
 
-def test_the_registry_opens_it() -> None:
+def test_registry_opens_the_synthetic_sensor() -> None:
     sensor = open_sensor(
         "synthetic", profile="realsense-d415", choreography="idle", width=160, realtime=False
     )

@@ -15,7 +15,7 @@ CAMERA = Intrinsics(40, 30, 35.0, 35.0, 19.5, 14.5)
 
 
 def frames(count: int) -> list[tuple[DepthFrame, int]]:
-    """Frames at 30 a second, each image of one value of its own, with their numbers."""
+    """Returns numbered frames at 30 per second, each with a constant image of its own value."""
     return [
         (DepthFrame(np.full((30, 40), 1000 + n, np.uint16), CAMERA, n * 33_333_333, "s"), n)
         for n in range(count)

@@ -1,4 +1,4 @@
-"""Pictures for a terminal, decoded again; a terminal is asked what it draws, a pipe is not."""
+"""Tests of images for a terminal, decoded again; a terminal is queried for its features, a pipe is not."""
 
 import io
 import os
@@ -20,13 +20,13 @@ from enliven_edge.terminal import encoded_picture, image_protocol
 from enliven_edge.terminal.showing import half_blocks
 
 PATIENCE = 60.0
-"""Seconds that a loaded machine may take for anything here."""
+"""Timeout in seconds for a loaded machine."""
 QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
 
 
 @st.composite
 def pictures(draw) -> np.ndarray:
-    """(H, W, 3) of few colours, so that a palette holds them all."""
+    """Returns (H, W, 3) images of few colours, so that a palette is exact."""
     height, width = draw(st.integers(1, 30)), draw(st.integers(1, 70))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     palette = rng.integers(0, 256, (draw(st.integers(1, 12)), 3)).astype(np.uint8)
@@ -38,7 +38,7 @@ def pictures(draw) -> np.ndarray:
 def test_each_protocol_draws_the_picture(picture):
     np.testing.assert_array_equal(drawn_by_kitty(encoded_picture(picture, "kitty")), picture)
     np.testing.assert_array_equal(drawn_by_iterm(encoded_picture(picture, "iterm")), picture)
-    # Sixels have a hundred steps a colour.
+    # Sixels have a hundred levels per colour channel.
     sixel = drawn_by_sixel(encoded_picture(picture, "sixel"))
     assert sixel.shape == picture.shape and np.abs(sixel.astype(int) - picture).max() <= 2
     blocks = drawn_in_half_blocks(encoded_picture(picture, "blocks"))
@@ -59,7 +59,7 @@ def test_older_terminals_get_one_of_their_fixed_colours():
 
 
 class Screen(io.StringIO):
-    """A terminal that is never asked."""
+    """A terminal that must not be queried."""
 
     encoding = "utf-8"
 
@@ -86,7 +86,7 @@ def test_the_environment_names_the_way(environment, way):
 
 
 def at_a_terminal(*words: str) -> tuple[subprocess.Popen, int]:
-    """A program at a terminal of its own, and that terminal's other end."""
+    """Runs a program on a pseudo-terminal; returns it and the other end."""
     import fcntl
     import termios
 
@@ -124,7 +124,7 @@ ANSWERS = {"kitty": b"\x1b_Gi=31;OK\x1b\\\x1b[?62;c", "sixel": b"\x1b[?62;4;22c"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no terminals of this kind here")
-def test_a_terminal_is_asked_and_a_deaf_one_is_not_waited_for():
+def test_terminal_query_times_out_without_an_answer():
     code = (
         "import sys, termios\n"
         "from enliven_edge.terminal import image_protocol\n"
@@ -155,7 +155,7 @@ def test_the_command_draws_the_depth_at_a_terminal():
     words = ["sensors", "replay", "--set", f"path={shipped_recording()}", "--seconds", "0.1"]
     program, near = at_a_terminal("-m", "enliven", *words)
     try:
-        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may take longer than a terminal may
+        os.write(near, ANSWERS["sixel"])  # at once: a loaded machine may exceed a terminal's timeout
         text = read_until(near, b"\x1b\\\r\n").decode().replace("\r\n", "\n")
         assert program.wait(PATIENCE) == 0, program.stderr.read()
     finally:

@@ -1,4 +1,4 @@
-"""Postures at random, points on their surface, and what the compiled terms of the fit take of them."""
+"""Random postures, points on their surface, and the inputs of the compiled terms of the fit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def moved_by(posture: Posture, step) -> Posture:
 
 
 def random_posture(seed: int, spread: float = 0.3) -> Posture:
-    """A person at about 2.5 m in front of the sensor, limbs turned at random."""
+    """Returns a person at about 2.5 m in front of the sensor, with random limb rotations."""
     random = np.random.default_rng(seed)
     posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.7))
     step = np.concatenate([random.normal(0, 0.05, 3), random.normal(0, spread, model.DOFS - 3), np.zeros(12)])
@@ -29,7 +29,7 @@ def random_posture(seed: int, spread: float = 0.3) -> Posture:
 
 
 def body_of(posture: Posture, free: int = 12):
-    """The body as the terms take it, with so many lengths that are not frozen: 12 or 0."""
+    """Returns the inputs of the fit's terms, with ``free`` variable lengths: 12 or 0."""
     world, pivots = forward(posture.position, posture.rotations, posture.lengths)
     by_length = np.empty((13, 3, free))
     pivots_by_length(by_length, world, posture.rotations, model.FRAME_PARENTS, model.PIVOTS)
@@ -38,9 +38,9 @@ def body_of(posture: Posture, free: int = 12):
 
 
 def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
-    """The posture's surface as the terms take it, see :mod:`enliven_edge.tracking.fit.terms`.
+    """Returns the posture's surface as the terms use it, see :mod:`enliven_edge.tracking.fit.terms`.
 
-    The terms take the point of the axis nearest to a sample as fixed, which is exact without taper only.
+    The terms keep the axis point nearest to a sample fixed, which is exact only without taper.
     """
     ends, radii = posture.capsules()
     radii = radii if taper else np.repeat(radii[:, :1], 2, axis=1)
@@ -51,7 +51,7 @@ def surroundings(posture: Posture, free: int = 12, *, taper: bool = False):
 
 
 def gathered(term, posture: Posture, free: int = 12):
-    """(what the term returns, gradient, matrix) of a term that adds to the sums it is given."""
+    """Returns (return value, gradient, matrix) of a term that adds to given sums."""
     sums, count = empty_sums(13, free), model.DOFS + free
     returned = term(sums)
     matrix, gradient = np.zeros((count, count)), np.zeros(count)
@@ -60,7 +60,7 @@ def gathered(term, posture: Posture, free: int = 12):
 
 
 def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 0.01):
-    """Points on the posture's capsules, moved by noise, and the outward normals there."""
+    """Returns points on the posture's capsules, moved by noise, and their outward normals."""
     random = np.random.default_rng(seed)
     ends, radii = posture.capsules()
     which = random.integers(0, len(ends), count)
@@ -78,19 +78,21 @@ def surface_points(posture: Posture, seed: int, count: int = 80, noise: float = 
 
 
 def seen_as(points, normals):
-    """(6, M) points and normals as the compiled search takes them."""
+    """Returns (6, M) points and normals as the compiled search expects them."""
     return np.ascontiguousarray(np.concatenate([points.T, normals.T]))
 
 
 def foot(x, y, z, ends, radii):
-    """(t, signed distance): how far along a capsule's axis a point's foot is, and metres to its surface."""
+    """Returns (t, signed distance): position of a point's foot along a capsule's axis, and metres to its
+    surface.
+    """
     point, way = np.array([x, y, z]) - ends[0], ends[1] - ends[0]
     t = np.clip(point @ way / (way @ way + 1e-12), 0.0, 1.0)
     return t, np.linalg.norm(point - t * way) - radii[0] - t * (radii[1] - radii[0])
 
 
 def nearest(point, normal, ends, radii, likes=np.zeros(0, np.float32)):
-    """(capsule, t, signed distance) by the compiled search."""
+    """Returns (capsule, t, signed distance) of the compiled search."""
     seen, which = np.concatenate([point, normal]).astype(np.float32)[:, None], np.empty(1, np.int32)
     nearest_capsules(which, seen, likes[:, None], ends, radii, np.float32(0.04))
     c = int(which[0])

@@ -1,4 +1,4 @@
-"""A small stage for several synthetic people, whose positions are functions of time."""
+"""A small stage for several synthetic people with positions that are functions of time."""
 
 import dataclasses
 import sys
@@ -25,11 +25,11 @@ MOUNT = world_from_level_camera(1.3, np.deg2rad(6))
 
 @dataclasses.dataclass
 class Player:
-    """Somebody made up.
+    """A synthetic person.
 
     Attributes:
-        where: seconds to (x, z, yaw), metres and radians; None while they are away.
-        does: the choreography.
+        where: function from seconds to (x, z, yaw), metres and radians; None while absent.
+        does: name of the choreography.
     """
 
     where: Callable[[float], tuple[float, float, float] | None]
@@ -42,7 +42,7 @@ class Player:
         self.choreography = choreography(self.does)
 
     def figure(self, time: float) -> Figure | None:
-        """The player at a moment."""
+        """Returns the player's figure at a moment."""
         place = self.where(time)
         if place is None:
             return None
@@ -61,9 +61,9 @@ class Playground:
     """Renders players and boxes before one sensor.
 
     Args:
-        boxes: seconds to the furniture that is there, or None.
-        mount: seconds to (4, 4) world_from_camera.
-        told: whether frames carry the sensor's pose.
+        boxes: function from seconds to the furniture; or None.
+        mount: function from seconds to (4, 4) world_from_camera.
+        told: True if frames state the sensor's pose.
     """
 
     def __init__(self, *players, boxes=None, mount=None, told=True, noise=0.0015, seed=0, camera=CAMERA):
@@ -107,7 +107,7 @@ class Playground:
 
 
 def line(start, stop, begin, end, yaw=0.0):
-    """(x, z, yaw) over time: from ``start`` (x, z) to ``stop`` between two moments."""
+    """Returns (x, z, yaw) over time: from ``start`` (x, z) to ``stop`` between two moments."""
 
     def where(time):
         share = min(1.0, max(0.0, (time - begin) / (end - begin)))
@@ -118,17 +118,17 @@ def line(start, stop, begin, end, yaw=0.0):
 
 
 def still(x, z, yaw=0.0):
-    """Always in one place."""
+    """Returns a constant position."""
     return lambda time: (x, z, yaw)
 
 
 def during(where, *spans):
-    """Only there within the (begin, end) spans."""
+    """Returns a position that exists only within the (begin, end) spans."""
     return lambda time: where(time) if any(a <= time < b for a, b in spans) else None
 
 
 def watch(playground, tracker, seconds, start=0.0, fps=FPS):
-    """[(time, bodies, who)]: ``who`` is by player the id of the body on them within 0.3 m, or None."""
+    """Returns [(time, bodies, owners)]; ``owners`` has each player's body id within 0.3 m, or None."""
     log = []
     for i in range(round(seconds * fps)):
         time = start + i / fps
@@ -138,7 +138,7 @@ def watch(playground, tracker, seconds, start=0.0, fps=FPS):
 
 
 def owners(players, bodies):
-    """By player, the id of the body that is on them, or None."""
+    """Returns for each player the id of the body on them, or None."""
     made = []
     for joints in players:
         best = None
@@ -153,7 +153,7 @@ def owners(players, bodies):
 
 @pytest.fixture(scope="session")
 def stagecraft():
-    """The names of this file, for tests."""
+    """Gives tests access to the names in this file."""
     import types
 
     return types.SimpleNamespace(

@@ -1,4 +1,4 @@
-"""Estimates and what is seen, made up: of a posture's own joints, facing the way it faces."""
+"""Artificial estimates and observations with a posture's own joints and facing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NO_CROP = Crop(np.zeros((4, 80, 64), np.float32), 2.5, 0.03, np.eye(2), np.zero
 
 
 def ways_of(posture: Posture | None, plainly: float) -> np.ndarray:
-    """(8,) log probabilities of who faces as a posture does, the more plainly the more; None: all alike."""
+    """Returns (8,) log probabilities of a posture's facing, with a contrast; uniform if it is None."""
     ways = np.zeros(FACINGS)
     if posture is not None:
         ways = plainly * np.cos(np.arange(FACINGS) * 2 * np.pi / FACINGS - facing(posture, EYE))
@@ -23,14 +23,14 @@ def ways_of(posture: Posture | None, plainly: float) -> np.ndarray:
 
 
 def estimate_of(joints, spread=0.03, ways: np.ndarray | None = None) -> Estimate:
-    """An estimate that has the joints there, each off by so many metres on average."""
+    """Returns an estimate with these joints, each with a mean error in metres."""
     told = ways_of(None, 0.0) if ways is None else ways
     parts = np.zeros((PARTS, 40, 32), np.float32)
     return Estimate(np.array(joints, float), np.full(20, spread) * 1.0, told, parts, _NO_CROP)
 
 
 def seen_as(estimate: Estimate, points=None, probabilities=None) -> EstimateAtPoints:
-    """What is seen where an estimate is all, and where points are of parts."""
+    """Returns an estimate evaluated at points with part probabilities."""
     if points is None:
         points, probabilities = np.zeros((1, 3)), np.ones((1, PARTS)) / PARTS
     surface, shown = np.zeros((6, len(points)), np.float32), np.asarray(probabilities, np.float32)

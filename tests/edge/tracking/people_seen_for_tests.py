@@ -1,4 +1,4 @@
-"""People 2.8 m before a sensor, in postures of every class, and what the network sees of them.
+"""People 2.8 m from the sensor, in postures of every class, and the network's estimates of them.
 
 The figures are fixed by their seeds; the network was trained on other dice.
 """
@@ -28,7 +28,7 @@ CLASSES = {
     "back": ("stand", "hang", np.pi),
     "one leg up": ("one leg", None, 0.0),
 }
-"""Family of postures, hold of the arms, yaw."""
+"""Posture family, arm pose, yaw."""
 SEEDS = (900, 901, 902)
 
 
@@ -39,7 +39,7 @@ def _studio() -> PersonRenderer:
 
 @cache
 def taken(name: str, seed: int) -> RenderedPerson:
-    """The picture of somebody."""
+    """Returns the picture of a person."""
     family, arms, yaw = CLASSES[name]
     dice = np.random.default_rng([41, seed])
     performer = Performer(random_build(dice))
@@ -52,7 +52,7 @@ def taken(name: str, seed: int) -> RenderedPerson:
 
 @cache
 def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
-    """Somebody in the room around them, and the truth."""
+    """Returns a person in a room, and the truth."""
     picture = taken(name, seed)
     mask, pose = picture.z > 0, picture.world_from_camera
     z = np.where(mask, picture.z, picture.around).astype(np.float64)
@@ -61,7 +61,7 @@ def seen_person(name: str, seed: int) -> tuple[Observation, Figure]:
 
 
 def seen_in(observation: Observation, facing: float | None = None) -> tuple[EstimateAtPoints, list[Estimate]]:
-    """What the shipped network says of an observation, and what it sees for each way to face."""
+    """Returns the shipped network's estimate of an observation, and its estimates by facing."""
     z, mask, _, camera, pose = observation.view
     estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
     return estimate_at_points(observation, estimate), whole(

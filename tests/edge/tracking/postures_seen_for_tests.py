@@ -1,4 +1,4 @@
-"""The picture of a posture's own capsules before a wall, and what is observed of it."""
+"""Renders a posture's capsules in front of a wall, and returns the observation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CAMERA = np.array([130.0, 130.0, 79.5, 59.5])
 
 
 def picture(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) depth and mask of the capsules before a wall at 4 m: every pixel's ray against every capsule."""
+    """Renders (h, w) depth and mask of the capsules before a wall at 4 m: each ray against each capsule."""
     ends, radii = posture.capsules()
     v, u = np.mgrid[:120, :160]
     ray = np.stack([(u - CAMERA[2]) / CAMERA[0], (v - CAMERA[3]) / CAMERA[1], np.ones(u.shape)], -1)
@@ -31,7 +31,7 @@ def picture(posture: Posture) -> tuple[np.ndarray, np.ndarray]:
 
 
 def observed(posture: Posture, hide: int | None = None) -> Observation:
-    """The observation of a posture's own picture, rows from ``hide`` on behind a board at one metre."""
+    """Returns the observation of a posture's picture, with rows from ``hide`` down behind a board at 1 m."""
     depth, mask = picture(posture)
     if hide is not None:
         depth[hide:], mask[hide:] = 1.0, False

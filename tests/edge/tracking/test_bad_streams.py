@@ -1,6 +1,6 @@
-"""Bad input from end to end: a real stream put through a fault between good parts.
+"""Tests of bad input from end to end: a real stream with a fault between good parts.
 
-Nothing may be raised, the monitor must say what it is, and afterwards the person is tracked as before.
+No exception may be raised, the monitor must report the fault, and afterwards tracking continues.
 """
 
 import dataclasses
@@ -16,13 +16,13 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 GOOD, BAD, AFTER = 45, 60, 75
-"""Frames before a fault, with it and after it: a person is known before, and is found again after it."""
+"""Frames before, during and after a fault: the person is known before it, and found again after it."""
 WIDTH = 200
-"""Pixels across: less than a third of the sensor's, and people are tracked as they are at half."""
+"""Image width in pixels: less than a third of the sensor's; people are tracked at half of it."""
 
 
 def stream() -> Iterator[tuple[DepthFrame, np.ndarray]]:
-    """A walking person, the sensor's place left to be found; with the true joints."""
+    """Returns a walking person, without the sensor's pose; with the true joints."""
     with SyntheticSensor(choreography="walk", width=WIDTH, realtime=False) as sensor:
         for _ in range(GOOD + BAD + AFTER):
             frame = sensor.read()
@@ -36,7 +36,7 @@ def frames() -> list[tuple[DepthFrame, np.ndarray]]:
 
 
 def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
-    """What is said after each frame, and the mean error in metres of the body in it (NaN: nobody)."""
+    """Returns the problems after each frame, and the body's mean error in metres (NaN without a body)."""
     monitor, tracker = HealthMonitor(fps=30.0), Tracker()
     said, errors = [], []
     for frame, truth in faulty:
@@ -52,7 +52,7 @@ def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
 
 
 def faulty(frames, fault, good=GOOD):
-    """The stream with the fault after so many good frames; a fault gives frames in place of one."""
+    """Yields the stream with the fault after some good frames; a fault returns frames for each frame."""
     for i, (frame, truth) in enumerate(frames):
         if good <= i < good + BAD:
             for each in fault(i - good, frame):
@@ -82,7 +82,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_is_said_and_the_person_is_tracked_again(frames, kind):
+def test_fault_is_reported_and_tracking_resumes(frames, kind):
     said, errors, _ = run(faulty(frames, FAULTS[kind]))
     assert kind not in said[GOOD - 1]
     assert kind in set().union(*said[GOOD:-AFTER])
@@ -93,8 +93,8 @@ def test_a_fault_is_said_and_the_person_is_tracked_again(frames, kind):
 
 
 @pytest.mark.parametrize("good", [20, 35, GOOD])
-def test_a_frozen_sensor_is_said_and_its_last_picture_does_no_harm(frames, good):
-    """Two seconds later the person is half a metre nearer, and hides the place of the picture, or behind."""
+def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
+    """Two seconds later the person is half a metre nearer and hides that place, or is behind it."""
     still = frames[good - 1][0].depth
     frozen = lambda i, frame: [dataclasses.replace(frame, depth=still)]  # noqa: E731
     said, errors, tracker = run(faulty(frames, frozen, good))
@@ -103,7 +103,7 @@ def test_a_frozen_sensor_is_said_and_its_last_picture_does_no_harm(frames, good)
     assert [person.id for person in tracker.performers] == [1], "it is the same person, and no other is left"
 
 
-def test_a_clock_that_stands_still_is_said_and_nothing_is_tracked_twice(frames):
+def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
     stuck = frames[GOOD - 1][0].time_ns
     said, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))
     assert HealthKind.FROZEN in said[GOOD + BAD - 1] and HealthKind.FROZEN not in said[-1]
@@ -111,8 +111,8 @@ def test_a_clock_that_stands_still_is_said_and_nothing_is_tracked_twice(frames):
     assert np.mean(errors[-20:]) < 0.07
 
 
-def test_frames_out_of_order_change_nothing_of_what_is_reported(frames):
-    """The late ones are left out: the bodies are those of the stream without them."""
+def test_frames_out_of_order_do_not_change_the_bodies(frames):
+    """Late frames are dropped: the bodies equal those of the stream without them."""
 
     def late(i, frame):
         return [frame, dataclasses.replace(frames[GOOD + i - 3][0])] if i % 5 == 4 else [frame]
@@ -144,8 +144,8 @@ def test_a_stream_with_every_fault_at_once_raises_nothing(frames):
 
 
 @pytest.mark.parametrize(("tilt", "height"), [(30, 2.2), (20, 1.6), (10, 1.15)])
-def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person_again(frames, tilt, height):
-    """From one frame to the next it stands elsewhere: the room is another, the person is not."""
+def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height):
+    """It stands elsewhere from one frame to the next: the background changes, the person does not."""
     with SyntheticSensor(
         choreography="walk", width=WIDTH, realtime=False, camera_tilt=tilt, camera_height=height
     ) as sensor:
@@ -164,8 +164,8 @@ def test_a_sensor_that_is_moved_is_said_to_be_and_finds_its_place_and_the_person
     assert np.mean(errors[-20:]) < 0.09
 
 
-def test_a_sensor_that_changes_its_mode_is_learnt_anew_and_the_person_found_again(frames):
-    """One slip of another size is left out; a size that stays is another camera."""
+def test_changed_sensor_mode_relearns_background_and_finds_person(frames):
+    """A single frame of another size is dropped; a lasting change of size counts as another camera."""
     with SyntheticSensor(choreography="walk", width=128, realtime=False) as sensor:
         smaller = []
         for _ in range(GOOD + BAD + AFTER):

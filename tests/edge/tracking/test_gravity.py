@@ -1,4 +1,4 @@
-"""However the sensor is mounted, down is where the floor says it is: tilted to 40 degrees, or upside down."""
+"""Tests that gravity comes from the floor, whatever the mounting: tilted by 40 degrees, or upside down."""
 
 import dataclasses
 
@@ -14,7 +14,7 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 
 def turned(frame: DepthFrame) -> DepthFrame:
-    """What the same sensor sees when it hangs upside down: the image turned by half a turn."""
+    """Returns the frame of the same sensor upside down: the image is rotated by 180 degrees."""
     camera = frame.intrinsics
     turned_camera = dataclasses.replace(
         camera, cx=camera.width - 1 - camera.cx, cy=camera.height - 1 - camera.cy
@@ -50,7 +50,7 @@ def test_gravity_comes_from_the_floor(tilt, height, choreography, upside_down):
 
 
 def frames_of(tilt: float, count: int, *, floor: bool):
-    """Frames of a sensor tilted by degrees, with its true pose; without its floor where that is asked."""
+    """Returns frames of a tilted sensor with its true pose; optionally without a visible floor."""
     with SyntheticSensor(choreography="idle", width=320, realtime=False, camera_tilt=tilt) as sensor:
         for _ in range(count):
             frame = sensor.read()
@@ -63,7 +63,7 @@ def frames_of(tilt: float, count: int, *, floor: bool):
 
 @pytest.mark.parametrize("tilt", [3.0, 25.0])
 def test_without_visible_floor_gravity_comes_from_the_accelerometer(tilt):
-    """The height stays the settings'; a guess by the settings alone would be off by the whole tilt."""
+    """The height is that of the settings; the settings' tilt would be wrong by the whole tilt."""
     tracker = Tracker()
     for frame, mount in frames_of(tilt, 1, floor=False):
         tracker.down = -mount[1, :3]
@@ -74,7 +74,7 @@ def test_without_visible_floor_gravity_comes_from_the_accelerometer(tilt):
 
 @pytest.mark.parametrize("off", [0.0, 3.0, 20.0])
 def test_a_floor_is_believed_where_the_accelerometer_agrees(off):
-    """To its bias of some degrees; a plane that is 20 degrees off is a ramp or a table."""
+    """Within its bias of some degrees; a plane that is 20 degrees off is a ramp or a table."""
     tracker = Tracker()
     for frame, mount in frames_of(10.0, 1, floor=True):
         turn = world_from_level_camera(0.0, np.deg2rad(off))[:3, :3] @ np.diag([1.0, -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""A person who turns half round in a third of a second is neither back to front nor twisted after it."""
+"""Tests that a quick half turn leaves a person neither back to front nor twisted."""
 
 import numpy as np
 import pytest
@@ -8,17 +8,17 @@ from enliven_edge.tracking.tracker import Tracker
 
 FPS = 30
 SWEEP = 1.0 / 3.0
-"""Seconds of a half turn."""
+"""Duration of a half turn in seconds."""
 BEGINS = 0.7
 RECOVERED = 10
-"""Frames after the turn from which the body must be right."""
+"""Frames after the turn until the body must be correct."""
 WRONG_WAY = np.radians(45.0)
 TWIST = np.radians(50.0)
-"""Radians between shoulders and hips in plan: what the chest's range of 43 degrees allows, and noise."""
+"""Maximum angle in plan between shoulders and hips: the chest's range of 43 degrees, plus noise."""
 
 
 def heading(joints, left: Joint, right: Joint) -> float:
-    """Radians in plan of the line from a right to a left joint."""
+    """Returns the direction in plan of the line from a right to a left joint, radians."""
     across = joints[left] - joints[right]
     return float(np.arctan2(across[2], across[0]))
 

@@ -1,4 +1,4 @@
-"""Several people: stable identities through crossing, touching, hiding, leaving and coming back."""
+"""Tests of several people: stable identities through crossing, touching, hiding, leaving and returning."""
 
 import dataclasses
 
@@ -9,18 +9,18 @@ from enliven_edge.tracking.settings import PeopleSettings, SceneSettings, Tracke
 from enliven_edge.tracking.tracker import Tracker
 
 APPEARS = 6
-"""Frames, a fifth of a second, within which people who are in the first one are there."""
+"""Frames, a fifth of a second, within which people in the first frame are detected."""
 JOINED = 11
-"""Frames within which two are there who seem to be one: as one they are looked for first."""
+"""Frames within which two touching people are detected: they are first searched as one."""
 
 
 def ids_of(log, player):
-    """The ids that a player ever had."""
+    """Returns all ids that a player ever had."""
     return {who[player] for _, _, who in log} - {None}
 
 
 def seen(log, player):
-    """The share of the frames in which somebody was tracked on a player."""
+    """Returns the fraction of frames with a tracked body on a player."""
     return float(np.mean([who[player] is not None for _, _, who in log]))
 
 
@@ -29,12 +29,12 @@ def most(log):
 
 
 def through(*keys):
-    """(x, z, yaw) over time through (time, x, z) keys."""
+    """Returns (x, z, yaw) over time through (time, x, z) keys."""
     times, x, z = np.array(keys, float).T
     return lambda time: (float(np.interp(time, times, x)), float(np.interp(time, times, z)), 0.0)
 
 
-def test_two_people_who_cross_keep_their_identities(stagecraft):
+def test_crossing_people_keep_their_identities(stagecraft):
     s = stagecraft
     front = s.Player(s.line((-0.9, -2.2), (0.9, -2.2), 0.2, 2.2), "walk", s.Proportions(height=1.7))
     behind = s.Player(s.line((1.0, -3.0), (-1.0, -3.0), 0.2, 2.2), "walk", s.Proportions(height=1.82))
@@ -47,7 +47,7 @@ def test_two_people_who_cross_keep_their_identities(stagecraft):
 
 
 def test_occluded_person_turning_back_keeps_identity(stagecraft):
-    """Equally tall: only where they are tells them apart."""
+    """Both are equally tall: only their positions distinguish them."""
     s = stagecraft
     front = s.Player(
         through((0.2, -0.9, -2.3), (1.2, 0.1, -2.3), (1.5, 0.1, -2.3), (2.5, -0.9, -2.3)), "walk"
@@ -80,7 +80,7 @@ def test_two_who_come_in_joined_at_the_hand_are_two(stagecraft):
 
 
 def test_returning_person_is_reidentified(stagecraft):
-    """They come back in the other order."""
+    """They return in the other order."""
     s = stagecraft
     out_first = through((0.5, 0.4, -2.5), (1.4, 2.4, -2.5), (3.8, 2.4, -2.5), (4.8, 0.5, -2.5))
     back_first = through((0.8, -0.5, -2.6), (2.0, 2.4, -2.6), (2.4, 2.4, -2.6), (3.6, -0.5, -2.6))
@@ -122,7 +122,7 @@ def test_six_people_are_followed(stagecraft):
     playground = s.Playground(*players)
     log = s.watch(playground, Tracker(), 1.6, start=4 / 30)
     assert most(log) == 6
-    # The back row is half hidden and fitted in turns: where they are counts, not every joint.
+    # The back row is half occluded and fitted in turns: only positions count, not every joint.
     hips = [joints[0] for joints in playground.joints(1.5)]
     for _, bodies, _ in log[-20:]:
         assert [body.id for body in bodies] == [body.id for body in log[-1][1]]
@@ -130,7 +130,7 @@ def test_six_people_are_followed(stagecraft):
         assert sorted(nearest) == [0, 1, 2, 3, 4, 5]
 
 
-# --- what is no person ---
+# --- objects that are not people ---
 
 
 def chair(box, x, z):
@@ -156,7 +156,7 @@ def curtain(box, phase):
 
 
 @pytest.mark.parametrize("thing", ["chair put down", "chair pushed", "table", "door", "curtain"])
-def test_things_that_move_are_nobody(stagecraft, thing):
+def test_moving_furniture_is_not_a_person(stagecraft, thing):
     s = stagecraft
     table = (s.Box((0.0, 0.7, -3.0), (0.7, 0.74, -2.3)), s.Box((0.3, 0.0, -2.7), (0.4, 0.7, -2.6)))
     boxes = {
@@ -170,8 +170,8 @@ def test_things_that_move_are_nobody(stagecraft, thing):
     assert most(log) == 0
 
 
-def test_a_chair_put_beside_somebody_is_absorbed_and_they_are_not(stagecraft):
-    """At five frames a second, to save time: who stands still for over a minute stays."""
+def test_chair_next_to_a_person_is_absorbed_and_the_person_is_not(stagecraft):
+    """At five frames per second, to save time: a person that stands still for over a minute stays."""
     s = stagecraft
     boxes = lambda t: chair(s.Box, 0.7, -2.4) if t > 2.0 else ()  # noqa: E731
     tracker = Tracker()
@@ -214,7 +214,7 @@ def test_a_sensor_that_is_knocked_over_finds_the_floor_and_everybody_again(stage
     assert tracker.world_from_camera[1, 3] == pytest.approx(0.8, abs=0.05)
 
 
-def test_somebody_who_steps_before_the_sensor_is_not_a_sensor_that_was_moved(stagecraft):
+def test_person_close_to_the_sensor_does_not_count_as_moved_sensor(stagecraft):
     s = stagecraft
     performer = s.Player(s.still(-0.4, -2.6))
     visitor = s.Player(s.during(s.line((0.9, -0.75), (-0.9, -0.75), 0.5, 1.5), (0.5, 1.5)))
@@ -223,7 +223,7 @@ def test_somebody_who_steps_before_the_sensor_is_not_a_sensor_that_was_moved(sta
     assert seen(log[-6:], 0) == 1.0
 
 
-# --- who may perform ---
+# --- permission to perform ---
 
 
 def test_person_outside_the_zone_is_a_bystander(stagecraft):
@@ -282,8 +282,8 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
     assert ids_of(again, 0) != ids_of(first, 0)
 
 
-def test_a_covered_lens_loses_nobody(stagecraft):
-    """Dark for a second: the same two people, at once, and nothing is said of their joints meanwhile."""
+def test_covered_lens_keeps_all_people(stagecraft):
+    """Dark for a second: the same two people appear at once, and no joints are reported meanwhile."""
     s = stagecraft
     one = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))
     two = s.Player(s.still(0.5, -2.7), "wave", s.Proportions(height=1.8))

@@ -1,4 +1,4 @@
-"""The search for people is spread over frames: none takes long, and what is found is the same."""
+"""Tests that the search for people is spread over frames: none is slow, and the result is the same."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, whole
 
 FITS = 12
-"""Less than a frame may cost by default, so that a search takes more frames."""
+"""Coarse fits per frame, fewer than the default, so that a search takes more frames."""
 FOLLOWING = 9
-"""Coarse fits that following a person costs at most besides any search: two, arms elsewhere, a proposal and
-what it is compared with, one after a turn about, two that bring what was found to this frame."""
+"""Maximum number of coarse fits for following a person, without a search: two, arm recovery, a proposal and
+its alternative, one after a turn, and two that bring a result to this frame."""
 COARSE = 9
-"""Evaluations of all terms in a coarse fit: its eight steps, and where it begins."""
+"""Evaluations of all terms in a coarse fit: eight steps and the start."""
 PART = 2
-"""Coarse fits of the largest part of a search, half a refinement: so much is overdrawn."""
+"""Coarse fits in the largest indivisible part of a search, half a refinement: the maximum overrun."""
 AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
 SPREAD = TrackerSettings(search=SearchSettings(fits_per_frame=FITS, first_fits=FITS))
 
 
 def parts(costs):
-    """Work whose parts cost so much; how many there were."""
+    """Yields the costs of parts of some work; returns their number."""
     yield from costs
     return len(costs)
 
@@ -60,13 +60,13 @@ def test_a_search_takes_as_long_where_frames_are_rare(rate, fits):
 
 @pytest.fixture(scope="module")
 def film() -> list[DepthFrame]:
-    """Two seconds of the shipped recording, somebody in it from the first frame on."""
+    """Returns two seconds of the shipped recording, with a person from the first frame on."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
     return [frame for _, frame in zip(range(60), frames, strict=False)]
 
 
 def counted(frames, settings, monkeypatch):
-    """(work in coarse fits, bodies) of every frame: by the steps of the fits and their points."""
+    """Returns (work in coarse fits, bodies) of every frame, from the fits' steps and points."""
     fit, made = Fitter.fit, []
     calls = [0.0]
 
@@ -85,7 +85,7 @@ def counted(frames, settings, monkeypatch):
 
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
-    """Those that look for a new person, and those that look for a person anew; here all are doubted."""
+    """Searches for new people, and repeated searches for known ones; here all people are doubtful."""
     monkeypatch.setattr(follower, "_DOUBTED", -np.inf)
     monkeypatch.setattr(follower, "_is_borne_out", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)
@@ -106,7 +106,7 @@ def test_person_in_the_first_frame_is_reported_in_it(film, made, step):
 
 @pytest.mark.parametrize("empty", [1, 10])
 def test_first_search_waits_for_a_sensor_that_starts(film, empty):
-    """A sensor that begins with images without depth has not spent its first search on them."""
+    """A sensor that starts with empty depth images has not used up its first search."""
     tracker, nothing = Tracker(), np.zeros_like(film[0].depth)
     for n, frame in enumerate(film[: empty + 3]):
         bodies = tracker.track(replace(frame, depth=nothing) if n < empty else frame)
@@ -114,7 +114,7 @@ def test_first_search_waits_for_a_sensor_that_starts(film, empty):
 
 
 def test_first_search_has_its_larger_budget_once(film, monkeypatch):
-    """Only one frame spends it: a later search is spread over frames."""
+    """Only one frame uses it: later searches are spread over frames."""
     made = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
     work = [calls for calls, _ in counted(film, made, monkeypatch)]
     assert FITS + PART < work[0] <= made.search.first_fits + PART
@@ -122,9 +122,9 @@ def test_first_search_has_its_larger_budget_once(film, monkeypatch):
 
 
 def test_incremental_search_matches_single_search(film):
-    """When the person appears the joints are the same within four centimetres, soon after within one.
+    """When the person appears, joints agree to four centimetres, soon afterwards to one.
 
-    A later look at an arm may fall into another frame, so one joint may differ for some frames.
+    Arm recovery may run in another frame, so one joint may differ for some frames.
     """
     spread, at_once = (Tracker(made) for made in (SPREAD, AT_ONCE))
     apart = []
@@ -139,7 +139,7 @@ def test_incremental_search_matches_single_search(film):
 
 
 def test_entering_person_is_found_at_its_position(stagecraft):
-    """The body that was found in an earlier frame is brought to the newest one."""
+    """A body found in an earlier frame is moved to the newest one."""
     s = stagecraft
     walker = s.Player(s.line((1.6, -2.6), (-1.4, -2.6), 0.3, 2.0), "walk")
     playground, tracker, first = s.Playground(walker), Tracker(SPREAD), None
@@ -152,8 +152,8 @@ def test_entering_person_is_found_at_its_position(stagecraft):
     assert first.max() < 0.35
 
 
-def test_the_room_does_not_learn_a_person_who_is_being_looked_for(film):
-    """In a search of a third of a second: what is looked at is not taken for the room meanwhile."""
+def test_searched_person_is_not_learnt_as_background(film):
+    """In a search of a third of a second: its pixels are not learnt as background meanwhile."""
     tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))
     at_once = Tracker(AT_ONCE)
     found = [(tracker.track(frame), at_once.track(frame)) for frame in film]

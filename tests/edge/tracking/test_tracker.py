@@ -1,4 +1,4 @@
-"""The tracker follows people whose shape it does not know, finds them again, and bears bad frames."""
+"""Tests that the tracker follows people of unknown shape, finds them again, and tolerates bad frames."""
 
 import dataclasses
 
@@ -16,11 +16,11 @@ from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 HALF = 320
 APPEARS = 6
-"""Frames, a fifth of a second, within which a person who is in the first one is there."""
+"""Frames, a fifth of a second, within which a person in the first frame is detected."""
 
 
 def recorded(choreography: str, frames: int, start: int = 0, **options):
-    """[(frame, truth)] of a synthetic performer, the mounting left for the tracker to find."""
+    """Returns [(frame, truth)] of a synthetic performer; the tracker has to find the mounting."""
     with SyntheticSensor(choreography=choreography, width=HALF, realtime=False, **options) as sensor:
         made = []
         for _ in range(start + frames):
@@ -30,7 +30,7 @@ def recorded(choreography: str, frames: int, start: int = 0, **options):
 
 
 def errors(tracked: list[list[Body]], truth: list[Body]) -> np.ndarray:
-    """(F, 20) metres between tracked and true joints; NaN where nobody was tracked."""
+    """Returns (F, 20) distances between tracked and true joints in metres; NaN without a body."""
     return np.stack(
         [
             np.linalg.norm(bodies[0].joints - true.joints, axis=1) if bodies else np.full(20, np.nan)
@@ -87,7 +87,7 @@ def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
 
 
 def test_a_body_earns_its_confidence():
-    """In the frame in which it is found 0.6 at the most; after a third of a second what the fit says."""
+    """In its first frame at most 0.6; after a third of a second the fit's value."""
     tracker, found = Tracker(), None
     for frame, _ in recorded("idle", 30):
         bodies = tracker.track(frame)
@@ -98,7 +98,7 @@ def test_a_body_earns_its_confidence():
 
 
 def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second():
-    """Until then the pose is the settings' guess, and no leg is sure."""
+    """Until then the pose is that of the settings, and legs have low confidence."""
     made = recorded("idle", 70)
     with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
         true = sensor.read().world_from_camera
@@ -120,8 +120,8 @@ def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second()
     assert body.confidence[Joint.ANKLE_LEFT] > 0.5
 
 
-def test_a_sensor_that_was_moved_learns_the_room_anew():
-    """The old room would hide the person, who stands nearer than it, or make people of the new one."""
+def test_moved_sensor_relearns_the_background():
+    """The nearer person would be hidden by the old background, or the new one turned into people."""
     made = recorded("idle", 20)
     near, far = (world_from_level_camera(1.15, np.deg2rad(5)) for _ in range(2))
     far[:3, 3] += (1.0, 0.0, 0.5)
@@ -134,7 +134,7 @@ def test_a_sensor_that_was_moved_learns_the_room_anew():
 
 
 def test_returning_person_is_found_again():
-    """The wall behind somebody who left is seen for the first time: it is nobody."""
+    """The wall behind the person is first seen when they leave: it must not become a person."""
     made = recorded("idle", 30)
     room = room_alone(made[0][0])
     tracker = Tracker()
@@ -150,7 +150,7 @@ def test_returning_person_is_found_again():
 
 
 def room_alone(frame: DepthFrame) -> DepthFrame:
-    """The same sensor's view with nobody there."""
+    """Returns the same sensor's view without people."""
     with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
         mount = sensor.read().world_from_camera
     depth, _ = cast_room(frame.intrinsics, mount)
@@ -159,7 +159,7 @@ def room_alone(frame: DepthFrame) -> DepthFrame:
 
 
 @pytest.mark.parametrize("value", [0, 65535, 1, 2000])
-def test_frames_with_nobody_give_nobody(value):
+def test_empty_frames_give_no_bodies(value):
     """Zeros, all 65535, a hand on the lens, a wall."""
     tracker = Tracker()
     intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
@@ -168,7 +168,7 @@ def test_frames_with_nobody_give_nobody(value):
         assert tracker.track(frame) == []
 
 
-def test_noise_gives_nothing_that_is_not_finite():
+def test_noise_gives_only_finite_output():
     random = np.random.default_rng(0)
     tracker = Tracker()
     intrinsics = Intrinsics(160, 120, 130, 130, 79.5, 59.5)
@@ -189,7 +189,7 @@ def test_a_bad_frame_between_good_ones_does_not_lose_the_person():
             assert bodies
 
 
-def test_another_resolution_in_mid_stream_starts_anew():
+def test_changed_resolution_still_gives_bodies():
     made = recorded("idle", 2 * APPEARS + 1)
     tracker = Tracker()
     for frame, _ in made[:APPEARS]:
@@ -211,8 +211,8 @@ def test_smoothing_off_gives_the_fit_itself():
     np.testing.assert_array_equal(body.joints, tracker.posture.joints())
 
 
-def test_confidence_is_low_where_nothing_is_seen():
-    """The legs are cut away: the feet must not be called sure, the head must."""
+def test_confidence_is_low_for_missing_depth():
+    """The legs are cut off: the feet must have low confidence, the head high confidence."""
     made = recorded("idle", 12)
     tracker = Tracker()
     for frame, _ in made:

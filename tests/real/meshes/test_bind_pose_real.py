@@ -1,4 +1,4 @@
-"""Rigged models that their nodes alone lay down, or scale, stand on the stage as their joints hold them."""
+"""Tests that rigged models rotated or scaled by their nodes only stand on the stage as their joints do."""
 
 import os
 from pathlib import Path

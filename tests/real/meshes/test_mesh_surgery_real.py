@@ -1,4 +1,4 @@
-"""Real rigs: cut across every bone, put together again, and weighted anew beside what the artist painted."""
+"""Tests of real rigs: cut across every bone, rejoined, and skinned again next to the artist's weights."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ pytestmark = [
 
 
 def lonely_edges(mesh):
-    """How many edges, by position, have no partner the other way about."""
+    """Returns the number of edges, by position, without an opposite edge."""
     welded, _ = weld(mesh)
     faces, count = welded.faces.astype(np.int64), len(welded.vertices)
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
@@ -79,7 +79,7 @@ def test_a_real_limb_that_was_cut_off_can_be_put_back(path):
             continue
         union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
         assert lonely_edges(union.mesh) == 0
-        # Shells that overlap lose what they have in common.
+        # Overlapping shells lose their intersection.
         assert volume(union.mesh) <= volume(mesh) * (1 + 1e-6)
         assert volume(union.mesh) >= 0.7 * volume(mesh)
         return
@@ -88,7 +88,7 @@ def test_a_real_limb_that_was_cut_off_can_be_put_back(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
 def test_bone_heat_is_nearer_to_the_artist_than_the_nearest_bone(path, capsys):
-    """By the joint that bones turn about: a file's joint drives all bones that leave it."""
+    """By the joint about which bones rotate: a file's joint drives all bones that start there."""
     shape = read_gltf(path).shape
     mesh, skeleton = shape.mesh, shape.skeleton
     count = len(skeleton)
@@ -106,5 +106,5 @@ def test_bone_heat_is_nearer_to_the_artist_than_the_nearest_bone(path, capsys):
     of_heat, of_rigid = np.abs(artist - heat).sum(1).mean(), np.abs(artist - rigid).sum(1).mean()
     with capsys.disabled():
         print(f"  {path.stem}: mean L1 to the artist {of_heat:.3f}, of the nearest bone {of_rigid:.3f}")
-    # The eyes of the snake, most of its vertices, are nearest to the tongue and see the jaw.
+    # The snake's eyes, with most of its vertices, are nearest to the tongue and visible from the jaw.
     assert of_heat < (1.0 if path.stem == "Snake" else of_rigid + 0.02)

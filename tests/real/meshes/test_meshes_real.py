@@ -1,4 +1,4 @@
-"""Every real mesh: read, repaired, sampled, linked, skinned, and moved as a whole."""
+"""Tests of every real mesh: read, repaired, sampled, linked, skinned, and moved as a whole."""
 
 import os
 from pathlib import Path
@@ -44,7 +44,9 @@ def test_a_real_mesh_becomes_a_character(path):
 
 
 def shortcuts(mesh, graph, edges):
-    """How many edges leap: three times as far along the surface as straight, and over a node spacing."""
+    """Returns the number of edges with a path along the surface over three times as long, and over a node
+    spacing.
+    """
     spacing = np.sqrt(mesh.area / len(graph.positions))
     cells = voronoi_cells(net_of(mesh, spacing), graph.positions, graph.faces)
     ways = between_nodes(len(graph.positions), cells.borders, cells.lengths)[edges[:, 0], edges[:, 1]]
@@ -62,7 +64,7 @@ def test_no_edge_joins_limbs_that_are_apart(name):
 
 
 def test_plain_neighbours_would_join_them():
-    """The guard of the test above, over the same meshes: the four nearest in space do join limbs."""
+    """Guards the test above, on the same meshes: the four nearest nodes in space do join limbs."""
     found = 0
     for name in ("horse_quad.obj", "human_man.obj", "humanoid.off", "camel_b.obj", "octopus.obj"):
         mesh = fit_height(load_mesh(next(p for p in FILES if p.name == name)).mesh, 1.75)

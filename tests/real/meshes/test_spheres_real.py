@@ -1,4 +1,4 @@
-"""Sphere proxies of meshes by others: every vertex is covered, by few spheres, whatever the mesh."""
+"""Tests of sphere proxies of third-party meshes: every vertex is covered, with few spheres."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_every_vertex_is_covered(path: Path) -> None:
     used = np.unique(mesh.faces)
     away, _ = cKDTree(proxies.rest).query(rest[used].astype(float))
     assert away.max() <= proxies.radius * (1 + 1e-6)
-    # Spheres stay by the mesh: none is farther from it than its own radius.
+    # Spheres stay near the mesh: none is farther from it than its own radius.
     rows, shares = surface_samples(mesh.vertices, mesh.faces, 0.5 * proxies.radius)
     surface = cKDTree(np.einsum("pc,pca->pa", shares, mesh.vertices[rows]))
     assert surface.query(proxies.rest)[0].max() <= proxies.radius

@@ -1,4 +1,4 @@
-"""Surgery on rigs and animations by others: cut in the middle of a motion, put on elsewhere."""
+"""Tests of surgery on third-party rigs and animations: cut during a motion, attached elsewhere."""
 
 import os
 from pathlib import Path
@@ -27,7 +27,7 @@ pytestmark = [
 
 
 def animated(path):
-    """A project in which the model moves as its first animation says."""
+    """Returns a project with the model and its first animation."""
     rig = read_gltf(path)
     rig = resized(rig, 1.7)
     project, shape = playing(Project(), welded(rig.shape), rig.clips[0])
@@ -35,7 +35,7 @@ def animated(path):
 
 
 def apart(a, b):
-    """Radians between quaternions (..., 4)."""
+    """Returns the angles between quaternions (..., 4), radians."""
     distance = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
     return float(4 * np.arcsin(np.minimum(distance / 2, 1)).max())
 

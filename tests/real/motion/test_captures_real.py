@@ -1,6 +1,6 @@
-"""Real motion captures of six conventions: read, and danced by a performer with soles on the floor.
+"""Tests of real motion captures of six conventions on a performer with soles on the floor.
 
-The mapping was written while looking at these files; what is stated here is what any of them must do."""
+The mapping was developed on these files; these tests state what must hold for any file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_capture_is_danced(path: Path) -> None:
     assert soles.min() > -0.03
     assert np.percentile(soles, 30) < 0.02
     joints = np.stack([f.joints for f in figures])
-    # Arms and legs point where the captured ones do, whatever else is theirs.
+    # Arms and legs have the captured directions, whatever the body's proportions.
     first = round(0.1 / capture.seconds)
     for pair, a, b in ((roles.shoulders, 4, 5), (roles.hips, 12, 13)):
         nearer = capture.positions[first::step][: len(joints)]
@@ -52,7 +52,7 @@ def test_a_capture_is_danced(path: Path) -> None:
         ours = joints[:, b] - joints[:, a]
         slope = [v[:, 1] / np.linalg.norm(v, axis=1) for v in (theirs, ours)]
         assert np.median(np.abs(slope[0] - slope[1])) < 0.05  # heights do not depend on the heading
-    # They stand on their feet: heads up for most of the time.
+    # They stand on their feet: heads are up for most of the time.
     assert np.median(joints[:, Joint.HEAD, 1]) > 1.3
 
 
@@ -81,7 +81,7 @@ def test_the_row_too_many_of_boxing_is_read() -> None:
 
 
 def test_mending_the_root_stops_standing_feet() -> None:
-    """The files' mistake makes feet slide that stand; undone, they slide less than half as much."""
+    """The files' error makes standing feet slide; after the repair they slide less than half as much."""
     speed = {}
     for mend in (False, True):
         capture = read_expmap(DATA / "cmu_expmap" / "train_directing_traffic_4.txt", mend_root=mend)

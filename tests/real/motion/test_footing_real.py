@@ -1,4 +1,4 @@
-"""Foot locking on real walks: always lets no foot slide while it stands, grounding lets none sink."""
+"""Tests of foot locking on real walks: no standing foot slides, and with grounding none sinks."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
 
 @pytest.mark.parametrize(("model", "names"), [("mixamo_ely", "mixamo"), ("quaternius_knight", "quaternius")])
 def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, names: str) -> None:
-    """Measured on the written GLB by code that shares nothing with the mapping."""
+    """Measured on the written GLB by code that shares nothing with the retargeting."""
     path = DATA / "cmu_expmap" / "train_running_1.txt"
     clip, shape = read_take(path)[0], read_gltf(DATA / "humanoids" / f"{model}.glb").shape
     made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
@@ -102,7 +102,7 @@ def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, t
 
 
 def test_a_real_weapon_does_not_lift_the_body() -> None:
-    """The weapon hangs below the feet as its bearer crouches before a jump."""
+    """The weapon hangs below the feet while its bearer crouches before a jump."""
     clip, _ = read_take(DATA / "cmu_expmap" / "train_jumping_1.txt", None, 0.9, 1.7)
     shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
     plan = replace(automatic(clip, shape), travel=True, pin=True)

@@ -1,4 +1,4 @@
-"""Every real rig: read, played through our own evaluation, and held against glTF's own skinning."""
+"""Tests of every real rig: read, evaluated, and compared with glTF's own skinning."""
 
 import os
 import sys
@@ -27,10 +27,10 @@ FILES = sorted(
     p for p in (*DATA.glob("gltf/*/*"), *DATA.glob("humanoids/*")) if p.suffix in (".glb", ".gltf", ".vrm")
 )
 EXACT = 1e-4
-"""Share of the size that a vertex is off by at most: float32 in files and poses."""
+"""Maximum vertex error as a fraction of the size: float32 in files and poses."""
 STRAY = {"Trex": 0.1, "Spider": 3e-3}
-"""Shares for rigs with stray weights (0.2 % of the surface) of a joint above the root, and with joints of one
-place that part by less than a thousandth."""
+"""Maximum errors for rigs with stray weights (0.2 % of the surface) on a joint above the root, and with
+coincident joints that separate by less than a thousandth."""
 
 pytestmark = [
     pytest.mark.real,
@@ -53,7 +53,7 @@ def test_a_real_rig_moves_as_gltf_says(path):
             theirs = slow.vertices_at(number, start + frame * clip.step, every)
             worst = max(worst, float(np.linalg.norm(ours - theirs, axis=1).max()) / size)
     assert worst < STRAY.get(path.stem, EXACT)
-    # What is off by more than can be seen is told.
+    # Visible errors are reported.
     assert worst < 3e-3 or any("not kept" in note for note in rig.notes)
 
 
@@ -78,7 +78,7 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     np.testing.assert_allclose(again.positions, rig.shape.skeleton.positions, atol=1e-5 * size)
     if rig.clips and path.stem not in STRAY:
-        # It reaches as far as the model here; its vertices may be in another order.
+        # Its extent equals the model's; its vertices may have another order.
         slow, step = SlowGltf(tmp_path / "again.glb"), 0.1
         here = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
         low, high = here.min(0), here.max(0)

@@ -1,4 +1,4 @@
-"""Every layout of the real recordings: read whole, sides right, feet on the floor, bones of a person."""
+"""Tests of every layout of real recordings: complete, correct sides, feet on the floor, human bones."""
 
 import os
 from pathlib import Path
@@ -57,7 +57,7 @@ LIMITS = {
     Joint.ANKLE_LEFT: (0.25, 0.55),
     Joint.ANKLE_RIGHT: (0.25, 0.55),
 }
-"""Metres that the median length of the bone ending at a joint may have; some of these people are small."""
+"""Bounds of the median length in metres of the bone ending at a joint; some of these people are small."""
 
 
 def read(pattern: str, **options):
@@ -140,7 +140,7 @@ def assert_bones(joints):
 
 @pytest.mark.parametrize(("pattern", "reader", "count", "people"), SKELETONS)
 def test_left_is_the_performers_own(pattern, reader, count, people):
-    """The toes point where up x left says forward is; a mirrored skeleton would point backwards."""
+    """The toes point along up x left, which is forward; a mirrored skeleton would point backward."""
     if reader == "flow-room":
         pytest.skip("the depth of its feet is too coarse to tell; the next test looks at the shoulders")
     frames = read(pattern)[1]
@@ -164,7 +164,7 @@ def test_left_is_the_performers_own(pattern, reader, count, people):
         "scans/bodyscanner_kinect2/*.csv",
     ],
 )
-def test_who_faces_the_sensor_has_the_left_hand_at_positive_x(pattern):
+def test_left_side_of_person_facing_the_sensor_is_at_positive_x(pattern):
     frames = read(pattern)[1]
     joints = np.array([body.joints for frame in frames for body in frame.bodies])
     across = np.median(joints[:, Joint.SHOULDER_LEFT] - joints[:, Joint.SHOULDER_RIGHT], axis=0)
@@ -176,7 +176,7 @@ def test_who_faces_the_sensor_has_the_left_hand_at_positive_x(pattern):
     ("action", "limb"), [("a01", "HAND"), ("a02", "HAND"), ("a06", "HAND"), ("a14", "FOOT")]
 )
 def test_msr_subjects_act_with_the_right_side(action, limb):
-    """The data set's authors told them to; it settles which column is left and which is right."""
+    """The data set's authors asked for it, which settles which column is left and which is right."""
     frames = read(f"skeletons/msr_action3d/{action}_s01_e01_skeleton3D.txt")[1]
     joints = np.array([frame.bodies[0].joints for frame in frames])
     moved = {side: joints[:, Joint[f"{limb}_{side}"]].std(0).sum() for side in ("LEFT", "RIGHT")}

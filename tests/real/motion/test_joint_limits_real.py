@@ -1,4 +1,4 @@
-"""Joint limits on real animals with large human motions: calmer surfaces, no jumps, and people untouched."""
+"""Tests of joint limits on real animals with large human motions: calmer surfaces, no jumps."""
 
 import os
 from dataclasses import replace
@@ -21,7 +21,7 @@ PAIRS = [
     ("gltf/khronos/Fox.glb", "bvh/bandai_namco/dataset-1_bow_normal_001.bvh"),
     ("gltf/quaternius/Trex.glb", "bvh/bandai_namco/dataset-1_punch_normal_001.bvh"),
 ]
-"""Animals and takes that bend them far."""
+"""Animals and takes that bend them strongly."""
 PEOPLE = sorted(p for p in DATA.glob("humanoids/*") if p.suffix in (".glb", ".vrm"))
 PEOPLE += [
     p for p in [DATA / "gltf/khronos/CesiumMan.glb", DATA / "gltf/khronos/BrainStem.glb"] if p.exists()

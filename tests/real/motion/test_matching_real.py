@@ -1,4 +1,4 @@
-"""Real Kinect skeletons choose a part of a real spider by posing, and animate it."""
+"""Tests that real Kinect skeletons choose a part of a real spider by posing, and animate it."""
 
 import os
 import uuid
@@ -49,7 +49,7 @@ def frames_of(pattern):
 
 
 def tips(row):
-    """Which limbs a match means, while they stand still."""
+    """Returns the limbs that a match means, while the performers stand still."""
     return tuple(tuple(line[-1]) for line in row.lines)
 
 
@@ -61,7 +61,7 @@ def stage_of(**settings):
 
 
 @pytest.mark.parametrize("pattern", CLIPS)
-def test_what_is_shown_looks_like_the_arms_and_does_not_flicker(pattern):
+def test_shown_match_resembles_the_arms_without_flicker(pattern):
     stage, _ = stage_of()
     frames = [frame for frame in frames_of(pattern) if frame.bodies][:400]
     changes, raw, last, last_raw, seconds = 0, 0, None, None, frames[-1].time_ns - frames[0].time_ns
@@ -73,7 +73,7 @@ def test_what_is_shown_looks_like_the_arms_and_does_not_flicker(pattern):
         meant, best = tips(board.rows[board.shown]), tips(board.rows[0])
         changes, raw = changes + (meant != last), raw + (best != last_raw)
         last, last_raw = meant, best
-    # A change takes the patience of 0.3 s at least.
+    # A change takes at least the delay of 0.3 s.
     assert changes <= seconds * 1e-9 / 0.3 + 1
     assert changes <= raw
 
@@ -116,7 +116,7 @@ def test_a_held_pose_is_taken_and_a_gesture_or_a_walk_is_not(pattern, taken):
 
 
 class Played:
-    """A sensor that plays frames as fast as they are read."""
+    """A sensor that plays frames without waiting."""
 
     name = "kinect"
 
@@ -129,7 +129,7 @@ class Played:
     def close(self): ...
 
 
-def test_the_edge_plays_a_recording_and_records_what_came_of_it(tmp_path):
+def test_edge_plays_a_recording_and_records_the_result(tmp_path):
     _, actor = stage_of()
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "kinect", record=tmp_path / "made.mcap") as outlet:

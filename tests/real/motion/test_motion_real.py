@@ -1,4 +1,4 @@
-"""Real takes on made chains: captures of six conventions, and walks before a Kinect, on what is not human."""
+"""Tests of real takes on artificial non-human chains: captures of six conventions, and Kinect walks."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def clip_of(path: Path) -> Clip:
 
 
 def joints_of(clip: Clip) -> np.ndarray:
-    """(F, N, 3) where the joints of a take are."""
+    """Returns the (F, N, 3) joint positions of a take."""
     at = np.empty((len(clip.turns), len(clip.skeleton), 3))
     at[:, 0] = clip.root
     for j, parent in enumerate(clip.skeleton.parents):
@@ -50,14 +50,14 @@ def joints_of(clip: Clip) -> np.ndarray:
 
 
 def tentacle(joints: int) -> Skeleton:
-    """A polyline that hangs down, with a gentle curl."""
+    """Returns a polyline that hangs down, with a gentle curl."""
     u = np.linspace(0.0, 1.0, joints)
     at = np.stack([0.1 * np.sin(4 * u), 1.5 - 1.2 * u, 0.1 * u], 1)
     return Skeleton(tuple(f"node {i}" for i in range(joints)), np.arange(-1, joints - 1, dtype=np.int32), at)
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """The largest angle in radians between rotations (..., 4)."""
+    """Returns the largest angle between rotations (..., 4), radians."""
     return float(
         4 * np.arcsin(min(np.minimum(*(np.linalg.norm(a + s * b, axis=-1) for s in (1, -1))).max() / 2, 1))
     )
@@ -95,7 +95,7 @@ def test_a_tentacle_turns_in_all_as_the_limb_does(path: Path, joints: int) -> No
     assert angle(turns[:, -1], wanted) < 1e-6
     lengths = np.linalg.norm(np.diff(at, axis=1), axis=-1)
     np.testing.assert_allclose(lengths, np.tile(shape.skeleton.lengths[1:], (len(at), 1)), rtol=1e-9)
-    # Nothing jumps more than the person does: a bone turns by a part of what the limb turns.
+    # Nothing jumps more than the person does: each bone has a part of the limb's rotation.
     ours, theirs = (np.abs(np.diff(q, axis=0)).max() for q in (turns[:, -1], clip.turns))
     assert ours < 3 * theirs + 0.05
 
@@ -121,7 +121,7 @@ def test_a_person_on_its_own_skeleton_is_itself(path: Path) -> None:
 
 
 def legs_of(skeleton: Skeleton) -> list[tuple[int, int, int]]:
-    """Hip, knee and ankle of both sides."""
+    """Returns hip, knee and ankle of both sides."""
     names = [name.lower() for name in skeleton.names]
     made = []
     for ankle in (i for i, name in enumerate(names) if name.endswith(("foot", "foot_l", "foot_r", "ankle"))):
@@ -136,7 +136,7 @@ def test_a_walk_on_shorter_legs_stands_on_its_feet(path: Path) -> None:
     skeleton = clip.skeleton
     legs = legs_of(skeleton)
     assert len(legs) == 2
-    # Somebody of the same bones, with the legs three quarters as long, who would slide.
+    # A skeleton with the same bones and legs three quarters as long, which would slide.
     positions = skeleton.positions.copy()
     for joint in range(1, len(skeleton)):
         shrunk = any(joint in leg[1:] for leg in legs)
@@ -175,7 +175,7 @@ def test_a_walk_before_a_kinect_drives_a_tentacle(name: str) -> None:
     assert clip.skeleton.names == BODY_NAMES and clip.duration == pytest.approx(
         times[-1] - times[0], abs=0.04
     )
-    # Every bone points where the sensor saw it.
+    # Every bone has the sensor's direction.
     at = joints_of(clip)
     seconds = times - times[0]
     for joint in (Joint.KNEE_LEFT, Joint.ELBOW_RIGHT, Joint.HEAD):

@@ -1,4 +1,4 @@
-"""People onto people: seven human rigs of other makers, with motions of every convention."""
+"""Tests of people on people: seven third-party human rigs, with motions of every convention."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ MODELS = sorted([*DATA.glob("humanoids/*.glb"), *DATA.glob("humanoids/*.vrm")])
 TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
 CONVENTIONS = {"mixamo": "mixamo", "cryptovoxels": "cryptovoxels"}
 OTHERS = 7
-"""Each model gets every so many of the takes, the next model others."""
+"""Stride through the takes: each model gets every seventh one, with a different offset."""
 
 pytestmark = [
     pytest.mark.real,
@@ -35,7 +35,7 @@ pytestmark = [
 
 @cache
 def take(path):
-    """The first moments."""
+    """Returns the start of a take."""
     return read_take(path, None, 0.0, 1.5)[0]
 
 
@@ -50,7 +50,7 @@ def test_every_limb_of_the_written_file_points_as_the_performers(number):
         rate = min(60.0, 1.0 / clip.step)
         glb = glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
         for limb, angles in limb_errors(path, glb, convention).items():
-            # The pose is exact but for the frame rates of the two files.
+            # The pose is exact up to the frame rates of the two files.
             assert np.median(angles) < 2.0 and np.percentile(angles, 90) < 4.0, (path.stem, limb)
 
 
@@ -62,9 +62,9 @@ def test_a_planted_gait_does_not_slide(number, gait, slide):
     clip, _ = read_take(path, None, 0.0, 4.0)
     made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     quality = quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
-    # It counts all that touches the floor, also the frames in which a runner lands and leaves.
+    # It counts every contact with the floor, also the frames in which a runner lands and takes off.
     assert quality.slide < slide
-    # Feet that stand where the performer's do bend the legs of a rig with boots of half a leg's length.
+    # Feet at the performer's positions bend the legs of a rig with boots of half a leg's length.
     assert max(limb.median for limb in quality.limbs) < 14.0
     assert all("arm" not in limb.limb for limb in quality.worst_limbs)
 
@@ -76,6 +76,6 @@ def test_the_humanoid_map_of_a_vrm_names_its_joints():
     skeleton = read_gltf(path).shape.skeleton
     assert {"hips", "leftUpperArm", "rightLowerLeg", "head"} <= set(skeleton.names)
     found = anatomy_of(skeleton)
-    # VRM 0 faces -Z.
+    # A VRM 0 model faces -Z.
     assert abs(abs(found.facing) - np.pi) < 0.1
     assert [skeleton.names[j] for j in found.arms[0][0].main] == ["leftUpperArm", "leftLowerArm", "leftHand"]

@@ -1,4 +1,4 @@
-"""Real motions on real models: every model with motions of every convention, each file strictly right."""
+"""Tests of real motions on real models: every model with motions of every convention; files are valid."""
 
 import os
 import sys
@@ -25,7 +25,7 @@ DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3].parent / "s
 MODELS = sorted(p for p in DATA.glob("gltf/*/*") if p.suffix in (".glb", ".gltf"))
 TAKES = sorted([*DATA.glob("bvh/*/*.bvh"), *DATA.glob("cmu_expmap/t*.txt")])
 OTHERS = 8
-"""Each model gets every so many of the takes, the next model others."""
+"""Stride through the takes: each model gets every eighth one, with a different offset."""
 
 pytestmark = [
     pytest.mark.real,
@@ -35,7 +35,7 @@ pytestmark = [
 
 @cache
 def take(path):
-    """The first moments."""
+    """Returns the start of a take."""
     return read_take(path, None, 0.0, 0.6)[0]
 
 
@@ -49,7 +49,7 @@ def test_a_real_model_moves_by_real_motions(number):
         checked_glb(glb_of([performance]))
         joints = Player(made.project, made.shape_id).sample(performance.times)[1]
         assert np.isfinite(joints).all()
-        # It moves, and stays about where it stands.
+        # It moves, and stays near its place.
         assert np.ptp(joints, axis=0).max() > 1e-4 * size, path.stem
         assert np.abs(joints - rig.shape.skeleton.positions).max() < 1.5 * size, path.stem
 
@@ -79,7 +79,7 @@ def test_the_parts_of_real_models(stem, legs, arms, tail):
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda p: p.stem)
 def test_a_real_take_does_not_jump_at_its_ends(path):
-    """Eight of them begin with a T-pose that is not part of the motion."""
+    """Eight takes begin with a T-pose that is not part of the motion."""
     places = joint_places(read_take(path)[0])
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1)
     assert max(steps[0], steps[-1]) < 2.0 * steps[1:-1].max()

@@ -1,4 +1,4 @@
-"""A short film decodes again: as long, as large and as it was drawn; a sheet has its tiles."""
+"""Tests that a short film decodes with the right length, size and content; a sheet has its tiles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SMALL = ViewerSettings(
 
 
 class Walk:
-    """A feed of a box that walks along +X, in bursts, and then ends."""
+    """A feed of a box that moves along +X, in bursts, and then ends."""
 
     def __init__(self, character: Character, count: int, rate: float = 30.0, start: int = 10**15) -> None:
         self.character, self.count, self.step = character, count, round(NS / rate)
@@ -60,7 +60,7 @@ class Walk:
 
 
 class Vanishing(Walk):
-    """A feed whose edge is killed: it falls silent without a farewell."""
+    """A feed from a killed edge: it falls silent without a farewell."""
 
     def poll(self, document: Document) -> int:
         arrived = super().poll(document)
@@ -69,7 +69,7 @@ class Vanishing(Walk):
 
 
 class Silence(Walk):
-    """A feed that nothing ever comes from."""
+    """A feed without any messages."""
 
     def poll(self, document: Document) -> int:
         document.edge = EdgeState(False, "tcp://127.0.0.1:9")
@@ -106,7 +106,7 @@ def test_a_film_is_as_long_as_its_sensor_time(gl, box, tmp_path, rate) -> None:
     assert abs(made.pictures - 31) <= 1
 
 
-def test_a_film_stops_when_it_was_told_to(gl, box, tmp_path) -> None:
+def test_film_stops_at_the_requested_time(gl, box, tmp_path) -> None:
     assert filmed(Walk(box, 60), tmp_path / "film.mp4", seconds=0.5).pictures == 15
 
 
@@ -117,13 +117,13 @@ def test_the_film_follows_what_walks_away(gl, box, tmp_path) -> None:
     assert min(clay) > 0.02
 
 
-def test_memory_is_let_go_while_filming(gl, box, tmp_path) -> None:
+def test_memory_is_released_while_filming(gl, box, tmp_path) -> None:
     feed, document = Walk(box, 60), Document(Timeline(bounded=False))
     make_film(feed, document, tmp_path / "film.mp4", None, SMALL, console=Console(quiet=True))
     assert len(document.timeline) <= 8
 
 
-def test_no_edge_is_said_with_its_address_and_leaves_no_file(gl, box, tmp_path) -> None:
+def test_missing_edge_is_reported_and_leaves_no_file(gl, box, tmp_path) -> None:
     with pytest.raises(ResourceError, match=r"no edge appeared.*enliven edge"):
         filmed(Silence(box, 0), tmp_path / "film.mp4")
     assert not (tmp_path / "film.mp4").exists()
@@ -135,12 +135,12 @@ def test_an_edge_that_is_killed_ends_the_film(gl, box, tmp_path, monkeypatch) ->
     assert len(decoded(tmp_path / "film.mp4")) == 12
 
 
-def test_an_edge_without_a_pose_is_said(gl, box, tmp_path) -> None:
+def test_edge_without_a_pose_is_reported(gl, box, tmp_path) -> None:
     with pytest.raises(ResourceError, match="sent no pose"):
         filmed(Walk(box, 0), tmp_path / "film.mp4")
 
 
-def test_a_place_that_cannot_be_written_is_said(gl, box, tmp_path) -> None:
+def test_unwritable_film_path_is_reported(gl, box, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResourceError, match="cannot be written"):
         filmed(Walk(box, 5), tmp_path / "file" / "film.mp4")
@@ -153,7 +153,7 @@ def test_an_odd_size_becomes_even(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("name", ["libvpx-vp9", "mpeg4"])
-def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatch, caplog) -> None:
+def test_film_without_h264_uses_another_codec_and_reports_it(name, tmp_path, monkeypatch, caplog) -> None:
     only = tuple(one for one in ENCODERS if one.name == name)
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
@@ -162,14 +162,14 @@ def test_without_h264_the_film_is_another_and_says_so(name, tmp_path, monkeypatc
     assert abs(decoded(tmp_path / "old.mp4")[0].mean() - 200) < 8
 
 
-def test_without_any_encoder_that_is_said(monkeypatch) -> None:
+def test_missing_encoders_are_reported(monkeypatch) -> None:
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", ())
     with pytest.raises(ResourceError, match="no film encoder"):
         choose_encoder(av)
 
 
 def test_an_encoder_that_is_listed_but_does_not_open_is_passed_over(tmp_path, monkeypatch) -> None:
-    """PyAV lists hardware encoders on every machine; here there is no such device."""
+    """PyAV lists hardware encoders on every machine; no such device exists here."""
     broken = FilmEncoder("h264_v4l2m2m", "H.264", "the system's own")
     if broken.name not in av.codecs_available:
         pytest.skip(f"this build of PyAV does not list {broken.name}")

@@ -1,4 +1,4 @@
-"""The exporter of .mp4: a film of the performances that it is given, and refusals before any work."""
+"""Tests of the .mp4 exporter: a film of given performances, and errors before any work."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from enliven_viewer.studio.sound import read_sound
 
 
 def waving() -> Clip:
-    """Half a second of an arm."""
+    """Returns half a second of a waving arm."""
     at = np.array([[0.0, 0, 0], [0, 1, 0], [0.5, 1, 0]])
     turns = from_rotation_vector(np.linspace(0, 1, 10)[:, None, None] * np.array([0.0, 0, 1.0]))
     skeleton = Skeleton(("a", "b", "c"), np.array([-1, 0, 1]), at)
@@ -35,11 +35,11 @@ def test_a_film_is_as_long_as_the_performance_and_shows_it_move(tmp_path) -> Non
 
 
 CODED = 0.035
-"""Seconds by which a sound may be off in a film: the encoder's blocks of 1,024 samples."""
+"""Maximum offset in seconds of a sound in a film: the encoder's blocks of 1,024 samples."""
 
 
 def click_at(path: Path) -> float:
-    """The second at which a film clicks, and what is heard of it ends with its pictures."""
+    """Returns the second at which a film clicks; checks that its sound ends with its images."""
     heard = read_sound(path).samples
     with av.open(str(path)) as film:
         lasts = float(film.streams.video[0].duration * film.streams.video[0].time_base)
@@ -49,7 +49,7 @@ def click_at(path: Path) -> float:
 
 @pytest.mark.parametrize(("start", "clicks"), [(0.0, 0.3), (0.2, 0.1)])
 def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, clicks, tmp_path) -> None:
-    """Also of a part of it; the sound is longer, and ends with the pictures."""
+    """Also for a part of the project; the sound is longer, and is cut with the images."""
     samples = np.zeros(2 * SOUND_RATE, np.int16)
     samples[round(0.1 * SOUND_RATE) :][:400] = 25_000
     clip = waving()
@@ -61,7 +61,7 @@ def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, cl
     assert click_at(made) == pytest.approx(clicks, abs=CODED)
 
 
-def test_where_sound_cannot_be_encoded_the_film_is_silent_and_says_so(tmp_path, monkeypatch, caplog) -> None:
+def test_missing_sound_encoder_gives_silent_film_and_warning(tmp_path, monkeypatch, caplog) -> None:
     monkeypatch.setattr("enliven.film.writer._SOUND_CODEC", "no such encoder")
     path = tmp_path / "arm.mp4"
     loud = np.full(SOUND_RATE, 9_000, np.int16)

@@ -1,4 +1,4 @@
-"""Pictures of a film are encoded beside the drawing: all of them, in order, upright; an error is not lost."""
+"""Tests that a film is encoded in the background: all images, in order, upright; errors are reported."""
 
 import threading
 
@@ -15,7 +15,7 @@ from enliven_viewer.render.gl.targets import upright
 
 
 def raw(level: int) -> np.ndarray:
-    """(32, 64, 4) as OpenGL keeps a picture: the upper half as bright as ``level``, the lower black."""
+    """Returns a (32, 64, 4) image in OpenGL's order: upper half as bright as ``level``, lower half black."""
     picture = np.zeros((32, 64, 4), np.uint8)
     picture[16:] = level
     return picture
@@ -44,7 +44,7 @@ def test_every_picture_is_in_the_film_and_on_the_sheet_in_order(tmp_path):
 
 
 class Full:
-    """A place for pictures that has no room left after the second."""
+    """A buffer for images that is full after the second one."""
 
     def __init__(self) -> None:
         self.count, self.threads = 0, set()
@@ -56,7 +56,7 @@ class Full:
             raise OSError("no space left")
 
 
-def test_what_the_encoder_cannot_do_is_raised():
+def test_encoder_errors_are_raised():
     full = Full()
     with pytest.raises(OSError, match="no space left"), FilmStrip(full, Tiles(3, 64)) as strip:
         for n in range(3 + 2 * WAITING):

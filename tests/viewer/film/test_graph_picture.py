@@ -1,4 +1,4 @@
-"""enliven graph, end to end: the picture of a real graph, with each colour where it belongs."""
+"""Tests of enliven graph, end to end: the image of a real graph, with each colour at its place."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ SIZE = 320
 
 @pytest.fixture(scope="module")
 def balls():
-    """Two balls that do not touch: their graphs hang together by one bridge."""
+    """Returns two balls that do not touch: one bridge connects their graphs."""
     centres = np.array([[0.0, 0.3, 0.0], [0.0, 1.3, 0.0]])
 
     def field(points):
@@ -51,12 +51,12 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
         column, row = round((number + 0.5 + x / 2) * SIZE), round(HEADER + (0.5 - y / 2) * height)
         around = pixels[row - 2 : row + 3, column - 2 : column + 3]
         assert close_to(around, BRIDGE).any(), f"view {number}"
-        # Nothing else in the panel is of that colour but the bridge.
+        # Only the bridge has that colour in the panel.
         red = close_to(pixels[HEADER : HEADER + height, number * SIZE : (number + 1) * SIZE], BRIDGE)
         assert red.any(1).sum() < height / 3
 
 
-def test_rows_mark_what_is_weak(balls):
+def test_rows_mark_weak_values(balls):
     graph = DeformationGraph.build(balls, 40)
     rows = graph_rows(graph, graph.positions, 0.2, 0.001)
     edges = rows[: len(graph.edges)]
@@ -65,7 +65,7 @@ def test_rows_mark_what_is_weak(balls):
     )
     balls_of_nodes = rows[len(graph.edges) :]
     assert balls_of_nodes[graph.cut_vertices, 3].min() > balls_of_nodes[~graph.cut_vertices, 3].max()
-    # However many nodes, nothing is thinner than a pixel.
+    # With any number of nodes, no line is thinner than a pixel.
     assert graph_rows(graph, graph.positions, 0.0001, 0.001)[:, 3].min() >= 0.0008
 
 
@@ -81,7 +81,7 @@ def test_rows_mark_what_is_weak(balls):
         (["chair"], 2, "output"),
     ],
 )
-def test_what_cannot_be_drawn(arguments, code, told, tmp_path, monkeypatch, capsys):
+def test_invalid_graph_arguments_are_reported(arguments, code, told, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("points.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"

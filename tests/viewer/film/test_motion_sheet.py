@@ -1,4 +1,4 @@
-"""The sheet of a motion: performer above, model below, each moving, nobody cut off."""
+"""Tests of the sheet of a motion: performer above, model below, both moving and in full view."""
 
 import sys
 from pathlib import Path
@@ -39,7 +39,7 @@ def test_a_stick_figure_has_a_piece_for_every_bone():
     shape = stick_shape("man", man())
     followed = np.unique(shape.skin.indices[:, 0])
     assert followed.tolist() == list(range(1, len(man())))
-    # Every piece is about its bone: as long, and no thicker than a sixth of it and a little.
+    # Every piece surrounds its bone: equally long, and little thicker than a sixth of it.
     for bone in followed:
         points = shape.mesh.vertices[shape.skin.indices[:, 0] == bone]
         start, along = man().positions[man().parents[bone]], man().vectors[bone]

@@ -1,4 +1,4 @@
-"""From the link onto the timeline: what an edge publishes over real sockets is what is shown."""
+"""Tests from the link to the timeline: messages of an edge over real sockets are shown."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
         time.sleep(0.005)
 
 
-def test_how_frames_arrive_is_said_and_a_dead_edge_is_not_live(publisher, box, monkeypatch) -> None:
+def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
     for module in ("topic_health", "one_edge"):
         monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
@@ -65,7 +65,7 @@ def test_how_frames_arrive_is_said_and_a_dead_edge_is_not_live(publisher, box, m
         feed.close()
 
 
-def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
+def test_published_messages_reach_the_timeline(publisher, box) -> None:
     publisher.set_character(box)
     feed, document = EdgeFeed(EdgeClient([publisher.endpoint])), Document()
 
@@ -93,7 +93,7 @@ def test_what_is_published_is_on_the_timeline(publisher, box) -> None:
         feed.close()
 
 
-def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
+def test_document_without_an_edge_names_the_address() -> None:
     feed, document = EdgeFeed(EdgeClient([Endpoint("127.0.0.1", 9, 10)])), Document()
     try:
         assert feed.poll(document) == 0
@@ -105,8 +105,8 @@ def test_without_an_edge_the_document_says_where_it_is_awaited() -> None:
         feed.close()
 
 
-def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, monkeypatch) -> None:
-    """Its first message may be of performers, which do not say which process speaks."""
+def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
+    """Its first message may be about performers, which does not state its process."""
     monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
@@ -130,7 +130,7 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
         until(lambda: not document.edge.connected, lambda: feed.poll(document))
         second = edge(first.endpoint.pose_port, first.endpoint.control_port)
         try:
-            # What it sends first may be this, before anything that names its process.
+            # This may be its first message, before any that states its process.
             feed.link.edges[0]._receive(pack_stream(performer(6)), latched=False)
             feed.poll(document)
             assert 6 not in heard and not document.edge.connected
@@ -143,8 +143,8 @@ def test_what_a_restarted_edge_says_comes_after_the_word_that_it_restarted(box, 
     assert heard.count("restarted") == 1 and heard.index(5) < heard.index("restarted") < heard.index(6)
 
 
-def test_what_came_during_a_slow_picture_is_taken_in_the_order_of_time(publisher, box) -> None:
-    """Ten seconds of poses and of performers: neither may look like a clock that began again."""
+def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None:
+    """Ten seconds of poses and of performers: neither may look like a clock that started again."""
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
     feed.heard = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)

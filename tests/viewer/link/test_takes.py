@@ -1,4 +1,4 @@
-"""A take: what the edge wrote comes back as poses, bodies and cues, in the order of time."""
+"""Tests of a take: an edge's recording is read as poses, bodies and cues, in the order of time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def shifted(character: Character, k: int) -> Pose:
 
 
 def write(path: Path, character: Character, *, broken: int | None = None, poses: bool = True) -> None:
-    """A take of a box that is pushed along, possessed from the 20th pose on."""
+    """Writes a take of a box that is pushed along, possessed from the 20th pose on."""
     codec = PoseCodec(character)
     with Recorder(path) as recorder:
 
@@ -80,7 +80,7 @@ def test_everything_comes_back_in_order(tmp_path, box) -> None:
     assert document.edge.phase == "ended"
 
 
-def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
+def test_only_the_broken_message_is_lost(tmp_path, box, caplog) -> None:
     write(tmp_path / "take.mcap", box, broken=5)
     document, take = read(tmp_path / "take.mcap")
     assert take.unreadable == 1 and "cannot be read" in caplog.text
@@ -88,13 +88,13 @@ def test_a_broken_message_costs_itself_only(tmp_path, box, caplog) -> None:
     assert not document.timeline._moments[5].poses
 
 
-def test_a_recording_without_a_performance_is_said(tmp_path, box) -> None:
+def test_recording_without_a_performance_is_reported(tmp_path, box) -> None:
     write(tmp_path / "take.mcap", box, poses=False)
     with pytest.raises(InputError, match=r"no performance.*enliven run"):
         TakeFeed(tmp_path / "take.mcap")
 
 
-def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
+def test_invalid_recording_is_reported(tmp_path) -> None:
     (tmp_path / "foreign.mcap").write_bytes(b"not at all")
     for name in ("foreign.mcap", "missing.mcap"):
         with pytest.raises(InputError):
@@ -102,7 +102,7 @@ def test_a_file_that_is_no_recording_is_said(tmp_path) -> None:
 
 
 def with_copies(path: Path, character: Character) -> None:
-    """A take whose character is written again in the middle and at the end, a chunk a message."""
+    """Writes a take that repeats its character in the middle and at the end, one message per chunk."""
     codec = PoseCodec(character)
     with Recorder(path, sync_seconds=0.0) as recorder:
 
@@ -135,7 +135,7 @@ def test_poses_are_read_by_any_copy_of_their_character(tmp_path, box, damaged) -
     assert all("box" in moment.poses for moment in document.timeline._moments)
 
 
-def test_a_take_without_any_copy_says_so_once_and_ends(tmp_path, box, caplog) -> None:
+def test_take_without_its_character_is_reported_once_and_ends(tmp_path, box, caplog) -> None:
     path = tmp_path / "take.mcap"
     with_copies(path, box)
     refs = sorted(Recording(path)._container.chunks, key=lambda ref: ref.offset)

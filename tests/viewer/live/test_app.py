@@ -1,4 +1,4 @@
-"""The window in Play, where there is a display or Xvfb; and the command that opens it."""
+"""Tests of the window in Play, if there is a display or Xvfb; and of the command that opens it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
     assert said["over"], "Escape ends a window that was opened to watch"
 
 
-def test_a_window_without_an_edge_says_where_it_waits(tmp_path: Path) -> None:
+def test_window_without_an_edge_names_the_address(tmp_path: Path) -> None:
     said = in_a_window(SESSION, str(tmp_path), "empty")
     assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert said["spread"] > 3 and said["errors"] == []
@@ -71,7 +71,7 @@ def test_without_a_display_the_command_tells_of_films(monkeypatch) -> None:
     assert isinstance(done.exception, ResourceError) and "--film" in str(done.exception)
 
 
-def test_a_missing_take_is_said(tmp_path) -> None:
+def test_missing_take_is_reported(tmp_path) -> None:
     done = CliRunner().invoke(command(), [str(tmp_path / "none.mcap"), "--film", str(tmp_path / "f.mp4")])
     assert isinstance(done.exception, InputError) and "none.mcap" in str(done.exception)
 
@@ -82,7 +82,7 @@ def test_help_has_worked_examples() -> None:
 
 
 @pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
-def test_a_size_that_is_none_is_said(text: str) -> None:
+def test_invalid_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="not a size"):
         sized(ViewerSettings(), text)
 

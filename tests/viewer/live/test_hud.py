@@ -1,4 +1,4 @@
-"""The HUD: what it says, where it is drawn, and that text looks as its typeface does."""
+"""Tests of the HUD: its contents, its place, and that text looks like its typeface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.theme import FONT
 
 CHARACTERS = "".join(chr(code) for code in range(33, 127)) + "°·±é…"
-"""What the texts of the window and the notices of edges are made of."""
+"""Characters in the window's texts and in notices from edges."""
 
 
 def canvas_of(gl, width: int, height: int):
@@ -50,7 +50,7 @@ def test_a_rectangle_covers_its_pixels_and_no_others(gl) -> None:
 
 
 def written(gl, text: str, size: int, **where) -> tuple[np.ndarray, tuple[float, float]]:
-    """(200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
+    """Returns the (200, 400) ink, 0..1, of a text at (100, 20), and its extent."""
     target, canvas = canvas_of(gl, 400, 200), Canvas(gl)
     with canvas.over(target):
         canvas.text(100, 20, text, size, (1, 1, 1, 1), **where)
@@ -78,7 +78,7 @@ def test_every_character_that_is_written_has_ink_of_its_own(gl) -> None:
     assert len(shapes) == len(CHARACTERS)
 
 
-def test_text_ends_or_is_centred_where_it_is_told(gl) -> None:
+def test_text_is_aligned_right_or_centred(gl) -> None:
     for align in (0.5, 1.0):
         drawn, (width, _) = written(gl, "Hhhh", 20, align=align)
         ink = np.nonzero(drawn.max(0) > 0.3)[0]
@@ -99,7 +99,7 @@ def test_no_line_is_wider_than_told_and_nothing_is_lost(gl, text: str, width: in
 
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 @pytest.mark.parametrize("size", [(1280, 720), (320, 200)])
-def test_the_timeline_is_hit_where_it_is_drawn(gl, scale, size) -> None:
+def test_timeline_hit_area_equals_its_drawing(gl, scale, size) -> None:
     target = canvas_of(gl, *size)
     draw(gl, target, HudState(fraction=0.5, length_s=10), scale)
     x, y, width, height = timeline_area(size, scale)
@@ -139,7 +139,7 @@ def test_everything_at_once_draws_without_an_error(gl) -> None:
 
 
 def ailing(*severities: Severity) -> EdgeState:
-    """An edge at which so many things are wrong."""
+    """Returns an edge's state with one problem for each severity."""
     states = tuple(
         HealthState("slow", severity, 0, "The sensor gives 5 frames a second instead of 30.", "Use USB 3.")
         for severity in severities
@@ -148,7 +148,7 @@ def ailing(*severities: Severity) -> EdgeState:
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (320, 240)])
-def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
+def test_problems_are_shown_in_the_colour_of_their_severity(gl, size) -> None:
     plain, shown = canvas_of(gl, *size), canvas_of(gl, *size)
     draw(gl, plain, HudState(edge=ailing()))
     draw(gl, shown, HudState(edge=ailing(Severity.ERROR)))
@@ -159,7 +159,7 @@ def test_what_is_wrong_is_shown_in_the_colour_of_its_gravity(gl, size) -> None:
     assert (stripe[:, 0] > stripe[:, 2] + 90).mean() > 0.95, "the stripe of an error is red"
 
 
-def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> None:
+def test_problems_without_space_never_cover_the_timeline(gl) -> None:
     size = (640, 300)
     one, many = canvas_of(gl, *size), canvas_of(gl, *size)
     for target, count in ((one, 1), (many, 8)):
@@ -168,7 +168,7 @@ def test_what_has_no_room_is_counted_and_never_drawn_over_the_timeline(gl) -> No
     np.testing.assert_array_equal(pixels(one)[size[1] - 56 :], pixels(many)[size[1] - 56 :])
 
 
-def test_an_edge_that_is_not_heard_says_nothing_of_its_health(gl) -> None:
+def test_silent_edge_shows_no_health(gl) -> None:
     size = (640, 360)
     first, second = canvas_of(gl, *size), canvas_of(gl, *size)
     draw(gl, first, HudState(edge=EdgeState(False, "tcp://127.0.0.1:5580")))

@@ -1,4 +1,4 @@
-"""What an audience sees while the edge is lost, and the numbers of performers."""
+"""Tests of the picture for an audience while the edge is lost, and of the performers' numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from enliven_viewer.render.camera import OrbitCamera
 
 
 class Feed:
-    """An edge of which a test says how it is."""
+    """An edge with a state that the test sets."""
 
     def __init__(self) -> None:
         self.edge = EdgeState(connected=True, address="tcp://127.0.0.1:5580", phase="tracking")
@@ -42,7 +42,7 @@ class Feed:
 
 @pytest.fixture
 def shown() -> tuple[Feed, LiveStage, IdleLoop, OrbitCamera]:
-    """A stage on which somebody performed for a minute."""
+    """Returns a stage after a minute's performance."""
     feed = Feed()
     live, loop, camera = LiveStage(feed, Document()), IdleLoop(), OrbitCamera()
     for _ in range(600):
@@ -65,7 +65,7 @@ LOSSES = [
 
 
 @pytest.mark.parametrize(("change", "loss"), LOSSES)
-def test_what_was_last_performed_is_replayed_until_the_edge_is_back(shown, change, loss) -> None:
+def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss) -> None:
     feed, live, loop, camera = shown
     feed.edge, feed.performs = replace(feed.edge, **change), False
     advance(live, loop, camera, 1.0)
@@ -85,7 +85,7 @@ def test_what_was_last_performed_is_replayed_until_the_edge_is_back(shown, chang
     assert live.playhead.time_ns == live.document.timeline.end_ns
 
 
-def test_an_edge_that_never_came_is_said_and_the_view_turns() -> None:
+def test_missing_edge_is_reported_and_the_view_turns() -> None:
     feed = Feed()
     feed.edge, feed.performs = EdgeState(connected=False), False
     live, loop, camera = LiveStage(feed, Document()), IdleLoop(), OrbitCamera()
@@ -123,7 +123,7 @@ def test_performers_have_the_lowest_numbers_and_keep_them_while_they_are_there(s
         before = now
 
 
-def test_who_is_lost_and_found_again_is_performer_1_again() -> None:
+def test_person_who_returns_is_performer_1_again() -> None:
     numbers = PerformerNumbers()
     for body in (1, 17, 23):
         numbers.see([body])

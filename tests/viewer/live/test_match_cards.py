@@ -1,4 +1,4 @@
-"""What a viewer shows of matches: tubes on the model, cards, and where it looks from."""
+"""Tests of how a viewer shows matches: tubes on the model, cards, and the camera."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
     assert changed[int((1 - up) * 100), int((across + 1) * 150)] < 30, "that would be another match"
 
 
-def test_what_is_driven_is_thinner_and_without_cards() -> None:
+def test_driven_limbs_are_thinner_and_have_no_cards() -> None:
     playing = replace(BOARD, state="playing", rows=ROWS[:1])
     (rows, deep), (thin, shallow) = match_rows({"cross": BOARD}), match_rows({"cross": playing})
     assert len(rows) == len(thin) == 2 * 3
@@ -176,7 +176,7 @@ def test_between_two_moments_the_lines_are_between() -> None:
     np.testing.assert_array_equal(between.rows[1].lines[0], UP, err_msg="that is another limb by now")
 
 
-def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
+def test_camera_is_sent_to_the_edge_only_when_it_moves() -> None:
     reporter, camera = ViewReporter(), front()
     first = reporter.changed(camera.view(1.5), 0.0)
     assert first is not None and first.eye is not None
@@ -188,7 +188,7 @@ def test_the_edge_is_told_when_the_camera_moves_and_not_otherwise() -> None:
     assert reporter.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
 
 
-def test_chains_that_point_at_the_eye_are_told() -> None:
+def test_chains_pointing_at_the_eye_are_detected() -> None:
     camera = front()
     assert not hidden(scene(), camera.view(1.5))
     camera.face(np.pi / 2, 0.05)
@@ -210,7 +210,7 @@ def test_the_camera_turns_to_where_bones_are_seen() -> None:
 
 
 def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) -> None:
-    """Whatever parts choose: a right leg is as on the model, and limbs that drive nothing are the body's."""
+    """For any choosing parts: a right leg has the model's colour, and limbs without a target the body's."""
     performer = Body(1, standing_joints(), np.ones(20))
     for parts in ("all", "arms", "legs", "right arm", "torso"):
         chains = body_source(performer, parts).chains

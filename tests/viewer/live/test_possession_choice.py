@@ -1,4 +1,4 @@
-"""What the next possession is asked for with, and the colours of who holds what."""
+"""Tests of the options of the next possession, and of the colours of attached parts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_choice_goes_round_those_in_view() -> None:
     assert possession.words(int) == "P steps in: the whole body of performer 5"
 
 
-def test_smoothing_is_asked_for_whom_it_is_meant_and_ends_at_off() -> None:
+def test_smoothing_is_requested_for_the_chosen_performer_and_ends_at_off() -> None:
     possession = PossessionChoice()
     assert possession.smoother(1, [3, 7]) == {3: 2.0, 7: 2.0}
     possession.next_performer([3, 7])

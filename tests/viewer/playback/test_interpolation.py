@@ -1,4 +1,4 @@
-"""Blending maps: rotations stay rotations, ends are kept, and turning is steady."""
+"""Tests of blending transforms: rotations stay rotations, ends are exact, and turning is steady."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Puppets as the viewer shows them: solved beside the pictures, rigid until then, carried by the frame."""
+"""Tests of puppets in the viewer: solved in the background, rigid until then, moved with the frame."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ CHARACTER = character_of_puppet(puppet())
 
 
 def pose(places: Float, turn: float = 0.0, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Pose:
-    """The chair's control points at places (P, 3) of its own frame, the frame turned and put somewhere."""
+    """Returns the chair's control points at (P, 3) places of its own frame, which is moved and rotated."""
     frame = to_matrix(from_rotation_vector(np.array([0.0, turn, 0.0])))
-    with np.errstate(invalid="ignore"):  # places that cannot be are tried too
+    with np.errstate(invalid="ignore"):  # impossible places are tried too
         positions = np.concatenate([np.zeros((1, 3)), places]) @ frame.T + at
     linear = np.tile(frame, (len(positions), 1, 1))
     return Pose("chair", 0, linear.astype(np.float32), positions.astype(np.float32))
@@ -55,7 +55,7 @@ def bent(by: float = 0.2) -> Float:
 
 
 def shown(surfaces: SolvedSurfaces, made: Pose, character: Character = CHARACTER) -> Float:
-    """The vertices once they are there."""
+    """Returns the vertices as soon as they are solved."""
     until(lambda: surfaces.vertices(character, made) is not None, "the surface")
     vertices = surfaces.vertices(character, made)
     assert vertices is not None
@@ -129,7 +129,7 @@ def test_a_frame_that_is_no_frame_is_drawn_rigidly() -> None:
     assert SolvedSurfaces(wait=True).vertices(CHARACTER, broken) is None
 
 
-def test_a_mesh_that_cannot_be_deformed_is_one_rigid_piece_and_said_once(caplog) -> None:
+def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
     lost = character_of_puppet(Puppet("chair", loose, points))
@@ -190,15 +190,15 @@ def test_only_control_points_are_marked() -> None:
     np.testing.assert_array_equal(rows[:, :3], made.positions[1:])
 
 
-def test_a_picture_of_what_does_not_move_costs_nothing() -> None:
+def test_unchanged_scene_costs_nothing() -> None:
     surfaces = SolvedSurfaces(wait=True)
     shown_last = [surfaces.vertices(CHARACTER, pose(bent(), turn=0.4)) for _ in range(40)]
     assert shown_last[-1] is shown_last[-2]
     assert surfaces.vertices(CHARACTER, pose(bent(), turn=0.5)) is not shown_last[-1]
 
 
-def test_who_shows_no_puppet_loads_no_solver() -> None:
-    """It is a third of what a viewer loads before its first picture."""
+def test_viewer_without_puppets_loads_no_solver() -> None:
+    """It is a third of everything that a viewer loads before its first frame."""
     heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
     look = f"import sys, enliven_viewer.film, enliven_viewer.live.stage; print(*{heavy} & set(sys.modules))"
     shown = subprocess.run(
@@ -208,7 +208,7 @@ def test_who_shows_no_puppet_loads_no_solver() -> None:
 
 
 def test_a_window_starts_without_what_its_first_tool_needs() -> None:
-    """SciPy loads these at their first use; at the start they were a sixth of it."""
+    """SciPy loads these at their first use; they were a sixth of the start."""
     later = {"scipy.spatial", "scipy.optimize", "scipy.ndimage"}
     look = f"""
 import sys

@@ -1,4 +1,4 @@
-"""Laws of the timeline and of the playhead on it."""
+"""Tests of the timeline and of the playhead on it."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_scrubbing_shows_that_place_and_stays_there(fraction: float, seconds: fl
 
 @given(st.floats(0, 5), st.integers(1, 6))
 @settings(deadline=None, max_examples=60)
-def test_what_arrives_does_not_move_a_paused_picture(seconds: float, count: int) -> None:
+def test_new_poses_do_not_move_a_paused_playhead(seconds: float, count: int) -> None:
     timeline = filled()
     head = Playhead(timeline)
     head.toggle_pause()
@@ -118,7 +118,7 @@ def test_speed_is_sensor_seconds_a_second(speed: float, seconds: float) -> None:
     assert abs(head.time_ns - seconds * speed * NS) <= 1
 
 
-def test_a_loop_goes_on_and_the_end_stops() -> None:
+def test_loop_continues_and_end_stops() -> None:
     looping, once = Playhead(filled(), live=False, loop=True), Playhead(filled(), live=False)
     for head in (looping, once):
         head.advance(29 / 30 + 0.1)
@@ -220,7 +220,7 @@ def test_an_empty_timeline_has_nothing_to_show() -> None:
 
 
 def test_cues_belong_to_their_own_time() -> None:
-    """However late they are said: poses and bodies of a burst come before its cues."""
+    """However late they arrive: poses and bodies of a burst come before its cues."""
     timeline = Timeline()
     for i in range(4):
         timeline.add_bodies(i * NS, [])

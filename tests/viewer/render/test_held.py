@@ -1,4 +1,4 @@
-"""What is held is lit and outlined in its performer's colour, there and nowhere else, and stays so."""
+"""Tests that attached parts, and only they, are lit and outlined in their performer's colour."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EYE = np.array([0.0, 1.0, 4.0])
 
 @pytest.fixture
 def pillar(make_box) -> Character:
-    """Two boxes above one another, each with a node of its own."""
+    """Returns two boxes above one another, each with its own node."""
     (low, faces), (high, _) = (
         make_box((-0.3, 0.0, -0.3), (0.3, 0.8, 0.3)),
         make_box((-0.3, 1.1, -0.3), (0.3, 1.9, 0.3)),
@@ -85,7 +85,7 @@ def test_a_preview_is_fainter_and_performers_have_their_own_colours(pillar) -> N
     assert held_light(SceneCharacter(pillar, rest, holding(7)), 1.0) is None, "a node that is not there"
 
 
-def test_light_goes_on_along_the_edges_of_a_graph_and_sinks(pillar) -> None:
+def test_light_spreads_along_graph_edges_and_fades(pillar) -> None:
     edges = np.stack([np.arange(9), np.arange(1, 10)], 1).astype(np.int32)
     line = replace(pillar, pivots=np.tile(pillar.pivots[:1], (10, 1)), edges=edges)
     light = held_light(SceneCharacter(line, line.rest_pose(), holding(2)), 1.0).max(1)
@@ -111,7 +111,7 @@ def test_a_puppet_is_lit_around_its_control_points_wherever_its_surface_is(gl, p
     assert changed[:50].max() > 60 and changed[75:].max() < 12
 
 
-def test_skeletons_go_once_something_is_held_and_come_back_when_it_is_chosen_anew() -> None:
+def test_skeletons_fade_during_attachment_and_return_for_a_preview() -> None:
     def moment(**cues: CueFrame) -> TimelineMoment:
         return TimelineMoment(0, cues=cues)
 

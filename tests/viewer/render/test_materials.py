@@ -1,4 +1,4 @@
-"""Materials and textures: the GPU against a slow twin, holes, glass, seams, and what strangers write."""
+"""Tests of materials and textures: the GPU against a slow reference; holes, glass, seams, bad input."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SIZE = (64, 64)
 SMALL = RenderSettings(shadow_size=64, contact_size=32, samples=1)
 EYE = np.array([0.3, 1.2, 3.0])
 CLOSE = 2.5 / 255
-"""Between GPU and twin: a rounding, the dither of half a step each way, and float32."""
+"""Tolerance between GPU and reference: rounding, half a step of dither each way, and float32."""
 PATCHES = np.array([[(200, 60, 40), (40, 160, 70)], [(60, 80, 210), (230, 220, 190)]], np.uint8)
 
 
@@ -39,7 +39,7 @@ def picture(pixels: np.ndarray, sampler: str = '{"magFilter": 9728}') -> Texture
 
 
 def board(material: dict, *textures: Texture, lean: float = 0.0, at: float = 0.0) -> Character:
-    """A square of a metre that stands upright, its middle 1 m high, and leans back; v runs down."""
+    """Returns an upright square of a metre, its centre 1 m high, leaning back; v runs down."""
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     c, s = math.cos(lean), math.sin(lean)
     vertices = np.stack([corners[:, 0], 1.0 + c * corners[:, 1], at - s * corners[:, 1]], 1).astype(
@@ -66,13 +66,13 @@ def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: R
 
 
 def pixel_of(point: np.ndarray) -> tuple[int, int]:
-    """Column and row from below of a point (3,) in the picture."""
+    """Returns column and row from below of a point (3,) in the image."""
     x, y = (view().project(point[None])[0] + 1) / 2 * SIZE
     return int(x), int(y)
 
 
 def ray_to(column: int, row: int, lean: float) -> np.ndarray:
-    """(3,) the point of a board that a pixel's middle shows."""
+    """Returns the (3,) point of a board at a pixel's centre."""
     clip = np.array([2 * (column + 0.5) / SIZE[0] - 1, 2 * (row + 0.5) / SIZE[1] - 1, 0.5, 1.0])
     far = np.linalg.inv(view().clip_from_world) @ clip
     way, n = far[:3] / far[3] - EYE, np.array([0.0, math.sin(lean), math.cos(lean)])
@@ -81,9 +81,7 @@ def ray_to(column: int, row: int, lean: float) -> np.ndarray:
 
 @pytest.mark.parametrize("look", ["studio", "night", "white"])
 @pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 0.9), (1.0, 0.3), (0.4, 0.55)])
-def test_a_textured_board_is_lit_as_by_the_slow_twin(
-    gl, look: str, metallic: float, roughness: float
-) -> None:
+def test_textured_board_matches_the_slow_reference(gl, look: str, metallic: float, roughness: float) -> None:
     told = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic, "roughnessFactor": roughness}
     lean, own = 0.6, replace(SMALL, look=look)
     shown = drawn(gl, board({"pbrMetallicRoughness": told}, picture(PATCHES), lean=lean), of=own)
@@ -110,13 +108,13 @@ def test_metal_roughness_and_occlusion_come_from_their_textures(gl) -> None:
 
 def test_a_normal_map_lights_as_a_board_that_leans(gl) -> None:
     lean = 0.5
-    up = np.array([[[0.0, math.sin(lean), math.cos(lean)]]])  # +Y of a normal map is up in the picture
+    up = np.array([[[0.0, math.sin(lean), math.cos(lean)]]])  # +Y of a normal map is up in the image
     bumps = picture(np.round((up + 1) * 127.5).astype(np.uint8))
     rough = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}
     shown = drawn(gl, board({**rough, "normalTexture": {"index": 0}}, bumps))[32, 32]
     n = np.array([0.0, math.sin(lean), math.cos(lean)])
     wanted = developed(shaded(np.ones(3), 0.0, 1.0, n, ray_to(32, 31, 0.0), EYE, SMALL), (32, 31), SIZE)
-    np.testing.assert_allclose(shown, wanted, atol=2 * CLOSE)  # a map has 127 steps
+    np.testing.assert_allclose(shown, wanted, atol=2 * CLOSE)  # a map has 127 levels
     assert abs(shown - drawn(gl, board(rough))[32, 32]).max() > 0.03
 
 
@@ -134,7 +132,7 @@ def test_holes_show_what_is_behind_and_throw_no_shadow(gl) -> None:
 
 
 def shadow_of(gl: moderngl.Context, one: Character) -> int:
-    """How many texels of the key light's map a board covers."""
+    """Returns the number of texels that a board covers in the key light's shadow map."""
     renderer = Renderer(gl, SIZE, SMALL)
     extent = one.vertices.min(0) - 0.1, one.vertices.max(0) + 0.1
     renderer.draw(Scene((SceneCharacter(one, one.rest_pose()),), (), PLAIN, extent=extent), view())
@@ -160,7 +158,7 @@ def test_a_one_sided_board_is_not_seen_from_behind(gl) -> None:
     assert abs(double[32, 32] - empty[32, 32]).max() > abs(single[32, 32] - empty[32, 32]).max() + 0.05
 
 
-def test_what_glows_and_what_is_unlit_do_not_need_the_light(gl) -> None:
+def test_emissive_and_unlit_materials_ignore_the_light(gl) -> None:
     dark = replace(SMALL, brightness=0.1)
     lamp = {"emissiveFactor": [1, 0, 0], "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
     assert drawn(gl, board(lamp), of=dark)[32, 32, 0] > 0.7
@@ -198,7 +196,7 @@ def test_textures_are_shared_and_leave_with_their_last_character(gl) -> None:
         assert len(renderer.textures) == bool(some)
 
 
-def test_a_broken_picture_is_white_and_said(gl, caplog) -> None:
+def test_broken_texture_is_white_and_reported(gl, caplog) -> None:
     broken = Texture(np.frombuffer(b"\x89PNG\r\n\x1a\n and no more", np.uint8))
     told = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}}
     shown = drawn(gl, board(told, broken))[32, 32]

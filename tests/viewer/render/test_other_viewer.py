@@ -1,4 +1,4 @@
-"""Exported files in three.js and the same characters in enliven's renderer: colours, silhouettes, poses."""
+"""Tests of exported files in three.js against enliven's renderer: colours, silhouettes, poses."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from enliven.motion.layers import Player
 pytestmark = pytest.mark.skipif(bool(MISSING), reason=MISSING or "all is here")
 PICTURES = Path(__file__).parents[3] / "out" / "web" / "pictures"
 LEAST = 0.97
-"""Intersection over union: the edge of a shape of 100 pixels may be a quarter of a pixel off all around."""
+"""Minimum intersection over union: the outline of a shape of 100 pixels may be a quarter of a pixel off."""
 CLOSE = 3.0
-"""Largest difference of a region's mean colour, 0..255: dither and rounding of enliven are 1, the rounding
-of three.js another, which the steep beginning of the film curve doubles in dark colours."""
+"""Maximum difference of a region's mean colour, 0..255: dither and rounding of enliven are 1. The rounding of
+three.js is another, which the steep start of the film curve doubles in dark colours."""
 
 
 def sphere(rings: int = 40, around: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, faces and texture coordinates of a sphere of a metre."""
+    """Returns vertices, faces and texture coordinates of a sphere of a metre."""
     v, u = np.meshgrid(np.linspace(0, 1, rings + 1), np.linspace(0, 1, around + 1), indexing="ij")
     up, turn = np.pi * v, 2 * np.pi * u
     points = np.stack([np.sin(up) * np.sin(turn), 1 + np.cos(up), np.sin(up) * np.cos(turn)], -1) * 0.5
@@ -68,7 +68,7 @@ def test_colours_of_a_scan_are_the_same(tmp_path: Path) -> None:
 
 
 def chequered() -> bytes:
-    """A picture of four colours in fields of 8 pixels, a quarter of them holes."""
+    """Returns an image of four colours in fields of 8 pixels, a quarter of them holes."""
     colours = np.array([[(230, 40, 30, 255), (40, 160, 60, 255)], [(30, 60, 190, 255), (200, 190, 60, 0)]])
     pixels = np.kron(colours.astype(np.uint8), np.ones((64, 64, 1), np.uint8))
     data = io.BytesIO()
@@ -77,7 +77,7 @@ def chequered() -> bytes:
 
 
 def rigged(path: Path) -> Path:
-    """Writes two textured spheres: one jumps, is turned by cubic keys and mirrored; one is skinned to it."""
+    """Writes two textured spheres: one jumps, is rotated by cubic keys and mirrored; one is skinned to it."""
     made, (vertices, faces, uv) = Made(), sphere(20, 30)
     picture = made.view(chequered())
     made.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]
@@ -135,7 +135,7 @@ def rigged(path: Path) -> Path:
 
 
 def cubic() -> list[list[float]]:
-    """Rotations about the x axis with tangents that overshoot."""
+    """Returns rotations about the x axis with tangents that overshoot."""
     keys = [[0, 0, 0, 1], [0.5, 0, 0, 0.8660254], [-0.3826834, 0, 0, 0.9238795]]
     slopes = [[3.0, 0, 0, 0], [-4.0, 0, 1.0, 0], [2.0, 0, 0, 0]]
     return [row for key, slope in zip(keys, slopes, strict=True) for row in (slope, key, slope)]

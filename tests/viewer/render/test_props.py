@@ -1,4 +1,4 @@
-"""Loose things in the viewer: on the timeline, between moments, from a take, in the picture."""
+"""Tests of props in the viewer: on the timeline, interpolated, from a take, in the picture."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from enliven_viewer.render.scene import Scene, SceneStyle, scene_of
 
 
 def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:
-    """A box at the left and a ball at the right, or more such."""
+    """Returns a box at the left and a ball at the right, or more of them."""
     count = len(ids)
     positions = np.array([[-0.5 + k, 0.2, shift] for k in range(count)])
     turns = np.tile(from_rotation_vector(np.array([0.0, turn, 0.0])), (count, 1))
@@ -36,11 +36,11 @@ def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), t
     )
 
 
-def test_things_are_blended_by_their_ids() -> None:
+def test_props_are_interpolated_by_id() -> None:
     before, after = loose(0, ids=(3, 4)), loose(100, 0.2, ids=(4, 3), turn=1.0)
     between = blend_props(before, after, 0.25, 25)
     assert between is not None and between.time_ns == 25 and between.ids.tolist() == [3, 4]
-    # Thing 3 goes from the left to the right by a metre: it was put there and did not fly.
+    # Prop 3 moves a metre from the left to the right: it was put there and did not fly.
     np.testing.assert_allclose(between.positions, before.positions)
     near = blend_props(loose(0), loose(100, 0.2, turn=1.0), 0.25, 25)
     np.testing.assert_allclose(near.positions[:, 2], 0.05)
@@ -51,13 +51,13 @@ def test_things_are_blended_by_their_ids() -> None:
     np.testing.assert_allclose(late.positions[:, 2], 0.15)
 
 
-def test_what_only_one_moment_has_is_the_nearers() -> None:
+def test_prop_in_one_moment_only_follows_the_nearer_moment() -> None:
     few, many = loose(ids=(1,)), loose(ids=(1, 2))
     assert len(blend_props(few, many, 0.4, 0)) == 1 and len(blend_props(few, many, 0.6, 0)) == 2
     assert blend_props(None, many, 0.1, 0) is many and blend_props(None, None, 0.1, 0) is None
 
 
-def test_things_stay_while_their_own_message_is_on_its_way(box: Character) -> None:
+def test_props_stay_until_their_next_message(box: Character) -> None:
     timeline = Timeline()
     timeline.add_props(loose(NS))
     timeline.add_pose(box.rest_pose(NS + NS // 30))
@@ -66,7 +66,7 @@ def test_things_stay_while_their_own_message_is_on_its_way(box: Character) -> No
     assert timeline.at(3 * NS).props is None, "long without a word: they are gone"
 
 
-def test_a_take_brings_them_back(tmp_path, box: Character) -> None:
+def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
     codec = PoseCodec(box)
     with Recorder(tmp_path / "take.mcap") as recorder:
 
@@ -96,7 +96,7 @@ def test_a_template_is_closed_and_faces_outwards(fineness: int) -> None:
     pulled = corner * 0.5 + 0.1 * direction
     a, b, c = pulled[faces].swapaxes(0, 1)
     volume = np.einsum("fa,fa->f", a, np.cross(b, c)).sum() / 6
-    # A box of a metre with bevels of 0.1 around it: a little less than 1.2 cubed, if no face is missing.
+    # A box of a metre with bevels of 0.1: slightly less than 1.2 cubed, if no face is missing.
     assert 1.6 < volume <= 1.2**3 + 1e-6
 
 
@@ -109,7 +109,7 @@ def test_rows_hold_what_the_shader_takes() -> None:
     np.testing.assert_allclose(row[4:8], props.turns[1, [1, 2, 3, 0]], atol=1e-6)
 
 
-def test_the_camera_looks_at_what_is_near_and_not_at_what_rolled_away(box: Character) -> None:
+def test_camera_frames_near_props_only(box: Character) -> None:
     document = Document()
     document.add_character(box)
     document.add_pose(box.rest_pose(0))
@@ -144,12 +144,12 @@ def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
     return renderer.pixels().astype(float)
 
 
-def test_the_score_is_told_in_the_window() -> None:
+def test_score_is_shown_in_the_window() -> None:
     assert "chair hit twice" in _state_lines(HudState(score="chair hit twice"))
     assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1
 
 
-def test_what_rolls_away_lets_go_of_the_camera_without_a_jerk(box: Character) -> None:
+def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:
     document = Document()
     document.add_character(box)
     rolled = loose(ids=(0,))

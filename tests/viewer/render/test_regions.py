@@ -1,4 +1,4 @@
-"""Work is done only where something is, and the picture is the one that work everywhere makes."""
+"""Tests that rendering only the occupied regions gives the same picture as rendering everything."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from enliven_viewer.settings import RenderSettings
 SIZE = (320, 180)
 SMALL = RenderSettings(shadow_size=128, contact_size=64)
 ROUNDING = 2
-"""Levels of 255: where a dither or a sample's weight falls the other way."""
+"""Tolerance in levels of 255: a dither or a sample's weight may round the other way."""
 
 
 def side_view(distance: float = 4.0) -> CameraView:
-    """A camera in front and a little above, with room around the scene."""
+    """Returns a camera in front and slightly above, with space around the scene."""
     eye = np.array([0.4, 1.6, distance])
     return CameraView(
         eye,
@@ -39,7 +39,7 @@ def side_view(distance: float = 4.0) -> CameraView:
 
 
 def bent(character, seed: int = 1) -> Pose:
-    """A pose that turns, stretches and moves every node."""
+    """Returns a pose that rotates, stretches and moves every node."""
     rng = np.random.default_rng(seed)
     linear = np.eye(3) + 0.3 * rng.normal(0, 1, (len(character.pivots), 3, 3))
     positions = character.pivots + rng.normal(0, 0.1, character.pivots.shape)
@@ -47,7 +47,7 @@ def bent(character, seed: int = 1) -> Pose:
 
 
 def full_scene(box, make_body) -> Scene:
-    """A bent box with a body in it, attachment points, and two loose things beside it."""
+    """Draws a bent box with a body in it, attachment points, and two props next to it."""
     cues = CueFrame("box", np.arange(3, dtype=np.int32), np.ones(3, np.float32))
     props = Props(
         0,
@@ -101,7 +101,7 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
         assert (pixels >= [x, y]).all() and (pixels <= [x + width, y + height]).all()
 
 
-def test_what_is_beside_the_eye_may_be_anywhere() -> None:
+def test_points_behind_the_eye_need_the_full_region() -> None:
     view = side_view()
     before, behind = np.array([[0.0, 0.5, 0.0]]), view.eye[None] + [0.0, 0.0, 1.0]
     assert visible_region(before, view.clip_from_world, SIZE)[2] < 20
@@ -113,14 +113,14 @@ def test_what_is_beside_the_eye_may_be_anywhere() -> None:
 @pytest.mark.parametrize(
     "region", [(0, 0, 0, 0), (3, 4, 5, 6), (0, 0, 20, 5), (7, 0, 13, 12), (0, 0, 20, 12)]
 )
-def test_a_region_and_what_is_beside_it_are_the_picture(region) -> None:
+def test_region_and_background_equal_the_whole_picture(region) -> None:
     count = np.zeros((12, 20), int)
     for x, y, width, height in [region, *regions_around(region, (20, 12))]:
         count[y : y + height, x : x + width] += 1
     assert (count == 1).all()
 
 
-def test_what_is_drawn_over_a_picture_may_lie_beside_its_region(gl, box) -> None:
+def test_overlays_may_be_drawn_outside_the_region(gl, box) -> None:
     renderer, view = Renderer(gl, SIZE, SMALL), side_view()
     renderer.draw(Scene((SceneCharacter(box, box.rest_pose()),), style=SceneStyle(0, 0, 0)), view)
     before = renderer.pixels().astype(int)
@@ -150,7 +150,7 @@ def test_with_one_sample_what_is_behind_glass_is_seen_too(gl, box, make_body) ->
 
 
 def test_neighbours_are_drawn_in_turn() -> None:
-    """A cache of 256 vertices, as software OpenGL has one, misses half as often or less."""
+    """A cache of 256 vertices, as in software OpenGL, has half as many misses or fewer."""
     side = 60
     u, v = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     vertices = np.stack([u, np.sin(0.1 * u * v), v], -1).reshape(-1, 3).astype(np.float32)
@@ -167,7 +167,7 @@ def test_neighbours_are_drawn_in_turn() -> None:
 
 
 def misses(faces: np.ndarray, size: int = 256) -> int:
-    """How often a vertex is moved that is not in the place of the cache where it belongs."""
+    """Returns the number of vertex cache misses."""
     kept, count = [-1] * size, 0
     for vertex in faces.ravel().tolist():
         if kept[vertex % size] != vertex:

@@ -1,4 +1,4 @@
-"""The renderer against what it should show: skinned positions, cues, shadows, an empty stage."""
+"""Tests of the renderer against expected results: skinned positions, cues, shadows, an empty stage."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def renderer(gl) -> Renderer:
 
 
 def front_view(distance: float = 3.0, height: float = 0.6) -> CameraView:
-    """A camera on +Z that looks along -Z."""
+    """Returns a camera on +Z that looks along -Z."""
     eye = np.array([0.0, height, distance])
     camera = look_at(eye, np.array([0.0, height, 0.0]))
     return CameraView(eye, camera, perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100))
@@ -38,7 +38,7 @@ def drawn(renderer: Renderer, scene: Scene, view: CameraView | None = None) -> n
 
 
 def bent(character, seed: int = 1, stretch: bool = False) -> Pose:
-    """A pose with a rotation and perhaps a stretch at every node."""
+    """Returns a pose with a rotation, and optionally a stretch, at every node."""
     rng = np.random.default_rng(seed)
     turns = np.linalg.qr(rng.normal(0, 1, (len(character.pivots), 3, 3)))[0]
     turns *= np.sign(np.linalg.det(turns))[:, None, None]
@@ -50,7 +50,7 @@ def bent(character, seed: int = 1, stretch: bool = False) -> Pose:
 
 
 def skinned_by_hand(character, pose: Pose) -> np.ndarray:
-    """Pose's own equation, vertex by vertex."""
+    """Evaluates Pose's own equation, vertex by vertex."""
     moved = np.zeros((len(character.vertices), 3))
     for v, vertex in enumerate(character.vertices.astype(float)):
         for node, weight in zip(character.skin.indices[v], character.skin.weights[v], strict=True):
@@ -115,11 +115,11 @@ def test_the_body_shows_through_near_it_and_only_there(renderer, box, make_body)
     assert away.max() < 1.25 * metre * (0.04 * 1.6 + 0.10)
 
 
-def test_a_body_of_no_confidence_reveals_nothing(renderer, box, make_body) -> None:
+def test_body_without_confidence_reveals_nothing(renderer, box, make_body) -> None:
     actor, guess = SceneCharacter(box, box.rest_pose()), make_body((0, 0.8, 0.2), confidence=0.0)
     solid = drawn(renderer, Scene((actor,), (guess,), BARE))
     glass = drawn(renderer, Scene((actor,), (guess,), replace(BARE, reveal=1.0)))
-    # The pool of light drifts towards the scene from one picture to the next.
+    # The pool of light drifts towards the scene from one frame to the next.
     assert np.abs(solid - glass).max() <= 5
 
 

@@ -1,4 +1,4 @@
-"""Solved vertices as they are drawn: against the normals at rest, a slow twin and the skin shader."""
+"""Tests of drawn normals of solved vertices: against rest normals, a slow reference and the skin shader."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIZE = (200, 160)
 
 
 def slow(vertices: Float) -> Float:
-    """Group by group: the sum of the unit normals of its corners' faces, by the corners' angles at rest."""
+    """Sums the unit normals of each group's corner faces, weighted by the corner angles at rest."""
     rows = np.zeros((len(SURFACE.source), 6))
     a, b, c = (vertices[FACES[:, k]].astype(float) for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -36,7 +36,7 @@ def slow(vertices: Float) -> Float:
 
 
 def rigid(character: Character) -> Pose:
-    """The character turned and moved as one piece."""
+    """Returns the character rotated and moved as one piece."""
     turn = to_matrix(from_rotation_vector(np.array([0.3, 0.7, -0.2])))
     places = character.pivots @ turn.T + [0.2, 0.1, -0.1]
     count = len(character.pivots)
@@ -45,7 +45,7 @@ def rigid(character: Character) -> Pose:
 
 @pytest.fixture
 def character() -> Character:
-    """The chair, with one transform."""
+    """Returns the chair, with one transform."""
     indices = np.zeros((len(VERTICES), 4), np.uint16)
     weights = np.tile(np.float32([1, 0, 0, 0]), (len(VERTICES), 1))
     skin, pivots = SkinWeights(indices, weights), np.zeros((1, 3), np.float32)
@@ -58,18 +58,18 @@ def view() -> CameraView:
     return camera.view(SIZE[0] / SIZE[1])
 
 
-def test_at_rest_they_are_as_a_skinned_mesh_has_them() -> None:
+def test_normals_at_rest_equal_the_skinned_mesh() -> None:
     rows = solved_rows(VERTICES, FACES, SURFACE)
     np.testing.assert_array_equal(rows[:, :3], VERTICES[SURFACE.source])
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
-def test_moved_they_are_what_the_slow_twin_says() -> None:
+def test_moved_normals_match_the_slow_reference() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
     np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 
 
-def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
+def test_nan_vertices_and_empty_faces_give_finite_normals() -> None:
     broken = VERTICES.copy()
     broken[:40], broken[40], broken[41] = 0.0, np.nan, np.inf
     rows = solved_rows(broken, FACES, SURFACE)
@@ -80,7 +80,7 @@ def test_what_is_no_number_and_what_has_no_area_does_no_harm() -> None:
 def test_the_picture_of_solved_vertices_is_that_of_the_same_vertices_skinned(gl, character) -> None:
     renderer = Renderer(gl, SIZE, RenderSettings(shadow_size=128, contact_size=64))
     bare, pose = SceneStyle(body=0, reveal=0, cues=0), rigid(character)
-    room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach as far in both
+    room = np.full(3, -1.5), np.full(3, 1.5)  # shadows reach equally far in both
     renderer.draw(Scene((SceneCharacter(character, pose),), style=bare, extent=room), view())
     skinned = renderer.pixels().astype(int)
     where = VERTICES @ pose.linear[0].T + pose.positions[0]

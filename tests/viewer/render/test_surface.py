@@ -1,4 +1,4 @@
-"""Crease splitting: boards are flat, balls are round, and nothing is lost."""
+"""Tests of crease splitting: boards are flat, balls are round, and no face is lost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_viewer.render.surface import clustered_faces, is_closed, split_crea
 
 
 def ball(rows: int = 12, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
-    """A closed unit ball."""
+    """Returns a closed unit ball."""
     polar = np.linspace(0, np.pi, rows + 1)[1:-1]
     around = np.linspace(0, 2 * np.pi, columns, endpoint=False)
     ring = np.stack([np.cos(around), np.zeros(columns), -np.sin(around)], -1)
@@ -90,7 +90,7 @@ def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
 
 
 def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[frozenset[int]]:
-    """Corners (numbers 3 f + k) that share a normal: neighbours at an edge, one face after the other."""
+    """Returns corners (numbers 3 f + k) that share a normal: neighbours at an edge, face by face."""
     normals = []
     for f in faces:
         a, b, c = vertices[f].astype(float)
@@ -115,7 +115,9 @@ def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[f
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(4, 14), st.integers(1, 30), st.integers(0, 10**6), st.floats(0.1, 2.0))
-def test_corners_share_a_normal_as_the_slow_twin_says(count: int, triangles: int, seed: int, crease) -> None:
+def test_shared_corner_normals_match_the_slow_reference(
+    count: int, triangles: int, seed: int, crease
+) -> None:
     rng = np.random.default_rng(seed)
     vertices = rng.integers(0, 3, (count, 3)).astype(np.float32)
     vertices[rng.integers(0, count, 2)] = -0.0

@@ -1,4 +1,4 @@
-"""Cameras: what is framed is in the picture, and what walks stays in it."""
+"""Tests of cameras: framed subjects are in view, and walking ones stay in view."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def box_at(centre: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def inner_points(box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(6, 3) the middles of a box's faces, which its subject reaches."""
+    """Returns the (6, 3) centres of a box's faces, which its subject reaches."""
     middle, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
     return middle + np.vstack([np.diag(half), -np.diag(half)])
 
 
 @given(number, st.floats(0.5, 2), number, size, aspects, st.floats(-3, 3), st.floats(-1, 1))
 @settings(deadline=None, max_examples=80)
-def test_what_is_framed_is_in_the_picture(x, y, z, half, aspect, across, up) -> None:
+def test_framed_subject_is_in_view(x, y, z, half, aspect, across, up) -> None:
     camera = OrbitCamera()
     camera.orbit(across, up)
     box = box_at(np.array([x, y, z]), half)
@@ -105,7 +105,7 @@ def test_a_film_keeps_whatever_walks_in_the_picture(speed: float) -> None:
         assert np.abs(camera.view(16 / 9).project(centre[None])).max() < 0.6
 
 
-def test_a_film_of_somebody_who_stands_moves_little() -> None:
+def test_camera_moves_little_for_a_standing_person() -> None:
     camera = FilmCamera()
     eyes = []
     for _ in range(300):
@@ -124,7 +124,7 @@ def test_a_film_does_not_shake_with_its_subject() -> None:
 
 @given(st.floats(-4, 4), st.floats(-4, 4), st.floats(-3, 3), st.floats(0.05, 1.0), st.floats(1 / 120, 0.1))
 @settings(deadline=None, max_examples=60)
-def test_what_is_followed_stays_in_the_picture_from_the_side_that_was_chosen(x, z, across, up, step) -> None:
+def test_followed_subject_stays_in_view_from_the_same_side(x, z, across, up, step) -> None:
     camera, moves = OrbitCamera(), CameraMoves()
     camera.orbit(across, up)
     half = np.array([0.3, 0.9, 0.3])

@@ -1,4 +1,4 @@
-"""Cameras of this machine in the window: found by the edge's own program, looked through, started."""
+"""Tests of this machine's cameras in the window: found by the edge's program, previewed, started."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 from enliven_viewer.studio.perform import Camera, CameraSearch
 
 PATIENCE_S = 120.0
-"""Seconds that the edge's program may take to start on a machine with ten times its work."""
+"""Timeout in seconds for the edge's program to start, on a machine with ten times the load."""
 
 
 def until(done) -> None:
@@ -22,7 +22,7 @@ def until(done) -> None:
         time.sleep(0.05)
 
 
-def test_the_edge_lists_its_cameras_while_the_window_goes_on() -> None:
+def test_edge_lists_its_cameras_in_the_background() -> None:
     search = CameraSearch()
     assert search.cameras is None
     search.begin()
@@ -33,7 +33,7 @@ def test_the_edge_lists_its_cameras_while_the_window_goes_on() -> None:
     search.close()
 
 
-def test_a_look_shows_what_a_camera_sees() -> None:
+def test_preview_shows_the_cameras_image() -> None:
     search, made_up = CameraSearch(), Camera("A made-up person", "synthetic", {"width": "160"})
     search.look(made_up)
     assert search.looking == made_up
@@ -60,7 +60,7 @@ def test_an_answer_that_is_no_list_is_no_crash(answer: str) -> None:
     assert search.cameras == () and "enliven doctor" in search.problem
 
 
-def test_a_picture_that_cannot_be_read_is_said(tmp_path) -> None:
+def test_unreadable_preview_picture_is_reported(tmp_path) -> None:
     search, path = CameraSearch(), tmp_path / "depth.png"
     path.write_bytes(b"no picture")
     search._see(Camera("a", "tof"), "", path, False)

@@ -1,4 +1,4 @@
-"""The view goes to the limb that is about to be held, sees it from the side as well, and goes back."""
+"""Tests that the view moves to the limb that would be attached, shows it from the side too, and returns."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from enliven_viewer.studio.perform import CloseUp, about_to_be_held
 from enliven_viewer.studio.settings import StudioSettings
 
 LONG = 1.0
-"""Seconds after which the view may go to another limb."""
+"""Minimum seconds until the view may move to another limb."""
 
 
 @pytest.fixture
 def tower(make_character, make_box) -> Character:
-    """A box that is three metres high, and has eight nodes."""
+    """Returns a box that is three metres high, with eight nodes."""
     return make_character(*make_box((-0.3, 0.0, -0.3), (0.3, 3.0, 0.3)), nodes=8, seed=1)
 
 
@@ -32,7 +32,7 @@ def scene_with(
 
 
 def end(one: Character, *, top: bool) -> np.ndarray:
-    """The nodes in the upper, or the lower, half."""
+    """Returns the nodes in the upper, or the lower, half."""
     height = one.pivots[:, 1]
     return np.flatnonzero((height > 1.5) == top)
 
@@ -43,7 +43,7 @@ def chosen(points: np.ndarray) -> Board:
 
 
 def seen_share(editor: Editor, points: np.ndarray) -> float:
-    """How much of the picture's height some points take, once the view has come to rest."""
+    """Returns the fraction of the image's height that some points cover, once the view has settled."""
     editor.camera.advance(10.0)
     return float(np.ptp(editor.lens.project(points.astype(np.float64))[0][:, 1])) / editor.size[1]
 
@@ -81,7 +81,7 @@ def test_a_match_that_is_shown_is_looked_at_and_another_one_after_a_while(tower)
     assert goals[3] == goals[2], "a hand that trembles moves nothing"
 
 
-def test_who_turns_the_view_keeps_it(tower) -> None:
+def test_view_turned_by_the_user_is_kept(tower) -> None:
     editor = Editor()
     close = CloseUp(editor)
     close.toggle()

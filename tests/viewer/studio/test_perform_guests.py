@@ -1,4 +1,4 @@
-"""Several edges in one window: seen beside one another, recorded as one, one goes on without the other."""
+"""Tests of several edges in one window: shown together, recorded as one, one continues without the other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EDGE = Path(__file__).parents[2] / "system" / "staged_edge.py"
 
 
 def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
-    """An edge with a performer in a chair, and its address."""
+    """Starts an edge with a performer in a chair; returns its address, too."""
     folder.mkdir()
     edge = subprocess.Popen(
         [sys.executable, str(EDGE), name, str(folder), "100"], stdout=subprocess.PIPE, text=True
@@ -32,7 +32,7 @@ def started(name: str, folder: Path) -> tuple[subprocess.Popen[str], str]:
 
 @pytest.fixture
 def two(tmp_path: Path):
-    """A session that follows two real edges, and the process of the first."""
+    """Starts a session that follows two real edges; returns it and the first edge's process."""
     stamp = time.time_ns()
     edges = [started(f"{name}-{stamp}", tmp_path / name) for name in ("left", "right")]
     session = PerformSession(Editor(), tmp_path)
@@ -55,7 +55,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-def test_two_edges_are_seen_and_recorded_and_one_goes_on_alone(two) -> None:
+def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
     with pytest.raises(InputError, match="here already"):
         session.join(edges[1][1])

@@ -1,4 +1,4 @@
-"""The performers in the corner: as their camera sees them, in a corner that covers the characters least."""
+"""Tests of the camera preview: performers as their camera sees them, in the corner that hides least."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second,
     assert depths == sorted(depths, reverse=True), "nearer limbs are drawn over farther ones"
 
 
-def test_who_stands_behind_the_camera_of_the_world_is_looked_at_from_before():
+def test_performer_behind_the_world_camera_is_seen_from_the_front():
     (one,) = seen([moved(performer(1.0), 3.0, -4.0)])
     inside = (one.places > 0.0) & (one.places < [WIDER, 1.0])
     assert inside.all() and seen([]) == ()
@@ -42,13 +42,13 @@ def test_who_stands_behind_the_camera_of_the_world_is_looked_at_from_before():
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("views", [1, 2, 3])
-def test_it_lies_within_the_picture(size, views):
+def test_inset_is_inside_the_picture(size, views):
     left, top, wide, tall = PerformerInset().place(*size, views, list)
     assert left >= 0 and top >= 0 and left + wide <= size[0] and top + tall <= size[1]
     assert wide == pytest.approx(views * WIDER * tall) and wide <= 0.5 * size[0]
 
 
-def test_it_leaves_a_corner_where_a_character_stands_and_stays_in_the_next():
+def test_inset_leaves_a_covered_corner_and_stays_in_the_next():
     inset, size = PerformerInset(), (900.0, 501.0)
     low = inset.place(*size, 1, list)
     top = [inset.place(*size, 1, lambda: [low]) for _ in range(60)][-1]
@@ -57,7 +57,7 @@ def test_it_leaves_a_corner_where_a_character_stands_and_stays_in_the_next():
 
 
 @pytest.mark.parametrize("corner", ["low right", "low left", "top right", "wide"])
-def test_the_words_about_who_holds_what_stand_beside_it(corner):
+def test_attachment_texts_avoid_the_inset(corner):
     area = Area(10.0, 20.0, 600.0, 300.0)
     wide = 500.0 if corner == "wide" else 150.0
     left = 10.0 if "left" in corner else 610.0 - wide
@@ -68,12 +68,12 @@ def test_the_words_about_who_holds_what_stand_beside_it(corner):
     assert beside(area, None) == area
 
 
-def test_what_is_behind_the_camera_covers_nothing():
+def test_points_behind_the_camera_cover_nothing():
     assert rectangle_of(np.array([[1.0, 2.0], [np.nan, 3.0]])) is None
     assert rectangle_of(np.array([[1.0, 2.0], [4.0, 6.0]])) == (1.0, 2.0, 3.0, 4.0)
 
 
-def test_whether_it_is_wanted_is_remembered(tmp_path):
+def test_inset_visibility_is_remembered(tmp_path):
     chosen = Preferences(tmp_path)
     assert chosen.performer
     chosen.watch_performer()

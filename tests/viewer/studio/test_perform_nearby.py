@@ -1,4 +1,4 @@
-"""What an edge of this machine says when it cannot start reaches the window."""
+"""Tests that errors of an edge on this machine that cannot start reach the window."""
 
 import time
 
@@ -17,7 +17,7 @@ from enliven_viewer.studio.workspace.files import add_sample
         (("--sensor", "kinekt"), "kinekt"),
     ],
 )
-def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, said):
+def test_local_camera_start_error_is_shown(tmp_path, words, said):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
     perform.connect_nearby(*words)
@@ -31,7 +31,7 @@ def test_why_a_camera_of_this_machine_does_not_start_is_said(tmp_path, words, sa
     assert said in toast.text and toast.mend and "enliven:" not in toast.text
 
 
-def test_what_stood_on_a_stage_of_this_machine_goes_onto_the_next(tmp_path):
+def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
     perform.connect_nearby("--sensor", "kinekt")

@@ -1,4 +1,4 @@
-"""What the recorder of the window keeps of a stage, whose clock may begin again."""
+"""Tests of the recorder in the window, for a stage with a clock that may start again."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_a_recording_begun_right_after_a_restart_counts_by_the_new_clock(later: 
     assert [one.time_ns // STEP for one in kept.frames] == list(range(later, later + 33))
 
 
-def test_a_restart_while_recording_keeps_what_was_done_and_no_more() -> None:
+def test_restart_while_recording_keeps_only_the_earlier_part() -> None:
     recorder = LiveRecorder()
     hear(recorder, 7)
     recorder.begin("take 1")
@@ -61,8 +61,8 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
     assert [one.time_ns // STEP for one in kept.frames] == [1, 2, 3, 4]
 
 
-def test_a_slow_picture_after_which_topics_come_one_by_one_ends_nothing(box) -> None:
-    """Three seconds of performers, and then of poses, arrive in one picture."""
+def test_topic_bursts_after_a_slow_frame_do_not_end_the_recording(box) -> None:
+    """Three seconds of performers, and then of poses, arrive in one frame."""
     recorder = LiveRecorder()
     recorder.heard(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
     hear(recorder, 0)

@@ -1,4 +1,4 @@
-"""What ends a recording by itself: holding still, the end of its span, a word of a pedal or a voice."""
+"""Tests of automatic ends of a recording: holding still, the end of its span, a pedal or voice command."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_still_counts_from_where_the_last_performer_came_to_rest(moving: int, st
     assert found.seconds(now) == pytest.approx(still / 30, abs=0.1)
 
 
-def test_who_has_not_moved_yet_or_is_away_ends_nothing() -> None:
+def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
     assert seen([[standing(1, 0.02, n)] for n in range(90)]).seconds(90 * STEP) == 0.0
     away = [[swaying(1, 4 * n)] for n in range(20)] + [[]] * 90
     assert seen(away).seconds(110 * STEP) == 0.0
@@ -82,7 +82,7 @@ def test_the_still_end_is_left_out() -> None:
 
 @pytest.fixture
 def session(tmp_path: Path):
-    """A session that follows a real edge, whose performer lifts a knee in a chair."""
+    """Starts a session that follows a real edge with a performer lifting a knee in a chair."""
     edge = subprocess.Popen(
         [sys.executable, str(EDGE), f"stage-{time.time_ns()}", str(tmp_path), "100"],
         stdout=subprocess.PIPE,
@@ -149,7 +149,7 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
 
 
 def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -> None:
-    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither gets a twin."""
+    """A mesh from a file is a puppet without examples, one from a scan is at rest; neither is duplicated."""
     mesh, editor = load_sample("chair"), session.editor
 
     def scanned(project: Project) -> Project:
@@ -172,8 +172,8 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         assert editor.project.characters["chair"].kind == before
 
 
-def test_what_waits_for_a_stage_goes_onto_it(session: PerformSession, tmp_path: Path) -> None:
-    """A sample that was opened before there was a stage, and one that was opened after."""
+def test_waiting_samples_are_put_on_the_stage(session: PerformSession, tmp_path: Path) -> None:
+    """A sample that was opened before the stage connected, and one that was opened afterwards."""
     later = Workspace.new(Editor(), tmp_path / "own")
     later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
     assert later.actions.do("sample.chair")

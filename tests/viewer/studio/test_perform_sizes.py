@@ -1,4 +1,4 @@
-"""Both hands scale a character of the project on a real edge: an edit, and undo reaches the stage."""
+"""Tests of scaling a project's character with both hands on a real edge: one edit; undo reaches the stage."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HANDS = [Joint.HAND_LEFT, Joint.HAND_RIGHT]
 
 
 class Person:
-    """A sensor of one performer with the hands so many metres apart."""
+    """A sensor of one performer with the hands at a given distance, metres."""
 
     name = "person"
 
@@ -49,7 +49,7 @@ class Person:
 
 
 class House:
-    """A real edge with a chair, and a workspace whose project has the chair too, on one thread."""
+    """A real edge with a chair, and a workspace with the same chair in its project, on one thread."""
 
     def __init__(self, outlet: Outlet, folder) -> None:
         mesh = make_chair(0.08)
@@ -83,7 +83,7 @@ def house(tmp_path) -> Iterator[House]:
         made.session.disconnect()
 
 
-def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> None:
+def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     session, editor, sizes = house.session, house.workspace.editor, house.session.sizes
     first = editor.project
     house.until(lambda: session.connected and session.performers and "chair" in session.standing)
@@ -95,7 +95,7 @@ def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> N
     house.person.away = 1.2
     house.until(lambda: sizes.of("chair") > 1.6)
     assert editor.project is first, "nothing is kept before it stays"
-    house.until(lambda: sizes.going is None)  # the hands keep still
+    house.until(lambda: sizes.going is None)  # the hands stay still
     assert "It stays." in sizes.words
     size = sizes.of("chair")
     house.until(lambda: editor.project.handling)
@@ -114,12 +114,12 @@ def test_hands_scale_the_chair_it_is_kept_undone_and_set_anew(house: House) -> N
     assert not editor.project.handling, "it is as if it had never been"
 
 
-def test_how_far_soft_spots_swing_is_dragged_undone_and_set_anew(house: House) -> None:
+def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> None:
     session, editor, actor = house.session, house.workspace.editor, house.actor
     house.until(lambda: session.connected and session.performers and "chair" in session.standing)
     assert actor.exaggeration is None, "as the stage's settings say"
     editor.sketch(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
-    house.until(lambda: actor.exaggeration == 3.0)  # while it is dragged
+    house.until(lambda: actor.exaggeration == 3.0)  # during the drag
     editor.edit("swing", lambda project: handle_characters(project, ["chair"], exaggeration=2.5))
     house.until(lambda: actor.exaggeration == 2.5)
     assert project_of(project_bytes(editor.project)).handling["chair"].exaggeration == 2.5, "it is saved"
@@ -127,6 +127,6 @@ def test_how_far_soft_spots_swing_is_dragged_undone_and_set_anew(house: House) -
     house.until(lambda: actor.exaggeration is None)
     editor.redo()
     house.until(lambda: actor.exaggeration == 2.5)
-    # An edge that was started again has forgotten it.
+    # A restarted edge has forgotten it.
     actor.exaggerate(None)
     house.until(lambda: actor.exaggeration == 2.5)

@@ -1,4 +1,4 @@
-"""A press of Possess is done at once, or as soon as it can be, or refused with what to do."""
+"""Tests that a press of Possess acts at once, or as soon as possible, or is refused with advice."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ class Sitting:
         self.count, self.present = 0, list[Body]()
 
     def connect(self) -> None:
-        """Follows the edge, and waits until its characters are here."""
+        """Follows the edge, and waits until its characters have arrived."""
         self.perform.connect(str(self.house.outlet.publisher.endpoint))
         self.until(lambda: len(self.perform.standing) == len(self.house.stage.actors))
 
     def poll(self) -> None:
-        """Lets the session go on, as each picture of the window does."""
+        """Advances the session, as each frame of the window does."""
         self.perform.advance(0.02)
 
     def until(self, done, what: str = "it") -> None:
-        """Shows the camera whoever is present until something has happened."""
+        """Shows the current people to the camera until a condition holds."""
 
         def after_a_frame() -> object:
             self.count += 1
@@ -55,18 +55,18 @@ class Sitting:
         self.house.until(after_a_frame, what)
 
     def pictures(self, count: int) -> None:
-        """Lets so many frames pass."""
+        """Runs ``count`` frames."""
         end = self.count + count
         self.until(lambda: self.count >= end)
 
     @property
     def held(self) -> set[str]:
-        """The characters that somebody holds."""
+        """Returns the characters with a performer attached."""
         return {one.character for one in self.perform.holders}
 
     @property
     def toasts(self) -> list[tuple[str, str]]:
-        """What was said, and what to do about it."""
+        """Returns the notifications and their advice."""
         return [(one.text, one.mend) for one in self.editor.toasts.shown]
 
 
@@ -95,7 +95,7 @@ def sitting(tmp_path: Path, monkeypatch) -> Iterator:
         one.house.close()
 
 
-def test_whoever_is_in_view_steps_in_at_once(sitting) -> None:
+def test_person_in_view_steps_in_at_once(sitting) -> None:
     one = sitting(actor())
     one.connect()
     one.present = [person()]
@@ -106,7 +106,7 @@ def test_whoever_is_in_view_steps_in_at_once(sitting) -> None:
     assert not one.toasts
 
 
-def test_with_nobody_in_view_it_is_done_as_soon_as_somebody_comes(sitting) -> None:
+def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
     one = sitting(actor())
     one.connect()
     one.perform.stepping_in.press()
@@ -129,7 +129,7 @@ def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
     assert not one.held and not one.perform.stepping_in.waits
 
 
-def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) -> None:
+def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
     monkeypatch.setattr(stepping_in, "PATIENCE_S", 0.1)
     one = sitting(actor())
     one.connect()
@@ -138,7 +138,7 @@ def test_a_press_that_nobody_follows_ends_with_its_reason(sitting, monkeypatch) 
     assert one.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
 
 
-def test_what_the_edge_refuses_is_said_with_what_to_do(sitting) -> None:
+def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     one = sitting(actor(place="fixed"))
     one.connect()
     one.present = [person(z=-9.0)]
@@ -165,7 +165,7 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     one = sitting(actor())
     one.perform.connect(str(one.house.outlet.publisher.endpoint))
-    one.perform.live.near = True  # a stage that this window has started
+    one.perform.live.near = True  # a stage that was started by this window
     one.perform.stepping_in.press()
     assert one.perform.stepping_in.words == one.perform.live.making
     one.present = [person()]
@@ -200,13 +200,13 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     one.perform.stepping_in.press()
     end = time.monotonic() + PATIENCE
     while not one.perform.stepping_in.words and time.monotonic() < end:
-        one.poll()  # the edge compiles meanwhile, and does nothing else
+        one.poll()  # the edge compiles meanwhile, and is otherwise idle
         time.sleep(0.01)
     assert one.perform.stepping_in.words.startswith("The stage is busy")
     one.until(lambda: one.held == {"chair"})
 
 
-def test_nothing_on_the_stage_and_no_stage_are_said(sitting) -> None:
+def test_empty_and_missing_stage_are_reported(sitting) -> None:
     one = sitting()
     one.connect()
     one.until(lambda: one.perform.connected)

@@ -1,4 +1,4 @@
-"""A character of the project that stands on the stage as well is shown once, with what both say of it."""
+"""Tests that a project's character that is also on the stage is shown once, with both states merged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def editor() -> Editor:
 
 
 def on_stage(held: bool = True) -> SceneCharacter:
-    """The arm as an edge shows it: at rest, aside, perhaps held at its second bone."""
+    """Returns the arm in an edge's state: at rest, aside, or attached at its second bone."""
     character = character_of(ARM)
     rest = character.rest_pose()
     cues = CueFrame("arm", np.array([1], np.int32), np.ones(1, np.float32)) if held else None
@@ -53,7 +53,7 @@ def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
     assert np.abs(shown.pose.linear[1] - rest.linear[1]).max() > 0.05, "the wave would be left out for it"
 
 
-def test_where_one_edits_the_projects_own_is_shown(editor: Editor) -> None:
+def test_project_character_is_shown_while_editing(editor: Editor) -> None:
     twins = Twins(editor)
     board = Board("arm", "choosing", 1, 5, 0, (), 0)
     scene = twins.shown(Scene((on_stage(),), boards={"arm": board}), Telling(performs=False))
@@ -78,7 +78,7 @@ def test_one_that_was_edited_meanwhile_is_the_projects_until_the_stage_has_it(ed
     assert twins.shown(Scene((other,)), Telling(heard=False)).actors == () and not twins.hidden
 
 
-def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
+def test_possessed_mesh_is_live_while_attached_and_plays_otherwise() -> None:
     project, name = possessed_chair(4)
     editor = Editor(project=project)
     character = editor.posed(name).drawn
@@ -97,7 +97,7 @@ def test_a_possessed_one_is_live_while_it_is_held_and_else_plays() -> None:
     assert not live(True, heard=False, held={name}), "what was recorded is looked at"
 
 
-def test_a_possessed_one_that_is_held_plays_with_what_is_done_on_top() -> None:
+def test_attached_mesh_plays_with_the_live_motion_on_top() -> None:
     project, name = possessed_chair(20)
     editor = Editor(project=project)
     editor.time = 0.4

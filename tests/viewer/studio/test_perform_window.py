@@ -1,4 +1,4 @@
-"""Performing in the studio's real window with a real edge, which is killed while it is recorded."""
+"""Tests of performing in the studio's real window with a real edge, which is killed while recording."""
 
 from __future__ import annotations
 

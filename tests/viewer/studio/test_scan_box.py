@@ -1,4 +1,6 @@
-"""The box of a scan: its sides follow the pointer, none passes another, and it begins round the thing."""
+"""Tests of the crop box of a scan: its sides follow the pointer, none crosses another, it encloses the
+object.
+"""
 
 import numpy as np
 import pytest
@@ -45,12 +47,12 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
     direction = np.eye(3)[axis]
     away = lens.view.eye - point
     if abs(away @ direction) > 0.98 * np.linalg.norm(away):
-        return  # it is looked at along the line on which it goes: no pixel tells how far
+        return  # viewed along the line of motion: no pixel determines the distance
     other = before[1 - end, axis]
     wanted = point + (share - 1.0) * (point[axis] - other) * direction
     assert box.press(pixel(lens, point), lens)
     if box._held != side:
-        return  # another handle lies before this one
+        return  # another handle occludes this one
     box.drag(pixel(lens, wanted), lens)
     box.release()
     expected = before.copy()
@@ -65,7 +67,7 @@ def test_a_side_comes_to_where_the_pointer_is_and_the_others_stay(side, share, t
 @given(
     drags=st.lists(st.tuples(SIDES, st.floats(0, 800), st.floats(0, 500)), max_size=8), turn=st.floats(-3, 3)
 )
-def test_it_never_turns_inside_out(drags, turn):
+def test_box_never_turns_inside_out(drags, turn):
     box, lens = DraggedBox(), lens_from(turn)
     for side, x, y in drags:
         if box.press(pixel(lens, middle_of(box, side)), lens):
@@ -81,8 +83,8 @@ def test_it_never_turns_inside_out(drags, turn):
     tilts=st.lists(st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05)), min_size=2, max_size=2),
     moves=st.lists(st.tuples(*[st.floats(-1.0, 1.0)] * 3), min_size=2, max_size=2),
 )
-def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(tilts, moves):
-    """Until then the scan's place on the stage changes, by as much as the camera was away from the thing."""
+def test_box_follows_the_object_when_the_scans_pose_changes(tilts, moves):
+    """Until then the scan's pose on the stage changes with the camera's offset from the object."""
     before, after = np.eye(4), np.eye(4)
     for place, (x, z), move in zip((before, after), tilts, moves, strict=True):
         place[:3, :3], place[:3, 3] = Rotation.from_euler("xz", [x, z]).as_matrix(), move
@@ -98,7 +100,7 @@ def test_it_stays_round_the_thing_when_the_edge_finds_the_middle_and_the_floor(t
     assert box.corners[0, 1] == 0.0 and box.corners[1, 1] >= 0.02, "what stands on the floor stands on it"
 
 
-def test_it_begins_round_what_stands_in_the_middle():
+def test_initial_box_encloses_the_central_object():
     random = np.random.default_rng(0)
     thing = random.uniform([-0.3, 0.0, 0.1], [0.2, 0.9, 0.4], (4000, 3))
     floor = random.uniform([-3, -0.01, -3], [3, 0.01, 3], (4000, 3))
@@ -109,7 +111,7 @@ def test_it_begins_round_what_stands_in_the_middle():
 
 
 class Client:
-    """What the session asks the edge for."""
+    """Records the session's requests to the edge."""
 
     def __init__(self):
         self.asked = []
@@ -125,7 +127,7 @@ class Client:
 
 
 class Perform:
-    """A link to an edge that answers nothing."""
+    """A link to an edge that never answers."""
 
     def __init__(self):
         self.client, self.room = Client(), "Perform"

@@ -1,4 +1,4 @@
-"""Scanning in the studio's real window with a real edge that replays a camera carried round a chair."""
+"""Tests of scanning in the studio's real window; a real edge replays a camera carried round a chair."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
     assert 0.5 * high[1] < dragged[1] < high[1] - 0.05, "the top came down, and was taken again there"
     assert (lower == low).all() and (dragged[[0, 2]] == high[[0, 2]]).all()
     faces, (wide, tall, deep) = said["scanned"]
-    # At a centimetre, of a third of the way round, or less on a busy machine; what the box holds of it.
+    # At a centimetre, from a third of a round, or less on a busy machine; only inside the box.
     assert 1000 < faces <= 50_000
     assert (np.array([wide, tall, deep]) < dragged - lower + 0.02).all() and tall > 0.6 * dragged[1]
     assert said["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
@@ -53,7 +53,7 @@ def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Pa
 
 
 def message(**given: object) -> ScanMessage:
-    """A scan at 1.3 m, the camera at +z, that looks at the middle."""
+    """Returns a scan's message at 1.3 m, with the camera at +z looking at the middle."""
     camera = [1.0, 0, 0, 0.0, 0, -1.0, 0, 0.8, 0, 0, -1.0, 1.3]
     usual: dict[str, object] = {"number": 1, "phase": "scanning", "tracking": "scanning"}
     return ScanMessage(**{**usual, "stage_from_camera": camera, **given})  # type: ignore[arg-type]
@@ -91,7 +91,7 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"stage_from_camera": [], "view": view(1.0)}, "Point the camera at the thing"),
     ],
 )
-def test_the_person_with_the_camera_is_told_one_thing(given: dict[str, object], words: str) -> None:
+def test_scan_state_gives_its_advice(given: dict[str, object], words: str) -> None:
     assert advice_of(message(**given)).text == words
 
 

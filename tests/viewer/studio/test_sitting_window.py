@@ -1,4 +1,4 @@
-"""One sitting in the real window with the real edge: scan, voice, possession, physics and recording."""
+"""Tests of one session in the real window with the real edge: scan, voice, possession, physics, recording."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ wav = "say.wav"
 
 
 def speech(text: str, folder: Path) -> np.ndarray:
-    """Returns a sentence of a synthetic speaker, at 16 kHz."""
+    """Returns a sentence by a synthetic speaker, at 16 kHz."""
     path = folder / "sentence.wav"
     subprocess.run(["espeak-ng", "-v", "en-us", "-s", "140", "-w", str(path), text], check=True)
     with wave.open(str(path)) as file:
@@ -47,7 +47,7 @@ def speech(text: str, folder: Path) -> np.ndarray:
 
 
 def rehearsal(path: Path) -> None:
-    """Writes minutes in which a phrase of the list and another sentence take turns."""
+    """Writes minutes of speech in which a known phrase and another sentence alternate."""
     room = np.random.default_rng(0).normal(0.0, 20.0, MINUTES * 60 * RATE)
     texts = ("puppet follow my pose", "look at the lights")
     sounds = [speech(text, path.parent) for text in texts]
@@ -60,9 +60,9 @@ def rehearsal(path: Path) -> None:
 
 
 def carried_and_performed(path: Path) -> None:
-    """Writes recorded depth: a person performs, then the camera is carried round a chair again and again.
+    """Writes recorded depth: a person performs, then the camera is carried round a chair repeatedly.
 
-    Its way is closed, so the rounds follow each other without a jump. A busy machine begins the scan late.
+    Its path is closed, so the rounds follow each other without a jump. A busy machine starts the scan late.
     """
     person = list(Recording(shipped_recording()).frames())
     scan = HandheldScan(load_sample("chair"), load_profile("kinect1"), PATH, width=320, colour=True)
@@ -94,7 +94,7 @@ def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, 
     assert said["heard"].startswith("Heard: puppet follow my pose")
     assert said["not understood"].startswith("Not understood: ")
     assert said["phrases"] == 2
-    # The performer may come back while the pointer goes to the button.
+    # The performer may return while the pointer moves to the button.
     assert said["waits"].startswith(("No one is in view", "Stand still")), "a press is answered at once"
     assert said["held"] == ["Performer 1 is in the scan: the whole body"], "and done without another press"
     assert said["recorded"][0] > 0 and said["recorded"][1]

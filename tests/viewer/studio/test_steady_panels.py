@@ -1,4 +1,4 @@
-"""Nothing that can be clicked moves while lists are filled: start page, Perform without a stage, scan."""
+"""Tests that no clickable widget moves while lists fill: start page, Perform without a stage, scan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BELOW = ("look for cameras", "voice wanted", "address", "connect", "recorded per
 """Widgets below the list of cameras."""
 
 
-def test_nothing_moves_as_cameras_are_found_and_looked_through(tmp_path: Path) -> None:
+def test_widgets_stay_in_place_as_cameras_are_found_and_previewed(tmp_path: Path) -> None:
     said = in_a_window(SESSION, str(tmp_path))
     for shown, least in (("start page", 20), ("no stage", 30), ("a scan", 5)):
         assert said[shown]["frames"] >= least, shown

@@ -1,4 +1,4 @@
-"""Actions: found by letters, done by menu and key in the real window, with other keys; and undone."""
+"""Tests of actions: found by letters, done by menu and key in the real window, rebound; and undone."""
 
 from __future__ import annotations
 
@@ -44,10 +44,11 @@ def stage(tmp_path_factory) -> Workspace:
 
 CHOSEN = (LIMB, TIP, CHAIN, POST, STAR)
 AT_RANDOM = int(os.environ.get("ENLIVEN_ACTIONS", "150"))
-"""Actions of the session at random: each of some ninety comes once or twice. `make test-long` does 500."""
+"""Number of random actions in the session: each of some ninety comes once or twice. `make test-long` does
+500."""
 _STEPS = ("edit.undo", "edit.redo", "edit.history")
 NOT_AT_RANDOM = (*_STEPS, "file.", "shape.bake", "help.", "tool.", "perform.", "scan.")
-"""Dialogues, steps through the history, and what takes seconds in a thread."""
+"""Dialogs, steps through the history, and actions that take seconds in a thread."""
 
 
 def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
@@ -82,7 +83,7 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
     assert same(editor.project, first)
 
 
-def test_what_cannot_be_done_says_why_and_does_nothing(stage: Workspace) -> None:
+def test_impossible_action_gives_a_reason_and_changes_nothing(stage: Workspace) -> None:
     stage.editor.select(character=None)
     before = stage.editor.project
     for action in stage.actions:
@@ -115,7 +116,7 @@ def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) 
     assert found("undo")[0] == "edit.undo" and found("no such thing") == []
 
 
-def test_what_was_done_last_is_offered_first(stage: Workspace) -> None:
+def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     stage.actions.do("view.bones")
     finding = Finding(stage.actions)
@@ -131,7 +132,7 @@ ROOMS: dict[str, tuple[str, ...]] = {"d": ("Here",), "e": ("Here", "There"), "f"
 
 
 def table(folder: Path, done: list[str]) -> ActionTable:
-    """Three actions whose keys count everywhere, one without a key; three with keys of their workspaces."""
+    """Returns three actions with global keys, one without a key, and three with keys of their workspaces."""
     made = ActionTable(Toasts(6.0), Preferences(folder))
     keys = {"a": ("x",), "b": ("ctrl+y", "z"), "c": (), "d": ("x",), "e": ("f5",), "f": ("x",)}
     for name, own in keys.items():

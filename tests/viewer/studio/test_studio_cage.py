@@ -1,4 +1,4 @@
-"""A rig that the studio does not know: it is played, chosen, posed, moved, cut and exported as all are."""
+"""Tests of a rig that the studio does not know: played, selected, posed, moved, cut and exported as usual."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from enliven_viewer.studio.workspace import Workspace
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A post in a cage that swings to the right and back."""
+    """Returns a post in a cage that swings to the right and back."""
     ways = 0.3 * np.sin(np.linspace(0.0, np.pi, 31))[:, None, None] * np.ones((1, 4, 1)) * [1.0, 0.0, 0.0]
     stream = PoseStream("swing", np.tile(np.eye(3), (31, 4, 1, 1)), ways, 0.1)
     mesh = make_limb("post", 4, 1.2, (0.0, 0.1, 0.0)).mesh
@@ -34,7 +34,7 @@ def cage(workspace: Workspace) -> Cage:
     return workspace.editor.project.character("post", Cage)
 
 
-def test_it_plays_and_has_a_lane_that_is_dragged_and_muted(workspace: Workspace) -> None:
+def test_custom_rig_plays_and_its_lane_is_dragged_and_muted(workspace: Workspace) -> None:
     assert workspace.editor.length == pytest.approx(3.0)
     before = workspace.editor.posed("post").vertices
     workspace.editor.scrub(1.5)
@@ -63,7 +63,7 @@ def test_a_corner_is_chosen_and_dragged_where_the_pointer_goes(workspace: Worksp
     assert not cage(workspace).bent[[0, 2, 3]].any() and workspace.editor.history.names == ("pose post",)
 
 
-def test_it_is_moved_copied_mirrored_cut_merged_and_exported(workspace: Workspace, tmp_path) -> None:
+def test_custom_rig_is_moved_copied_mirrored_cut_and_exported(workspace: Workspace, tmp_path) -> None:
     first, editor = workspace.editor.project, workspace.editor
     do(workspace, Click(Spot(0.0, 0.7)), Key("ctrl+d"), Key("ctrl+m"), Key("ctrl+equal"), Key("f"), Wait(1.0))
     assert list(editor.project.characters) == ["post", "post 2"] and editor.selection.character == "post 2"

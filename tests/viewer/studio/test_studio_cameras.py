@@ -1,4 +1,4 @@
-"""The studio's camera: F keeps the side that was chosen, and what is followed stays in the picture."""
+"""Tests of the studio's camera: F keeps the viewing direction, and a followed character stays in view."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def workspace_of(make_limb) -> Workspace:
 
 
 def seen(editor: Editor, name: str) -> float:
-    """How far from the middle of the picture a character is, 1 at its edge."""
+    """Returns a character's distance from the centre of the image, 1 at its edge."""
     posed = editor.posed(name)
     aspect = editor.size[0] / editor.size[1]
     return float(np.abs(editor.camera.view(aspect).project(posed.vertices)).max())
@@ -70,7 +70,7 @@ def test_looks_come_in_turn_and_come_back(make_limb) -> None:
     assert set(found) == set(LOOKS) and found[-1] == begin
 
 
-def test_ctrl_f_frames_the_whole_way_of_what_is_chosen_or_of_all_and_f_what_is_there_now() -> None:
+def test_ctrl_f_frames_the_whole_path_and_f_the_current_pose() -> None:
     mesh = load_sample("chair")
     rest, far = np.zeros((1, 3)), np.array([[4.0, 0.0, 0.0]])
     shape, still = graph_shape_at_rest("chair", rest, np.zeros((0, 2), np.int32), mesh)
@@ -95,6 +95,6 @@ def test_ctrl_f_frames_the_whole_way_of_what_is_chosen_or_of_all_and_f_what_is_t
 
 
 def inside(editor: Editor, points) -> bool:
-    """Whether all of some places are in the picture."""
+    """Returns True if all of some positions are in the image."""
     pixels = editor.lens.project(points)[0]
     return bool(((pixels >= 0) & (pixels <= editor.size)).all())

@@ -1,4 +1,4 @@
-"""Clips on the timeline, for all rigs: each handle is where it is drawn, and a drag of it is one edit."""
+"""Tests of clips on the timeline, for all rigs: handles are where they are drawn; a drag is one edit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 RIGS = ("bones", "graph", "points")
 rigs = pytest.mark.parametrize("rig", RIGS)
 FAR = 60.0
-"""Pixels: nothing sticks over so wide a gap."""
+"""Pixels: snapping does not reach over a gap this wide."""
 
 
 def all_rigs() -> tuple[Project, dict[str, str]]:
@@ -104,7 +104,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
 
 
 @rigs
-def test_where_clips_meet_each_is_trimmed_and_a_blend_is_dragged(rig: str, tmp_path: Path) -> None:
+def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_path: Path) -> None:
     name, numbers = NAMES[rig], tuple(range(len(PROJECT.characters[NAMES[rig]].playing)))[:1]
     (clip,) = clips_of(PROJECT, name, 0)
     lasts = clip.end - clip.begin
@@ -122,7 +122,7 @@ def test_where_clips_meet_each_is_trimmed_and_a_blend_is_dragged(rig: str, tmp_p
     assert layout.handle_at(layout.x(after.begin), y).kind == "begin"
 
 
-def test_what_is_locked_stays_and_what_is_folded_has_one_row(tmp_path: Path) -> None:
+def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
     workspace = desk(tmp_path)
     timeline = workspace.timeline
     heads = [lane for lane in timeline.layout.lanes() if lane.kind == "head"]
@@ -252,7 +252,7 @@ def test_keys_split_blend_reverse_and_remove_what_is_under_the_playhead(rig: str
     assert editor.toasts.shown[-1].text == "No clip is under the playhead"
 
 
-def test_clips_have_pictures_that_are_drawn_beside_the_window() -> None:
+def test_clip_pictures_are_drawn_in_the_background() -> None:
     pictures = ClipPictures()
     takes = [PROJECT.take_of(PROJECT.characters[name].playing[0]) for name in NAMES.values()]
     for take in takes:

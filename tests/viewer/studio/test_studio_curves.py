@@ -1,4 +1,4 @@
-"""Curves of what is chosen, of every rig: what they show is what is played, and each drag is one edit."""
+"""Tests of the selection's curves, for every rig: curves equal the playback, and each drag is one edit."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor, curves, name = desk(rig, handle=None)
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
-    KeyCommands(editor).set()  # at 0 s it is where it was
+    KeyCommands(editor).set()  # at 0 s it is unchanged
     editor.time, editor.keying = 1.0, True
     before = vertices_of(editor.project, name, 1.0)
     x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
@@ -240,7 +240,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     np.testing.assert_allclose(start, vertices_of(WORLDS[rig][0], name, 0.0), atol=1e-6)
     if rig == "points":
         editor.solving.settle(editor.project, name)
-    seen = editor.posed(name).vertices  # a puppet's surface is solved beside the window
+    seen = editor.posed(name).vertices  # a puppet's surface is solved in the background
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)
     handles = rig_of(editor.chosen()).player(editor.project, editor.chosen())(1.0).handles
@@ -274,7 +274,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         x, y = at(curves, 1, 0)
         curves.press(x, y)
         curves.drag(x, y + 5000)
-        curves.release(x, y + 5000)  # below what can be played: the least is taken, and it is said
+        curves.release(x, y + 5000)  # below the playable minimum: the minimum is used, and reported
         keys = layer_keys(editor.project, name, 0, number)
         assert keys[1].value == (0.0 if number == "weights" else SLOWEST)
         assert editor.toasts.shown
@@ -303,7 +303,7 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     nodes = np.array(editor.posed(name).nodes, float)
     pixels = np.array(editor.lens.pixels_of(nodes))
     apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
-    node = int(apart.min(1).argmax())  # one that stands alone in the picture
+    node = int(apart.min(1).argmax())  # one that is alone in the image
     drag(tool, tuple(pixels[node]), (0, -40))
     assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
     ((time, key),) = keys_of(editor.project, name, node)

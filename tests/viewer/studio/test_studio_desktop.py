@@ -1,4 +1,4 @@
-"""The window on dense screens and with large text: one scale for all of it; and colours for all eyes."""
+"""Tests of the window on dense screens and with large text: one scale for all; colours for all eyes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_on_a_screen_of_twice_the_density_all_is_twice_as_large_in_its_place(tmp
         assert other["usual"] == [640.0, 400.0]
         assert set(other["widgets"]) == set(plain["widgets"])
         for name, place in plain["widgets"].items():
-            # Letters are as wide as the pixels let them be, to half a pixel each, which adds up along menus.
+            # Glyph widths are rounded to half a pixel, which adds up along menus.
             np.testing.assert_allclose(other["widgets"][name], place, atol=12.0, err_msg=name)
     for said in (plain, dense, large):
         np.testing.assert_allclose(said["pointer"], said["aimed"], atol=1.0)
@@ -86,11 +86,11 @@ SEEN = {
     "without blue": "1.256 -0.077 -0.179  -0.078 0.931 0.148  0.005 0.691 0.304",
     "with all": "1 0 0  0 1 0  0 0 1",
 }
-"""Linear RGB as eyes without one kind of cone see it (Machado, Oliveira and Fernandes 2009)."""
+"""Linear RGB as seen without one kind of cone (Machado, Oliveira and Fernandes 2009)."""
 
 
 @pytest.mark.parametrize("eyes", SEEN)
-def test_good_a_warning_and_an_error_are_told_apart_by_all_eyes(eyes: str) -> None:
+def test_status_colours_differ_for_all_eyes(eyes: str) -> None:
     matrix = np.array(SEEN[eyes].split(), float).reshape(3, 3)
     seen = [lab(matrix @ linear(colour[:3])) for colour in (theme.GOOD, theme.WAIT, theme.BAD)]
     for k, one in enumerate(seen):
@@ -99,13 +99,13 @@ def test_good_a_warning_and_an_error_are_told_apart_by_all_eyes(eyes: str) -> No
 
 
 def linear(colour: tuple[float, ...]) -> np.ndarray:
-    """Linear RGB of sRGB."""
+    """Returns the linear RGB of sRGB."""
     value = np.array(colour)
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def lab(rgb: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* of linear RGB, for daylight."""
+    """Returns the CIE L*a*b* of linear RGB, for daylight."""
     xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
     ratio = xyz @ np.clip(rgb, 0, 1) / [0.9505, 1.0, 1.089]
     f = np.where(ratio > 0.008856, np.cbrt(ratio), 7.787 * ratio + 16 / 116)

@@ -1,4 +1,4 @@
-"""Naming the five ends of a possessed mesh: marks where they are, dragged by an artist, and kept."""
+"""Tests of naming a possessed mesh's five ends: marks at their places, dragged by an artist, and kept."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 KNOWN = t_pose()
 ENDS = (Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT)
 ROUNDED = 1e-6
-"""Metres: a project's mesh is rounded to float32."""
+"""Tolerance in metres: a project's mesh is rounded to float32."""
 FINGERS = 0.2
-"""Metres from the joint of a hand, a foot or the head to the end of it."""
+"""Maximum metres from the joint of a hand, a foot or the head to its end."""
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def tool(workspace) -> EndsTool:
 
 
 def drag(tool: EndsTool, start, end) -> None:
-    """A drag of the pointer from one pixel to another."""
+    """Drags the pointer from one pixel to another."""
     tool.press(Pointer(tuple(start)))
     tool.drag(Pointer(tuple(np.add(start, end) / 2)))
     tool.drag(Pointer(tuple(end)))
@@ -60,7 +60,7 @@ def drag(tool: EndsTool, start, end) -> None:
 
 
 def pixels(tool: EndsTool, places) -> np.ndarray:
-    """(N, 2) the pixels of places."""
+    """Returns the (N, 2) pixels of positions."""
     return tool.editor.lens.project(np.asarray(places))[0]
 
 
@@ -89,7 +89,7 @@ def test_a_mark_is_dragged_over_the_surface_and_undone(tool):
     assert same(editor.project, before)
 
 
-def test_beside_the_mesh_and_after_escape_nothing_is_named(tool):
+def test_clicks_off_the_mesh_and_escape_name_nothing(tool):
     before = tool.editor.project
     marks = pixels(tool, KNOWN.mesh.vertices[tool.marks])
     tool.press(Pointer(tuple(marks[0])))
@@ -109,14 +109,14 @@ def test_a_mesh_that_is_no_person_has_five_marks_too(tool):
 
 
 def named(seed):
-    """A project with ends at random vertices, and the ends."""
+    """Returns a project with ends at random vertices, and the ends."""
     ends = KNOWN.mesh.vertices[np.random.default_rng(seed).choice(len(KNOWN.mesh.vertices), 5, replace=False)]
     project = project_of_mesh(KNOWN.mesh, "man")
     return project.with_characters(project.character("man").with_changes(ends=ends))
 
 
 @given(st.integers(0, 10**6), st.floats(0.2, 5.0))
-def test_ends_stay_where_they_are_on_the_mesh_through_edits(seed, factor):
+def test_ends_stay_on_the_mesh_through_edits(seed, factor):
     project = named(seed)
     one = project.character("man")
     at = [int(np.linalg.norm(one.mesh.vertices - end, axis=1).argmin()) for end in one.ends]
@@ -134,7 +134,7 @@ def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
     ends = KNOWN.mesh.vertices[
         [int(np.linalg.norm(KNOWN.mesh.vertices - KNOWN.joints[k], axis=1).argmin()) for k in ENDS]
     ]
-    ends = ends[[0, 2, 1, 4, 3]]  # turned about: what is left by itself is to be right
+    ends = ends[[0, 2, 1, 4, 3]]  # rotated by half a turn: the left end must become the right one
     one = project.character("man").with_changes(ends=ends)
     data = character_bytes(project.with_characters(one), "man")
     for fit in (False, True):

@@ -1,4 +1,4 @@
-"""The example panel without a window: solving beside it, coverage, pairing, going to key poses."""
+"""Tests of the example panel without a window: background solving, coverage, pairing, going to key poses."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ NAMES = ("head", "left", "right", "foot")
 
 
 def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> Project:
-    """The star playing a take, with a key pose at each time."""
+    """Returns the star playing a take, with a key pose at each time."""
     project = project_with(*NAMES, take=take)
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):
@@ -62,14 +62,14 @@ def solved(solving: Solving, project: Project):
     return solving.settle(project, "star")
 
 
-def test_nothing_is_solved_that_lacks_something() -> None:
+def test_incomplete_puppets_are_not_solved() -> None:
     solving = Solving(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
         shown = solving.shown(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
-def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_once() -> None:
+def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
     solving, good = Solving(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
@@ -88,7 +88,7 @@ def test_the_last_good_motion_stays_while_the_newest_is_refused_and_it_is_told_o
     solving.close()
 
 
-def test_what_only_moves_in_time_is_shown_at_once() -> None:
+def test_retimed_layer_is_shown_without_solving() -> None:
     solving, project = Solving(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
@@ -122,7 +122,7 @@ def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
     assert lefts == sorted(lefts, reverse=True)
 
 
-def test_who_never_moves_has_no_coverage() -> None:
+def test_still_take_has_no_coverage() -> None:
     project = posed()
     clip = project.takes["sway"]
     still = replace(clip, id="still", turns=clip.turns[:1].repeat(20, 0), root=clip.root[:1].repeat(20, 0))
@@ -130,7 +130,7 @@ def test_who_never_moves_has_no_coverage() -> None:
     assert CoverageCache().of(project, project.puppets["star"], "still") is None
 
 
-def test_points_that_nobody_named_are_called_after_their_joint() -> None:
+def test_unnamed_points_are_named_after_their_joint() -> None:
     project = project_with("head")
 
     project = add_point(project, "star", vertex("foot"))
@@ -217,7 +217,7 @@ def taking_turns(switches: tuple[Switch, ...]) -> bool:
 
 
 @given(switch_lists, st.integers(0, 130), st.data())
-def test_switches_go_on_taking_turns_whatever_is_done_to_them(switches, frame, data) -> None:
+def test_switches_alternate_after_any_edit(switches, frame, data) -> None:
     added = added_switch(switches, frame, 120)
     assert taking_turns(added) and added[-1].frame < 120
     if 0 < frame < 120 and frame not in {one.frame for one in switches}:
@@ -229,7 +229,7 @@ def test_switches_go_on_taking_turns_whatever_is_done_to_them(switches, frame, d
     assert moved[-1].frame < 120
 
 
-def test_what_is_held_is_held_once_for_a_frame_and_can_be_let_go() -> None:
+def test_constraint_is_unique_per_frame_and_removable() -> None:
     project = posed()
     first, second = Position("left", 10, (0.0, 0.5, 0.0)), Position("left", 10, (0.1, 0.5, 0.0))
     level = Coupling("left", "right", 5)

@@ -1,4 +1,4 @@
-"""Meshes without a rig, takes and sessions are opened; puppets go out as GLB with their error said."""
+"""Tests that unrigged meshes, takes and sessions open, and puppets are exported as GLB with their error."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_mesh_in_millimetres_gets_its_size_in_metres_with_a_note(workspace: Wo
     assert "read as millimetres" in said(workspace)
 
 
-def test_a_mesh_that_cannot_be_read_changes_nothing(workspace: Workspace, tmp_path) -> None:
+def test_unreadable_mesh_changes_nothing(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "bad.ply").write_bytes(b"ply\nnothing more")
     before = workspace.editor.project
     with pytest.raises(InputError):
@@ -85,7 +85,7 @@ def test_a_table_of_exponential_maps_opens_as_a_take(workspace: Workspace, tmp_p
     assert len(clip.turns) == 20 and "LeftHand" in clip.skeleton.names
 
 
-def test_a_session_is_saved_and_opens_beside_what_is_there(tmp_path) -> None:
+def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     workspace.editor.choose("star")
@@ -112,7 +112,7 @@ def test_a_session_needs_a_puppet(workspace: Workspace) -> None:
     assert workspace.asking == "" and "No puppet is chosen" in said(workspace)
 
 
-def test_puppets_go_out_as_glb_and_their_error_is_said(tmp_path) -> None:
+def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     before = workspace.editor.project
@@ -128,7 +128,7 @@ def test_puppets_go_out_as_glb_and_their_error_is_said(tmp_path) -> None:
     assert len(written.skins) == 1 and len(samplers) > 10
 
 
-def test_an_export_that_fails_is_told_and_another_waits_for_the_one_before(tmp_path) -> None:
+def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     workspace, _ = studio(tmp_path / "recovery", *NAMES)
     workspace.store.new(acting())
     (tmp_path / "file").write_text("in the way")
@@ -140,7 +140,7 @@ def test_an_export_that_fails_is_told_and_another_waits_for_the_one_before(tmp_p
     assert any(toast.bad for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)
 
 
-def test_a_puppet_that_cannot_move_yet_says_what_it_lacks(tmp_path) -> None:
+def test_puppet_without_motion_reports_its_missing_parts(tmp_path) -> None:
     with pytest.raises(InputError, match="Pose two examples"):
         export(project_with(*NAMES, take="sway"), tmp_path / "no.glb")
     assert not (tmp_path / "no.glb").exists()

@@ -1,4 +1,4 @@
-"""The lanes of puppets: what is drawn at a pixel is found there, and dragging it is one edit."""
+"""Tests of the lanes of puppets: hit-testing equals drawing, and a drag is one edit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SWITCHES = (Switch(0, "contact"), Switch(30, "flight"), Switch(60, "contact"))
 
 
 def posed(times: tuple[float, ...], **changes) -> Project:
-    """The star with key poses at seconds of "sway", played by a layer."""
+    """Returns the star with key poses at seconds of "sway", played by a layer."""
     project = project_with(*NAMES, take="sway")
     rest = project.puppets["star"].rest
     for k, time in enumerate(times):
@@ -55,11 +55,11 @@ def middle(row: Lane) -> float:
 @given(
     st.floats(-0.5, 2),
     st.floats(0.4, 3) | st.floats(-3, -0.4),
-    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose is there twice
+    st.lists(st.integers(8, 22), min_size=1, max_size=5, unique=True),  # half a sway: no pose occurs twice
     st.floats(500, 2000),
     st.floats(0, 60),
 )
-def test_what_is_drawn_at_a_pixel_is_found_there(offset, speed, frames, width, scrolled) -> None:
+def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width, scrolled) -> None:
     times = tuple(3 * frame / 30 for frame in frames)
     held = (Position("left", 45, (0.0, 0.5, 0.0)),)
     project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=held)
@@ -172,7 +172,7 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     assert switches() is None and "star" in workspace.editor.project.puppets
 
 
-def test_delete_lets_go_of_what_is_held_and_then_means_the_puppet_again(tmp_path) -> None:
+def test_delete_removes_the_constraint_and_then_means_the_puppet(tmp_path) -> None:
     held = (Position("left", 45, (-0.4, 0.5, 0.0)),)
     workspace = desk_with(tmp_path, posed((0.0, 0.75, 2.25), positions=held))
     timeline = workspace.timeline

@@ -1,4 +1,4 @@
-"""The example panel in the studio's real window, where there is a display or Xvfb."""
+"""Tests of the example panel in the studio's real window, if there is a display or Xvfb."""
 
 from __future__ import annotations
 

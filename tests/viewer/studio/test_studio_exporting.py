@@ -1,4 +1,4 @@
-"""What an export holds, how far it is, and cancelling it; and large files that open in the background."""
+"""Tests of an export's contents, progress and cancelling; and of large files opened in the background."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_film_has_its_size_rate_and_range_and_reports_how_far_it_is(workspace,
 
 
 @pytest.mark.parametrize("name", ["out.mp4", "out.glb"])
-def test_a_cancelled_export_leaves_the_older_file_and_nothing_else(workspace, tmp_path, gl, name) -> None:
+def test_cancelled_export_keeps_only_the_older_file(workspace, tmp_path, gl, name) -> None:
     path = tmp_path / name
     path.write_bytes(b"older")
     progress = WorkProgress()

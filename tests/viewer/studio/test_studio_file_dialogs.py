@@ -1,4 +1,4 @@
-"""The dialogue about files: places, recent folders, orders, new folders; and foreign projects."""
+"""Tests of the file dialog: places, recent folders, sorting, new folders; and files that are not projects."""
 
 from __future__ import annotations
 
@@ -106,11 +106,11 @@ FOREIGN = {
     "data of no known kind": bytes(range(256)) * 4,
     "a file of zeros": bytes(500),
 }
-"""Files that are named as projects and are none, by what they are."""
+"""Files with a project's name that are not projects, by their real type."""
 
 
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_a_foreign_project_says_what_it_is_without_a_parsers_words(kind: str, tmp_path: Path) -> None:
+def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "work.enliven"
     path.write_bytes(FOREIGN[kind])
     workspace = Workspace.new(Editor(), tmp_path / "own")

@@ -1,4 +1,4 @@
-"""No work is lost: saving, opening, asking before discarding, recovery files; and the file browser."""
+"""Tests that no work is lost: saving, opening, asking before discarding, recovery files; the file browser."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ WINDOW_KILLED = Path(__file__).parents[1] / "studio_window_killed.py"
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A workspace with one edit that is not saved."""
+    """Returns a workspace with one unsaved edit."""
     made = Workspace.new(Editor(), tmp_path / "recovery")
     made.editor.edit("add", lambda project: project.with_characters(make_limb("limb", 3)))
     return made
 
 
 def finished_process() -> int:
-    """The number of a process that is no more."""
+    """Returns the id of a process that has ended."""
     done = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True
     )
@@ -55,7 +55,7 @@ def said(workspace: Workspace) -> str:
     return " | ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
 
 
-def test_what_is_saved_is_opened_bit_for_bit(workspace: Workspace, tmp_path) -> None:
+def test_saved_project_opens_bit_for_bit(workspace: Workspace, tmp_path) -> None:
     path = tmp_path / "work.enliven"
     assert workspace.store.dirty
     workspace.store.save(path)
@@ -70,7 +70,7 @@ def test_what_is_saved_is_opened_bit_for_bit(workspace: Workspace, tmp_path) -> 
     assert same(workspace.editor.project, saved)
 
 
-def test_a_file_that_cannot_be_read_leaves_what_is_open(workspace: Workspace, tmp_path) -> None:
+def test_unreadable_file_keeps_the_open_project(workspace: Workspace, tmp_path) -> None:
     before = workspace.editor.project
     (tmp_path / "bad.enliven").write_bytes(b"PK\x03\x04 no more")
     with pytest.raises(InputError):
@@ -78,9 +78,7 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(workspace: Workspace, tm
     assert workspace.editor.project is before and workspace.store.dirty
 
 
-def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(
-    workspace: Workspace, tmp_path
-) -> None:
+def test_unwritable_path_is_reported_and_work_stays_unsaved(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ResourceError):
         workspace.store.save(tmp_path / "file" / "work.enliven")
@@ -88,7 +86,7 @@ def test_a_place_that_cannot_be_written_is_said_and_the_work_stays_unsaved(
 
 
 @pytest.mark.parametrize("wish", ["new", "quit"])
-def test_nothing_is_thrown_away_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
+def test_unsaved_work_is_not_discarded_without_asking(workspace: Workspace, tmp_path, wish: str) -> None:
     before = workspace.editor.project
     workspace.ask(wish)
     assert workspace.asking == "unsaved" and workspace.editor.project is before and not workspace.ended
@@ -102,7 +100,7 @@ def test_nothing_is_thrown_away_without_asking(workspace: Workspace, tmp_path, w
     assert workspace.ended if wish == "quit" else "limb" not in workspace.editor.project.shapes
 
 
-def test_discarding_goes_on_at_once(workspace: Workspace) -> None:
+def test_discarding_continues_at_once(workspace: Workspace) -> None:
     workspace.ask("new")
     workspace.go_on(discard=True)
     assert workspace.editor.project.shapes == {} and "wave" in workspace.editor.project.takes
@@ -140,7 +138,7 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
     assert list(store.folder.iterdir()) == []
 
 
-def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp_path) -> None:
+def test_saved_or_unchanged_project_leaves_no_recovery_file(workspace: Workspace, tmp_path) -> None:
     store = workspace.store
     store.autosave(store._since + 60.0)
     store.settle()
@@ -151,7 +149,7 @@ def test_nothing_is_kept_of_what_is_saved_or_unchanged(workspace: Workspace, tmp
     assert list(store.folder.iterdir()) == []
 
 
-def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tmp_path) -> None:
+def test_unwritable_recovery_file_is_reported(workspace: Workspace, tmp_path) -> None:
     (tmp_path / "in the way").write_text("")
     store = ProjectStore(workspace.editor, tmp_path / "in the way")
     store._saved = store._autosaved = workspace.editor.project.without("limb")
@@ -160,7 +158,7 @@ def test_a_recovery_file_that_cannot_be_written_is_said(workspace: Workspace, tm
     assert "Ctrl+S" in said(workspace)
 
 
-def test_an_unknown_kind_of_file_is_said_with_those_that_are_known(workspace: Workspace, tmp_path) -> None:
+def test_unknown_file_type_is_reported_with_known_types(workspace: Workspace, tmp_path) -> None:
     with pytest.raises(InputError, match=r"\.glb"):
         workspace.open(tmp_path / "picture.png")
 
@@ -183,7 +181,7 @@ def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) 
     assert workspace.editor.selection.characters == (added.id,), "what was opened is chosen"
 
 
-def test_an_export_of_nothing_says_what_to_do(workspace: Workspace, tmp_path) -> None:
+def test_empty_export_gives_advice(workspace: Workspace, tmp_path) -> None:
     workspace.store.new()
     workspace.asking = "export"
     with pytest.raises(InputError, match="Sketch"):
@@ -225,7 +223,7 @@ def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
         rename_character(project, "a", "b")
 
 
-def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:
+def test_internal_error_is_reported_and_changes_nothing(workspace: Workspace, monkeypatch) -> None:
     monkeypatch.delenv("ENLIVEN_DEBUG", raising=False)
     before = workspace.editor.project
     assert not workspace.editor.edit("break", lambda project: [project][1])
@@ -240,7 +238,7 @@ def test_a_fault_of_our_own_is_told_and_changes_nothing(workspace: Workspace, mo
         workspace.editor.edit("break", lambda project: [project][1])
 
 
-def test_a_file_is_replaced_only_when_it_is_said_twice(tmp_path) -> None:
+def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     (tmp_path / "old.enliven").write_text("precious")
     browser = FileBrowser(tmp_path, (".enliven",), "old", saving=True)
     with pytest.raises(InputError, match="Save again"):
@@ -282,17 +280,17 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
 
 
 def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
-    """One of them; `make test-long` kills 50."""
+    """A single one here; `make test-long` kills 50."""
     kills = os.environ.get("ENLIVEN_KILLS", "1")
     said = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
     assert all(one["lost_s"] <= 20.0 for one in said["results"]), said
-    # What was done before the last recovery files is never lost, however soon the kill came after.
+    # Edits before the last recovery files are never lost, however soon the kill follows.
     assert all(one["kept"] > 0 for one in said["results"] if one["worked_s"] > 6 * said["autosave"]), said
     assert all(one["kept"] <= one["told"] + 1 for one in said["results"]), said
 
 
 def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
-    """Writes a man with clips "clip 0", "clip 1" ..., those that loop or do not."""
+    """Writes a man with clips "clip 0", "clip 1" ..., looping or not."""
     random, skeleton = np.random.default_rng(seed), man()
     shape, made = meshed("man", skeleton), []
     for number, loop in enumerate(loops):
@@ -382,7 +380,7 @@ def test_a_save_that_fails_does_not_quit_later(workspace: Workspace, tmp_path) -
 
 
 def depth_recording(folder, frames: int):
-    """The first images of the shipped recording of depth."""
+    """Writes the first images of the shipped depth recording."""
     from itertools import islice
 
     from enliven.recording import Recorder, Recording
@@ -395,7 +393,7 @@ def depth_recording(folder, frames: int):
     return path
 
 
-def test_depth_that_is_opened_is_tracked_beside_the_window_and_becomes_a_take(workspace, tmp_path) -> None:
+def test_opened_depth_is_tracked_in_the_background_into_a_take(workspace, tmp_path) -> None:
     path, editor = depth_recording(tmp_path, 40), workspace.editor
     workspace.open(path)
     assert (

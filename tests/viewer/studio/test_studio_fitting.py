@@ -1,4 +1,4 @@
-"""A thing of another size than the others: said where it is opened, and fitted by one action."""
+"""Tests of an object of another size than the others: reported on opening, and fitted by one action."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def box(stage: Workspace, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 6.0))
 @settings(max_examples=12)
-def test_the_chosen_one_is_as_tall_as_the_others_and_stands_where_it_stood(stage, name, size) -> None:
+def test_fitting_matches_the_others_height_in_place(stage, name, size) -> None:
     editor = stage.editor
     editor.go_to(0)
     editor.scrub(0.0)
@@ -46,9 +46,7 @@ def test_the_chosen_one_is_as_tall_as_the_others_and_stands_where_it_stood(stage
     np.testing.assert_allclose(((now_low + now_high) / 2)[[0, 2]], ((low + high) / 2)[[0, 2]], atol=5e-3)
 
 
-def test_what_is_opened_at_another_size_is_said_and_of_the_same_is_not(
-    stage: Workspace, tmp_path: Path
-) -> None:
+def test_only_a_differing_size_is_reported_on_opening(stage: Workspace, tmp_path: Path) -> None:
     editor = stage.editor
     editor.go_to(0)
     chair = load_sample("chair")

@@ -1,4 +1,4 @@
-"""Ghosts and trails: where a character was and will be, of every rig, beside the window, after every edit."""
+"""Tests of ghosts and motion trails for every rig: computed in the background, updated after every edit."""
 
 from __future__ import annotations
 

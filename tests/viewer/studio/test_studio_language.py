@@ -1,4 +1,4 @@
-"""The window in German: texts of menus, actions, tools and tips are translated, and fit."""
+"""Tests of the window in German: texts of menus, actions, tools and tips are translated, and fit."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(langua
             values = sorted(re.findall(pattern, entry.msgid))
             for translated in forms(entry):
                 assert sorted(re.findall(pattern, translated)) == values, said
-        # A reason is shown as a title and, after the first full stop, as what to do about it.
+        # The text up to the first full stop is the title, the rest is the advice.
         assert all((". " in entry.msgid) == (". " in translated) for translated in forms(entry)), said
 
 
@@ -87,7 +87,7 @@ def test_a_text_that_keeps_its_values_is_translated_where_it_is_drawn() -> None:
     assert tr(later("Undone: {0}"), "x") == "Rückgängig: x"
 
 
-def test_every_text_that_is_drawn_or_told_goes_through_a_translation(script) -> None:
+def test_every_shown_text_is_translated(script) -> None:
     bypassing = [
         f"{path.relative_to(script.HOUSE)}:{node.lineno}: {node.value!r}"
         for path in script.modules()

@@ -1,4 +1,4 @@
-"""The window from 600x400 to 3840x2160 and with large text: all is in reach, and nothing overlaps."""
+"""Tests of the window from 600x400 to 3840x2160 and with large text: all is reachable, nothing overlaps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_viewer.studio.tools import TOOLS
 
 SESSION = Path(__file__).parents[1] / "studio_layout_session.py"
 MOST_PIXELS = 3.0
-"""Pixels of the window's usual ones that a widget may reach over its edge: rounding."""
+"""Maximum pixels by which a widget may exceed the window, because of rounding."""
 
 
 @pytest.fixture(scope="module")

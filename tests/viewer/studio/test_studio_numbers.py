@@ -1,4 +1,4 @@
-"""Numbers that are typed: units and sums, places, sizes and turns, snapping, and camera bookmarks."""
+"""Tests of typed numbers: units and sums, positions, sizes and rotations, snapping, and camera bookmarks."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def workspace(tmp_path) -> Workspace:
 
 
 @given(st.sampled_from(QUANTITIES), st.floats(-1e4, 1e4))
-def test_what_is_shown_is_read_as_the_same_number(quantity, value) -> None:
+def test_written_number_is_read_back(quantity, value) -> None:
     assert quantity.read(quantity.write(value)) == pytest.approx(value, abs=0.5 * 10**-quantity.digits + 1e-9)
 
 
@@ -53,7 +53,7 @@ def test_sums_and_units_are_those_of_python(one, other, a, b, sign) -> None:
     assert quantity.read(typed) == pytest.approx(-wanted, rel=1e-12)
 
 
-def test_what_artists_type() -> None:
+def test_units_sums_and_percentages_are_read() -> None:
     assert LENGTH.read("50 cm") == 0.5 and LENGTH.read("1,5") == 1.5 and LENGTH.read("1.2+0.3") == 1.5
     assert LENGTH.read("2 m - 4cm * 2") == pytest.approx(1.92) and LENGTH.read(".5M") == 0.5
     assert LENGTH.read("150%", percent=0.02) == 3.0 and ANGLE.read("90°") == 90.0
@@ -68,7 +68,7 @@ def test_anything_else_is_refused_with_the_units(typed) -> None:
         assert "cm" in error.mend
 
 
-def test_place_size_and_turn_are_what_was_typed(workspace) -> None:
+def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
     editor, figures = workspace.editor, workspace.figures
     for names in (("limb",), ("post",), ("limb", "post")):
         editor.choose_all(*names)

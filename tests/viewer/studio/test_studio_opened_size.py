@@ -1,4 +1,4 @@
-"""Models open at a size that people can step into, with a note, and are brought into the picture."""
+"""Tests that models open at a size that people can step into, with a note, and are framed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from enliven_viewer.studio.workspace.opened_size import opened_size
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 FARTHEST_M = 9.0
-"""Metres between the camera and the middle of a model of the largest size that opens unchanged."""
+"""Maximum metres between the camera and the centre of the largest model that opens unchanged."""
 
 
 def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:
@@ -40,7 +40,7 @@ def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:
         ((2.0, 0.0, 2.0), 0.0, ""),
     ],
 )
-def test_a_size_that_nobody_meant_is_changed_with_a_note(box, height: float, words: str) -> None:
+def test_implausible_size_is_changed_with_a_note(box, height: float, words: str) -> None:
     size = opened_size(box_of(*box))
     assert (
         size.height == pytest.approx(height, rel=0.02)

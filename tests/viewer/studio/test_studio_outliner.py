@@ -1,4 +1,4 @@
-"""The outliner: its tree and filter, names, order, eyes and locks; and choosing many."""
+"""Tests of the outliner: its tree and filter, names, order, visibility and locks; and multiple selection."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
     assert outliner.is_chosen(row(outliner, "handle limb 1"))
 
 
-def test_what_is_hidden_is_neither_picked_nor_framed_but_exported(workspace) -> None:
+def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
     editor, before = workspace.editor, len(exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.box()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
@@ -96,7 +96,7 @@ def test_what_is_hidden_is_neither_picked_nor_framed_but_exported(workspace) -> 
     assert len(editor.seen) == 3, "an eye is undone as every edit"
 
 
-def test_what_is_locked_is_not_picked_and_an_edit_of_it_says_why(workspace) -> None:
+def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
     editor, stage = workspace.editor, HeadlessStage(workspace)
     joint = JointPlace("limb", 1)
     play([Click(joint)], stage)
@@ -124,7 +124,7 @@ NAMES = st.sampled_from(["star", "limb", "post"])
 
 @settings(max_examples=25)
 @given(st.lists(st.tuples(NAMES, st.sampled_from([None, True, False]), st.sampled_from([None, True, False]))))
-def test_handling_is_what_was_set_last_and_is_kept_in_the_file(steps) -> None:
+def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> None:
     project = PROJECT
     told = {name: [False, False] for name in project.characters}
     for name, hidden, locked in steps:
@@ -153,7 +153,7 @@ def test_a_character_goes_to_its_place_in_the_list_and_the_others_keep_their_ord
     assert names.index(name) == min(max(place, 0), 2) and [one for one in names if one != name] == rest
 
 
-def test_a_renamed_thing_is_as_it_was_but_for_its_name(workspace) -> None:
+def test_renaming_changes_only_the_name(workspace) -> None:
     outliner, editor = workspace.outliner, workspace.editor
     outliner.hide("limb", on=True)
     outliner.begin_rename(row(outliner, "character limb"))

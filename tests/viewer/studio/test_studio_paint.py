@@ -1,4 +1,4 @@
-"""Painting stiff and soft spots in the studio: strokes, both sides, undo, and what the stage is sent."""
+"""Tests of painting stiff and soft regions: strokes, symmetry, undo, and messages to the stage."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def workspace(tmp_path) -> Workspace:
 
 
 def stroke(workspace: Workspace, joints: list[int], **held: bool) -> None:
-    """Draw a stroke over the surface before some joints, with the brush as it is."""
+    """Draws a stroke over the surface in front of some joints, with the current brush."""
     tool = workspace.input.tools["paint"]
     pixels = tool.editor.lens.project(KNOWN.joints[joints])[0]
     ways = [tuple(pixels[0] + share * (pixels[-1] - pixels[0])) for share in np.linspace(0, 1, 9)]
@@ -52,7 +52,7 @@ def painted(workspace: Workspace) -> np.ndarray:
 
 
 def near(joints: list[int], metres: float = 0.12) -> np.ndarray:
-    """(V,) the vertices about a limb."""
+    """Returns (V,) flags of the vertices near a limb."""
     a, b = KNOWN.joints[joints]
     along = np.clip((KNOWN.mesh.vertices - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
     return np.linalg.norm(KNOWN.mesh.vertices - (a + along[:, None] * (b - a)), axis=1) < metres
@@ -114,7 +114,7 @@ def test_the_stroke_is_seen_while_it_is_drawn_and_dropped_by_escape(workspace):
     assert soft < -100 < abs(even) < 20 < 100 < stiff, "blue, grey and orange"
 
 
-def test_what_is_painted_is_saved_and_reaches_the_stage_where_it_swings(workspace, tmp_path):
+def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     workspace.actions.do("paint.softer")
     before = workspace.editor.project.character("man")
     for _ in range(2):
@@ -142,7 +142,7 @@ def test_what_is_painted_is_saved_and_reaches_the_stage_where_it_swings(workspac
 
 
 def wave(actor) -> np.ndarray:
-    """(F, N, 3) the nodes while a performer waves the left arm and stops."""
+    """Returns the (F, N, 3) nodes while a performer waves the left arm and stops."""
     frames = []
     for k in range(30):
         joints = KNOWN.joints.copy()

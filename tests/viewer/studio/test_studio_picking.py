@@ -1,4 +1,4 @@
-"""Picking: what is projected to a pixel is found there, exactly; twins by brute force."""
+"""Tests of picking: hit-testing equals the projection exactly; compared with brute force."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SIZE = (900.0, 600.0)
 
 
 def standing(shape: Shape, joints: np.ndarray) -> StandingCharacter:
-    """A shape with no bone turned and its joints anywhere."""
+    """Returns a shape without bone rotations, with joints at random positions."""
     pose = pose_from(shape, ShapePose(np.tile(IDENTITY, (len(joints), 1)), joints), 0.0)
     return StandingCharacter(shape, None if shape.mesh is None else character_of(shape), pose, joints)
 
@@ -36,7 +36,7 @@ def lens_of(azimuth: float, elevation: float) -> Lens:
 
 @st.composite
 def trees(draw: st.DrawFn) -> StandingCharacter:
-    """A random tree of joints, none of them at one place, before every camera of :func:`lens_of`."""
+    """Generates a random tree of joints at distinct positions, before every camera of :func:`lens_of`."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     count = int(rng.integers(2, 12))
     parents = np.array([-1, *(int(rng.integers(0, k)) for k in range(1, count))], np.int32)
@@ -70,7 +70,7 @@ def test_a_place_on_a_bone_is_picked_where_it_is_in_space(posed, lens, number, a
     assert hit is not None and hit.pixels < 1e-6 + 2.0
     if hit.handle == joint:
         ends = lens.project(np.stack([start, end]))[0]
-        if np.linalg.norm(ends[1] - ends[0]) > 5.0:  # a bone seen end-on is a dot
+        if np.linalg.norm(ends[1] - ends[0]) > 5.0:  # a bone in the viewing direction is a dot
             assert abs(hit.along - along) < 1e-6
 
 
@@ -86,7 +86,7 @@ def test_the_nearest_bone_is_that_of_a_thousand_samples(posed, lens, x, y) -> No
         start, end = posed.handles[parents[joint]], posed.handles[joint]
         pixels = lens.project(start + share * (end - start))[0]
         nearest.append(float(np.linalg.norm(pixels - [x, y], axis=1).min()))
-    # Of two that are as near to a pixel, the one before the other is picked.
+    # Of two equally near to a pixel, the one in front is picked.
     assert hit.pixels <= min(nearest) + 1.0 + 1e-6
     assert nearest[hit.handle - 1] == pytest.approx(hit.pixels, abs=2.0)
 
@@ -136,7 +136,7 @@ def test_the_nearer_of_two_surfaces_is_picked(make_limb) -> None:
     assert surface_at(stage, lens, (3.0, 3.0)) is None
 
 
-def test_what_is_behind_the_camera_is_not_picked(make_limb) -> None:
+def test_points_behind_the_camera_are_not_picked(make_limb) -> None:
     lens = lens_of(0.0, 0.1)
     shape = make_limb()
     behind = np.add(shape.skeleton.positions, [0.0, 0.0, 60.0])

@@ -1,4 +1,4 @@
-"""Possessed meshes in the studio: chosen, moved, cut, merged, copied; and read from a recorded take."""
+"""Tests of possessed meshes in the studio: selected, moved, cut, merged, copied; read from a take."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NS = 1_000_000_000
 
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
-    """A workspace with two possessed posts that rock."""
+    """Returns a workspace with two possessed posts that rock."""
     project = Project()
     for name, x in (("post", 0.0), ("other", 0.8)):
         limb = make_limb(name, 4, 1.2, (x, 0.1, 0.0))
@@ -67,28 +67,28 @@ def vertices(workspace: Workspace) -> dict[str, np.ndarray]:
     return {one.id: one.vertices for one in workspace.editor.standing}
 
 
-def test_a_click_chooses_it_and_another_forgets_it(workspace: Workspace) -> None:
+def test_click_selects_the_mesh_and_click_outside_deselects(workspace: Workspace) -> None:
     do(workspace, Click(Spot(0.0, 0.7)))
     assert workspace.editor.selection.character == "post" and workspace.editor.selection.handle is None
     do(workspace, Click(Pixel(0.04, 0.2)))
     assert workspace.editor.selection.character is None
 
 
-def test_it_plays_as_long_as_it_was_recorded(workspace: Workspace) -> None:
+def test_possessed_mesh_plays_its_recording(workspace: Workspace) -> None:
     assert workspace.editor.length == workspace.editor.settings.shortest
     before = vertices(workspace)["post"]
     workspace.editor.scrub(0.5)
     assert np.abs(vertices(workspace)["post"] - before).max() > 0.01
 
 
-def test_it_is_moved_at_every_time(workspace: Workspace) -> None:
+def test_possessed_mesh_is_moved_at_every_time(workspace: Workspace) -> None:
     before = vertices(workspace)["post"]
     do(workspace, Key("g"), Drag((Spot(0.0, 0.7), Spot(0.0, 1.1))))
     assert workspace.editor.history.names == ("move post",)
     assert np.allclose(vertices(workspace)["post"] - before, [0.0, 0.4, 0.0], atol=0.03)
 
 
-def test_a_stroke_cuts_it_and_both_parts_move_as_before(workspace: Workspace) -> None:
+def test_stroke_cuts_the_mesh_and_both_parts_keep_moving(workspace: Workspace) -> None:
     workspace.editor.scrub(0.3)
     before = vertices(workspace)["post"]
     do(workspace, Key("c"), Drag((Spot(-0.2, 0.62), Spot(0.2, 0.66))))
@@ -100,13 +100,13 @@ def test_a_stroke_cuts_it_and_both_parts_move_as_before(workspace: Workspace) ->
     assert away.max() < 1e-6, "every vertex is where it was"
 
 
-def test_a_stroke_beside_it_says_so_and_changes_nothing(workspace: Workspace) -> None:
+def test_stroke_outside_the_mesh_is_refused(workspace: Workspace) -> None:
     before = workspace.editor.project
     do(workspace, Click(Spot(0.0, 0.7)), Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.4))))
     assert workspace.editor.project is before and workspace.editor.toasts.shown[-1].bad
 
 
-def test_with_shift_two_become_one(workspace: Workspace) -> None:
+def test_shift_drag_merges_two_meshes(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.03, 0.9)), shift=True))
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
     assert workspace.editor.selection.character == "post"
@@ -114,15 +114,15 @@ def test_with_shift_two_become_one(workspace: Workspace) -> None:
     assert set(workspace.editor.project.graphs) == {"post", "other"}
 
 
-def test_dropped_where_they_touch_it_is_merged_whatever_is_under_the_pointer(workspace: Workspace) -> None:
-    """Its own top is carried, over which nothing of the other is seen."""
+def test_touching_drop_merges_whatever_is_under_the_pointer(workspace: Workspace) -> None:
+    """The pointer is over its own top, which hides the other one."""
     low = vertices(workspace)["other"][:, 0].min() - vertices(workspace)["post"][:, 0].max()
     drag = Drag((Spot(0.8, 1.29), Spot(0.8 - low - 0.02, 1.34)), shift=True)
     do(workspace, Key("g"), drag)
     assert list(workspace.editor.project.graphs) == ["post"], workspace.editor.toasts.shown
 
 
-def test_while_shift_is_held_the_picture_says_with_what_it_would_be_merged(workspace: Workspace) -> None:
+def test_shift_shows_the_merge_target(workspace: Workspace) -> None:
     stage, marks = HeadlessStage(workspace), list[str]()
 
     def watched() -> Iterator[Action]:
@@ -135,7 +135,7 @@ def test_while_shift_is_held_the_picture_says_with_what_it_would_be_merged(works
     assert marks and set(marks) == {"merge with post"}
 
 
-def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(workspace: Workspace) -> None:
+def test_shift_drop_in_empty_space_moves_the_mesh_with_a_note(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((Spot(0.8, 0.7), Spot(0.6, 0.75)), shift=True))
     assert workspace.editor.history.names == ("move other",)
     assert workspace.editor.toasts.shown[-1].text == "No shape is near other"
@@ -144,7 +144,7 @@ def test_dropped_with_shift_where_nothing_is_near_it_is_moved_and_says_so(worksp
     assert workspace.editor.toasts.shown[-1].text == "You need a second shape to merge"
 
 
-def test_it_is_copied_and_deleted(workspace: Workspace) -> None:
+def test_possessed_mesh_is_copied_and_deleted(workspace: Workspace) -> None:
     first = workspace.editor.project
     do(workspace, Click(Spot(0.0, 0.7)), Key("ctrl+d"))
     assert len(workspace.editor.project.graphs) == 3
@@ -155,7 +155,7 @@ def test_it_is_copied_and_deleted(workspace: Workspace) -> None:
     assert same(workspace.editor.project, first)
 
 
-def test_a_recorded_take_brings_what_was_possessed(tmp_path, box) -> None:
+def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
     path = Path(__file__).parents[1] / "link" / "test_takes.py"
     spec = importlib.util.spec_from_file_location("takes", path)
     assert spec is not None and spec.loader is not None
@@ -182,8 +182,8 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     ].text
 
 
-def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp_path: Path) -> None:
-    """Also from a file that lost the motion: it is solved when it is opened."""
+def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> None:
+    """Also for a file without the motion: it is solved when it is opened."""
     project, name = possessed_chair(frames=20)
     made = Workspace.new(Editor(), tmp_path)
     made.store.new(without_cache(project, name))
@@ -205,8 +205,8 @@ def test_after_a_cut_its_performers_take_hold_again_and_undo_takes_that_back(tmp
     assert same(editor.project, cut)
 
 
-def test_a_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
-    """Its performers step into the chosen mesh, beside the window; what was changed meanwhile stays."""
+def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspace) -> None:
+    """Its performers step into the selected mesh in the background; later edits are kept."""
     editor = workspace.editor
     source, performed = possessed_chair(frames=15)
     stool = project_of_mesh(replace(make_chair(0.09), name="stool"), "stool")

@@ -1,4 +1,4 @@
-"""Rays, the manipulator's handles, control points under the pointer, and mirror images."""
+"""Tests of rays, gizmo handles, control points under the pointer, and mirror images."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def editor_with(*names: str) -> Editor:
 
 @cache
 def seen() -> Editor:
-    """One whose camera may be turned."""
+    """A view with a camera that can be rotated."""
     return editor_with()
 
 
 @cache
 def five() -> Puppet:
-    """The star with a control point at each end, and its plane."""
+    """Returns the star with a control point at each end, and its symmetry plane."""
     names = ("left", "right", "head", "foot", "other")
     return set_symmetry(project_with(*names), "star", SIDES).puppets["star"]
 
@@ -51,7 +51,7 @@ def pixel_of(editor: Editor, place: np.ndarray) -> tuple[float, float]:
 
 
 def first_face(vertices, faces, eye, way):
-    """The nearest face on a ray and how far it is, all faces at once."""
+    """Returns the nearest face on a ray and its distance, with all faces at once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     side, other, arm = b - a, c - a, eye - a
     across, turned = np.cross(way, other), np.cross(arm, side)
@@ -66,7 +66,7 @@ def first_face(vertices, faces, eye, way):
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**31))
-def test_the_compiled_ray_finds_what_the_slow_one_finds(seed: int) -> None:
+def test_compiled_ray_matches_the_slow_reference(seed: int) -> None:
     rng, mesh = np.random.default_rng(seed), star()
     eye = rng.normal(0, 1, 3) * 2 + [0, 0.5, 0]
     way = rng.normal([0.0, 0.5, 0.0], 0.3) - eye
@@ -178,7 +178,7 @@ def test_beyond_the_horizon_of_a_plane_there_is_no_place() -> None:
     assert tool.dragged("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
 
 
-def test_the_manipulator_is_as_large_wherever_it_is() -> None:
+def test_gizmo_has_constant_size_on_screen() -> None:
     editor = editor_with()
     sizes = []
     for place in (PLACE, PLACE + editor.lens.forward * 1.5):

@@ -1,4 +1,4 @@
-"""Puppets in an artist's hands: the studio's own tools and keys, without a window."""
+"""Tests of working with puppets: the studio's own tools and keys, without a window."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def tool_of(workspace: Workspace) -> PuppetTool:
 
 
 def two_poses(workspace: Workspace) -> None:
-    """The first two key poses of the chosen star: at rest, and bent to its left."""
+    """Returns the first two key poses of the selected star: at rest, and bent to its left."""
     rest = workspace.puppets.puppet.rest
     bent = rest + np.linspace(0.0, 0.3, len(rest))[::-1, None] * [1.0, 0.3, 0.0]
     for time, places in ((0.0, rest), (0.8, bent)):
@@ -52,7 +52,7 @@ def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None
     workspace, stage = studio(tmp_path, take="sway")
     hands = [OnPuppet("star", vertex(name)) for name in ("left", "right", "head")]
     tool_of(workspace).suggested.of(workspace.puppets.puppet)
-    tool_of(workspace).suggested.wait()  # ends are on the silhouette: their rings can be clicked
+    tool_of(workspace).suggested.wait()  # ends are on the silhouette, so their rings can be clicked
     play([*(Click(hand) for hand in hands), Do(lambda d: d.editor.scrub(1.0))], stage)
     puppet = workspace.puppets.puppet
     assert [np.linalg.norm(puppet.rest[k] - star().vertices[h.vertex]) < 0.03 for k, h in enumerate(hands)]
@@ -101,7 +101,7 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     assert not workspace.puppets.posing and same(workspace.puppets.puppet.poses, kept)
 
 
-def test_another_tool_leaves_the_key_pose_as_it_is(tmp_path) -> None:
+def test_another_tool_keeps_the_key_pose(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", take="sway")
     start = OnPuppet("star", point=1)
     play([Drag((start, Near(start, 0, -60)))], stage)
@@ -151,7 +151,7 @@ def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
     assert ends[0] not in tool.suggested.of(workspace.puppets.puppet)
 
 
-def test_faces_that_pass_through_one_another_are_told_but_not_at_rest(tmp_path) -> None:
+def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
     workspace.puppets.crossing.wait()
@@ -201,7 +201,7 @@ def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -
     )
 
 
-def test_a_click_chooses_a_puppet_and_one_beside_all_none(tmp_path) -> None:
+def test_click_selects_a_puppet_and_click_outside_deselects(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head")
     play([Key("q"), Click(Pixel(0.02, 0.9))], stage)
     assert workspace.editor.selection.character is None
@@ -222,7 +222,7 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     assert "No shape" in workspace.editor.toasts.shown[-1].text
 
 
-def test_it_plays_what_the_examples_say_and_the_project_comes_back(tmp_path) -> None:
+def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
     workspace.editor.solving.settle(workspace.editor.project, "star")
@@ -250,7 +250,7 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     assert alike(found[0], found[1], SOLVED)
 
 
-def test_a_large_mesh_is_prepared_beside_the_window(tmp_path, monkeypatch) -> None:
+def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.studio.puppets.solver.TOLD", 30_000)
     workspace, _ = studio(tmp_path)
     mesh = refine(star(), 0.008)
@@ -277,7 +277,7 @@ def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
     assert not workspace.editor.project.puppets and not bad(workspace)
 
 
-def test_a_stroke_cuts_a_puppet_and_both_parts_go_on(tmp_path) -> None:
+def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     two_poses(workspace)
     workspace.editor.edit("pair", lambda p: change_point(p, "star", "other", joint="root"))
@@ -307,7 +307,7 @@ def test_a_puppet_dropped_with_shift_on_another_becomes_one_with_it(tmp_path) ->
     assert len(workspace.editor.project.puppets) == 2
 
 
-def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
+def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace, stage = studio(tmp_path, take="sway")
     mesh = make_limb("post").mesh
     workspace.editor.edit("post", lambda p: play_take(make_puppet(p, mesh, "post"), "post", "sway"))
@@ -334,7 +334,7 @@ def test_a_puppet_is_baked_beside_the_window(tmp_path, make_limb) -> None:
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 
 
-def test_what_cannot_move_cannot_be_baked(tmp_path) -> None:
+def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
     workspace.commands.puppets.bake()
     workspace.editor.beside.finish()

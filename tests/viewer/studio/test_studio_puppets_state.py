@@ -1,4 +1,4 @@
-"""What the pose tool and the example panel share: a finished change is one edit, and nothing gets lost."""
+"""Tests of the state that pose tool and example panel share: a finished change is one edit, none is lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def posing(*names: str, take: str = "sway") -> PuppetEditor:
 
 
 def steps(puppets: PuppetEditor) -> int:
-    """How many edits can be undone."""
+    """Returns the number of edits that can be undone."""
     editor, count = puppets.editor, 0
     while editor.history.undo_name is not None:
         editor.history.undo()
@@ -153,7 +153,7 @@ def test_a_drag_without_a_key_pose_begins_one_at_the_moment_that_is_shown() -> N
     assert puppets.number == 0 and puppet_of(puppets).poses[0].time == 0.8
 
 
-def test_a_drag_without_a_take_says_what_to_do_and_keeps_nothing() -> None:
+def test_drag_without_a_take_gives_advice_and_changes_nothing() -> None:
     puppets = posing("head", "left", take="")
     puppets.drag(1, puppet_of(puppets).rest[1] + [0, 0.2, 0])
     assert not puppets.drop() and not puppets.posing and puppet_of(puppets).poses == ()
@@ -188,7 +188,7 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].bad
 
 
-def test_a_puppet_that_cannot_be_solved_is_told_and_mended() -> None:
+def test_unsolvable_puppet_is_reported_and_repaired() -> None:
     puppets = posing("head", "left")
     mesh = star()
     loose = type(mesh)(np.concatenate([mesh.vertices, [[0, 2.0, 0]]]), mesh.faces, "star")
@@ -217,7 +217,7 @@ def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:
     assert alike(puppet_of(puppets).poses[0].places[3], settled[0][vertex("right")], SOLVED)
 
 
-def test_removing_a_point_that_key_poses_use_says_so_and_can_be_undone() -> None:
+def test_removing_a_used_point_is_reported_and_undoable() -> None:
     puppets = posing("head", "left", "foot")
     puppets.begin_pose("sway", 0.5)
     before = puppet_of(puppets)
@@ -314,7 +314,7 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
         puppets.editor.advance(0.04)
         shown = puppets.standing[0]
         assert shown.surface.shape == star().vertices.shape and np.isfinite(shown.vertices).all()
-        # Two moments of one joint may look alike; the studio says so, and it is no fault.
+        # Two moments of one joint may look alike; the studio reports it, and it is not an error.
         wrong = [t.text for t in puppets.editor.toasts.shown if t.bad and "the same pose" not in t.text]
         assert not wrong
         if puppets.editor.project is not seen[-1]:

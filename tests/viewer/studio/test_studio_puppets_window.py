@@ -1,4 +1,4 @@
-"""Puppets in the studio's real window, where there is a display or Xvfb."""
+"""Tests of puppets in the studio's real window, if there is a display or Xvfb."""
 
 from __future__ import annotations
 

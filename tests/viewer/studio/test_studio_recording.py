@@ -1,4 +1,4 @@
-"""A recording that runs is work: slow presses end it, and no way out of the window loses it."""
+"""Tests that a running recording is not lost: slow presses end it, and closing the window keeps it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> 
 
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
-    """A clean project with a file, and a recording of a second that runs."""
+    """Returns a saved project, and a running recording of a second."""
     made = Workspace.new(Editor(), tmp_path / "recovery")
     made.store.save(tmp_path / "work.enliven")
     recording = made.perform.recording
@@ -65,7 +65,7 @@ def perform(workspace: Workspace, until: int) -> None:
 
 
 def seconds(path: Path) -> float:
-    """How long the take of the performer is in a project file; 0 where there is none."""
+    """Returns the length of the performer's take in a project file; 0 if there is none."""
     return max(
         (take.duration for name, take in read_project(path).takes.items() if "take 1" in name), default=0
     )
@@ -101,9 +101,7 @@ def test_discarding_drops_the_recording_and_nothing_else(workspace: Workspace, t
     assert (tmp_path / "work.enliven").read_bytes() == before
 
 
-def test_saving_meanwhile_keeps_what_is_there_and_the_recording_goes_on(
-    workspace: Workspace, tmp_path
-) -> None:
+def test_saving_during_a_recording_stores_the_take_so_far(workspace: Workspace, tmp_path) -> None:
     workspace.ask("save")
     first = seconds(tmp_path / "work.enliven")
     assert first > 0.9 and workspace.perform.recording.phase == "recording" and workspace.store.dirty
@@ -142,7 +140,7 @@ def test_running_recordings_are_written_for_recovery(workspace: Workspace, tmp_p
 
 
 def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspace, tmp_path: Path) -> None:
-    """A recording that has nothing yet costs neither the project nor the window."""
+    """An empty recording endangers neither the project nor the window."""
     recorder = workspace.perform.recording.recorder
     recorder.end()
     recorder.restarted()
@@ -153,7 +151,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
     assert not workspace.editor.toasts.shown or not workspace.editor.toasts.shown[-1].bad
 
 
-def test_what_is_written_does_not_change_while_the_performer_goes_on(workspace: Workspace) -> None:
+def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:
     change, took = workspace.perform.recording.so_far(), []
     assert change is not None
     thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))

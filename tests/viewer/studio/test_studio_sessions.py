@@ -1,4 +1,4 @@
-"""The paper's sessions by the studio's own tools, without a window; and undo of whatever was done."""
+"""Tests of the paper's sessions with the studio's own tools, without a window; and of undo."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FILMS = Path(__file__).parents[2] / "benchmarks" / "examples" / "session_films.p
 
 @pytest.fixture(scope="module")
 def films() -> ModuleType:
-    """The script that films the sessions."""
+    """Returns the script that films the sessions."""
     spec = importlib.util.spec_from_file_location("session_films", FILMS)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -39,7 +39,7 @@ def played(films: ModuleType, name: str, folder: Path) -> Workspace:
 
 
 def closed(faces: np.ndarray) -> bool:
-    """Whether every edge is there once in each direction."""
+    """Returns True if every edge occurs once in each direction."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).tolist()
     return len({tuple(e) for e in edges}) == len(edges) and {(b, a) for a, b in edges} == {
         tuple(e) for e in edges
@@ -108,7 +108,7 @@ def test_undo_after_whatever_an_artist_does_gives_back_the_document(make_scene, 
 
 @pytest.fixture(scope="module")
 def make_scene(tmp_path_factory):
-    """Two limbs in the middle of the picture, one of them moving."""
+    """Returns two limbs in the centre of the image, one of them moving."""
     from enliven.motion.layers.retarget import bind_chain
 
     folder = tmp_path_factory.mktemp("recovery")
@@ -125,7 +125,7 @@ def make_scene(tmp_path_factory):
 
 
 def limb_at(name: str, x: float):
-    """Bones alone, so that a random stroke is quick."""
+    """Returns bones only, so that a random stroke is fast."""
     from enliven.document.rigged import still_shape
     from enliven.document.skeleton import Skeleton
 

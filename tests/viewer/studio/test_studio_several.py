@@ -1,4 +1,4 @@
-"""Several characters at once: chosen by clicks and boxes, and each deed is one edit of all of them."""
+"""Tests of multiple selection: by clicks and boxes; each action is one edit of all selected characters."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ def test_several_are_changed_as_if_they_were_one_body(factor, axis, side) -> Non
 
 @settings(max_examples=15)
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 4.0))
-def test_of_one_alone_they_are_the_edits_of_one(name, factor) -> None:
+def test_edits_of_several_equal_single_edits_for_one_character(name, factor) -> None:
     turn = from_rotation_vector(np.array([0.1, factor, 0.3]))
     assert same(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
     assert same(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))
-    if name != "star":  # its surface would be solved
+    if name != "star":  # its surface would have to be solved
         one = mirror_character(PROJECT, name, np.eye(3)[0])
         many = mirror_characters(PROJECT, [name], np.eye(3)[0])
         assert np.allclose(seen(one, name), seen(many, name), atol=1e-9)
@@ -93,7 +93,7 @@ IDS = st.sampled_from(["star", "limb", "post"])
 
 
 @given(st.lists(st.one_of(IDS, st.tuples(IDS))))
-def test_a_click_chooses_one_and_ctrl_adds_or_takes_off(clicks) -> None:
+def test_click_selects_one_and_ctrl_toggles(clicks) -> None:
     selection, told = Selection(), []
     for click in clicks:
         if isinstance(click, tuple):
@@ -162,7 +162,7 @@ def test_each_deed_on_several_is_one_step_that_undo_takes_back(workspace) -> Non
         assert same(editor.project, first), deed
 
 
-def test_a_drag_of_one_moves_all_that_are_chosen(workspace) -> None:
+def test_drag_moves_all_selected_characters(workspace) -> None:
     editor = workspace.editor
     editor.choose_all("limb", "post")
     workspace.input.take("carry")
@@ -176,7 +176,7 @@ def test_a_drag_of_one_moves_all_that_are_chosen(workspace) -> None:
     assert editor.history.names[-1] == "move 2 shapes" and editor.selection.several
 
 
-def test_what_needs_one_shape_alone_says_so(workspace) -> None:
+def test_single_shape_actions_refuse_multiple_selection(workspace) -> None:
     editor = workspace.editor
     editor.choose_all("post", "limb")
     for deed in ("shape.puppet", "motion.clear", "view.best", "shape.up"):

@@ -1,4 +1,4 @@
-"""What a slow picture or disk must not spoil: strokes, autosaving, and textures that are still decoded."""
+"""Tests of robustness to slow frames or disks: strokes, autosave, and textures still being decoded."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ spots = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)).map(lambda at: 
 
 @given(st.lists(spots, max_size=6))
 def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictures) -> None:
-    """Each picture ImGui is at the last place that was told before it, as without a change of a button."""
+    """After each frame ImGui has the last position before it, as without a button change."""
     path, taken, told = PointerPath(), [], []
     at = (-1.0, -1.0)
     for picture in pictures:
         for x, y in picture:
-            path.tell(x + 0.4, y)  # ImGui counts whole pixels
+            path.tell(x + 0.4, y)  # ImGui counts in whole pixels
             told.append((x, y))
         at = told[-1] if told else at
-        while True:  # a place that was passed twice ends a picture early, and the rest comes with the next
+        while True:  # a position that repeats ends a frame early, and the rest comes with the next
             some = path.take(at)
             assert some[-1] == at
             if some == [at] and len(taken) >= len(told):
@@ -46,7 +46,7 @@ def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictu
     assert taken == told
 
 
-def test_what_lies_beyond_a_button_waits_and_a_jump_forgets_the_rest() -> None:
+def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
     path = PointerPath()
     for x in range(6):
         path.tell(float(x), 0.0)
@@ -63,7 +63,7 @@ def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> N
     assert said["roundness"] < 0.1
 
 
-def test_a_project_is_kept_beside_the_window_as_it_was_when_it_began(tmp_path, monkeypatch) -> None:
+def test_background_autosave_keeps_the_project_from_its_start(tmp_path, monkeypatch) -> None:
     goes_on, threads, written = threading.Event(), [], []
 
     def slowly(path: Path, project: Project) -> None:
@@ -89,7 +89,7 @@ def test_a_project_is_kept_beside_the_window_as_it_was_when_it_began(tmp_path, m
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_a_texture_is_white_until_it_is_decoded_beside_the_window(gl, monkeypatch, beside) -> None:
+def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, beside) -> None:
     goes_on, colour, out = threading.Event(), (200, 30, 60), io.BytesIO()
     Image.new("RGB", (8, 8), colour).save(out, "PNG")
     source = Texture(np.frombuffer(out.getvalue(), np.uint8), json.dumps({"magFilter": 9728}))

@@ -1,4 +1,4 @@
-"""Sounds that are performed along: read from files, mixed, heard in step, kept and undone."""
+"""Tests of sounds for a performance: read from files, mixed, played in sync, kept and undone."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BEAT = 0.25
 
 
 def written(path: Path, rate: int = 44_100, channels: int = 2) -> Path:
-    """A second of silence with one click."""
+    """Writes a second of silence with one click."""
     samples = np.zeros((rate, channels), np.int16)
     samples[round(BEAT * rate) : round(BEAT * rate) + rate // 100] = 20_000
     with wave.open(str(path), "wb") as file:
@@ -41,7 +41,7 @@ def test_a_file_is_read_at_one_rate_and_clicks_when_it_did(tmp_path, rate, chann
     assert first / SOUND_RATE == pytest.approx(BEAT, abs=0.003)
 
 
-def test_what_is_no_sound_is_refused_and_half_of_one_is_read(tmp_path) -> None:
+def test_invalid_sound_is_refused_and_truncated_sound_is_read(tmp_path) -> None:
     (tmp_path / "no.wav").write_bytes(b"no sound at all")
     with pytest.raises(InputError, match="cannot be read as sound"):
         read_sound(tmp_path / "no.wav")
@@ -78,7 +78,7 @@ def test_the_picture_of_a_sound_is_its_loudest_samples() -> None:
 
 
 class Device:
-    """What a sound card does: it asks for samples."""
+    """A sound card that asks for samples."""
 
     latency = 0.05
 
@@ -94,7 +94,7 @@ class Device:
         self.closed = True
 
 
-def test_it_is_heard_where_the_playhead_is_and_only_while_it_plays() -> None:
+def test_sound_follows_the_playhead_and_plays_only_with_it() -> None:
     devices: list[Device] = []
     editor = Editor()
     player = SoundPlayer(editor, lambda fill: devices.append(Device(fill)) or devices[-1])
@@ -119,7 +119,7 @@ def test_it_is_heard_where_the_playhead_is_and_only_while_it_plays() -> None:
     assert devices[0].closed and len(devices) == 1
 
 
-def test_without_a_device_it_is_said_once_and_the_project_plays_on(tmp_path) -> None:
+def test_missing_sound_device_is_reported_once_and_playback_continues(tmp_path) -> None:
     tried: list[int] = []
 
     def none(fill):
@@ -138,7 +138,7 @@ def test_without_a_device_it_is_said_once_and_the_project_plays_on(tmp_path) -> 
     ]
 
 
-def test_it_is_opened_at_the_playhead_kept_in_the_file_and_undone(tmp_path) -> None:
+def test_sound_opens_at_the_playhead_is_saved_and_undone(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     editor = workspace.editor
     before = editor.project

@@ -1,4 +1,4 @@
-"""The first minutes: the start page, samples, and the tour, taken in the real window and without one."""
+"""Tests of the first minutes: the start page, samples, and the tour, in the real window and without one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MEANT = (
     *("do Armchair", "recorded person", "possess", "record", "record", "room Animate", "tool cut"),
     *("the leg", "tool carry", "the piece", "menu File", "menu File/Save", "file name", "dialog Save"),
 )
-"""The widgets and places of the picture that the tour has to point at, one after the other."""
+"""Widgets and positions in the picture to which the tour must point, in order."""
 FORBIDDEN = (
     *("chain", "root", "node", "vertex", "vertices", "skeleton", "mesh", "bone", "joint", "rig", "layer"),
     *("take", "edge", "sensor", "track", "project", "performer", "possessed", "deform", "graph", "keyframe"),
@@ -39,14 +39,14 @@ MOST_WORDS = 15
 
 
 def encloses(outline: list[float], rectangle: list[float]) -> bool:
-    """Returns whether an outline goes around a rectangle of pixels, and not around much more."""
+    """Returns True if an outline goes round a rectangle of pixels, without much space around it."""
     around = outline[0] <= rectangle[0] and outline[1] <= rectangle[1]
     around = around and outline[2] >= rectangle[2] and outline[3] >= rectangle[3]
     return around and max(np.abs(np.subtract(outline, rectangle))) < 12
 
 
 def kept_chair(path: Path):
-    """The only chair of a saved file, and the project."""
+    """Returns the only chair of a saved file, and the project."""
     project = read_project(path)
     (chair,) = project.graphs.values()
     return chair, project
@@ -179,7 +179,7 @@ def test_the_tour_goes_back_if_what_a_step_needs_is_lost(workspace: Workspace) -
 
 @pytest.fixture
 def limb_there(workspace: Workspace) -> np.ndarray:
-    """(V, 2) pixels of a shape that is there alone, and plays."""
+    """Returns the (V, 2) pixels of a shape that is alone and plays."""
     outline = limb(np.array([[0.0, 1.4], [0.0, 1.0], [0.0, 0.5]]), np.array([0.07, 0.06, 0.05]))
     shape = shape_from_stroke(outline, id="limb")
     workspace.editor.edit("add", lambda project: project.with_characters(shape))
@@ -189,7 +189,7 @@ def limb_there(workspace: Workspace) -> np.ndarray:
 
 @pytest.mark.parametrize("tool", ["cut", "carry"])
 @pytest.mark.parametrize("was_playing", [True, False])
-def test_what_plays_holds_still_during_a_stroke_and_goes_on(
+def test_playback_pauses_during_a_stroke_and_resumes(
     workspace: Workspace, limb_there: np.ndarray, tool: str, was_playing: bool
 ) -> None:
     editor, hands = workspace.editor, workspace.input
@@ -219,10 +219,8 @@ def test_the_legs_of_the_armchair_are_found() -> None:
 
 
 @pytest.mark.parametrize("size", [(1000.0, 600.0), (620.0, 421.0)])
-def test_the_stroke_of_the_tour_cuts_one_leg_and_nothing_else(
-    workspace: Workspace, size: tuple[float, float]
-) -> None:
-    """From each side, along the arrow: what is gone then belongs to one leg."""
+def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[float, float]) -> None:
+    """From each side, along the arrow: the removed part belongs to one leg."""
     workspace.actions.do("sample.chair")
     editor = workspace.editor
     (chair,) = editor.project.graphs.values()
@@ -249,7 +247,7 @@ def test_the_stroke_of_the_tour_cuts_one_leg_and_nothing_else(
 
 
 def draw_cut(workspace: Workspace, path: tuple[tuple[float, float], ...]) -> bool:
-    """Draw a stroke with the scissors; returns whether it cut."""
+    """Draws a stroke with the scissors; returns True if it cut."""
     workspace.input.take("cut")
     count, (start, end) = len(workspace.editor.project.graphs), np.array(path)
     workspace.input.press(tuple(start))
@@ -274,7 +272,7 @@ def test_the_card_covers_nothing_that_is_meant(window: tuple[float, float]) -> N
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-def test_a_sample_opens_beside_what_is_there_and_is_undone(workspace: Workspace, name: str) -> None:
+def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, name: str) -> None:
     for count in (1, 2):
         assert workspace.actions.do(f"sample.{name}")
         assert len(workspace.editor.project.characters) == count

@@ -1,4 +1,4 @@
-"""Strokes at random with every tool, on what is there: nothing breaks, and all is undone bit for bit."""
+"""Tests of random strokes with every tool on any object: nothing breaks, and undo is exact bit for bit."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.tools import TOOLS
 
 STROKES = int(os.environ.get("ENLIVEN_STROKES", "20"))
-"""Strokes; make test-long makes 500."""
+"""Number of strokes; make test-long makes 500."""
 BETWEEN = ("ctrl+z", "ctrl+shift+z", "escape", "f", "1", "3", "ctrl+d", "enter", "space", "shift+k", "delete")
 """Keys that are pressed now and then."""
 MOST = 6
-"""Characters that are left: copies of copies would take the test's time."""
+"""Maximum number of characters: copies of copies would take too long."""
 
 
 def spot(editor: Editor, chance: random.Random) -> Place:
-    """A place in the picture on something that is seen, or a little beside it."""
+    """Returns a position in the image on a visible object, or near it."""
     seen = [one for one in editor.seen if len(one.extent)]
     at = np.array([chance.random(), chance.random()])
     if seen:
@@ -34,7 +34,7 @@ def spot(editor: Editor, chance: random.Random) -> Place:
 
 
 def strokes(editor: Editor, chance: random.Random) -> Iterator[Action]:
-    """A tool, and a stroke with it."""
+    """Returns a tool, and a stroke with it."""
     yield Key(chance.choice(TOOLS).key)
     shift = chance.random() < 0.3
     if chance.random() < 0.4:

@@ -1,4 +1,4 @@
-"""The lanes of takes that were recorded beside one another, and the marked span on the timeline."""
+"""Tests of the lanes of overdubbed takes, and of the marked span on the timeline."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def stage(tmp_path: Path) -> Workspace:
 
 
 def mine(layout: TimelineLayout) -> list[str]:
-    """The recordings of the limb's lanes, from the top."""
+    """Returns the recordings in the limb's lanes, from the top."""
     return [lane.layer.recorded for lane in layout.bars() if lane.character.id == "limb"]
 
 

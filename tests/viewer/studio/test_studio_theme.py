@@ -1,4 +1,4 @@
-"""The themes and the colour sets: text is readable on every ground, and neighbours differ for all eyes."""
+"""Tests of themes and colour sets: text is readable on every ground, and neighbours differ for all eyes."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from enliven_viewer.theme import COLOUR_SETS, THEMES, theme_in_use, use_theme
 
 SESSION = Path(__file__).parents[1] / "studio_theme_session.py"
 LEAST_CONTRAST = 4.5
-"""WCAG 2.2, success criterion 1.4.3, level AA: text of the usual size."""
+"""Minimum contrast by WCAG 2.2, success criterion 1.4.3, level AA: text of normal size."""
 TEXTS = ("ink", "quiet", "accent", "good", "wait", "bad", "chain")
 PAINTING = ("tinted", "push_style_color")
 SOLID = ("panel", "dark", "popup")
 LEAST_APART = 30.0
-"""CIELAB distance of neighbouring colours: far more than the 2.3 that are just seen, since bars are thin."""
+"""Minimum CIELAB distance of neighbouring colours: far above the just noticeable 2.3, since bars are thin."""
 LEAST_TOLD = 15.0
-"""CIELAB distance of any two colours of a set."""
+"""Minimum CIELAB distance of any two colours of a set."""
 CONFUSED = {
     "none": np.eye(3),
     "protanopia": np.array(
@@ -40,33 +40,33 @@ CONFUSED = {
         [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
     ),
 }
-"""Linear sRGB as eyes with a missing kind of cone see it: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes,
-"A Physiologically-based Model for Simulation of Color Vision Deficiency", IEEE TVCG 15(6), 2009."""
+"""Linear sRGB as seen without one kind of cone: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, "A
+Physiologically-based Model for Simulation of Color Vision Deficiency", IEEE TVCG 15(6), 2009."""
 XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
 
 
 def linear(shown) -> np.ndarray:
-    """(..., 3) linear light of sRGB 0..1."""
+    """Returns (..., 3) linear light of sRGB 0..1."""
     shown = np.asarray(shown, float)
     return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
 
 
 def over(colour, ground) -> np.ndarray:
-    """(3,) sRGB of a colour with opacity over an opaque one: as the graphics card mixes them."""
+    """Returns the (3,) sRGB of a translucent colour over an opaque one, mixed as by the graphics card."""
     colour, opacity = np.asarray(colour[:3], float), colour[3] if len(colour) > 3 else 1.0
     return opacity * colour + (1.0 - opacity) * np.asarray(ground[:3], float)
 
 
 def contrast(text, ground) -> float:
-    """The contrast ratio of WCAG 2.2 between a text with opacity and an opaque ground, 1..21."""
+    """Returns the WCAG 2.2 contrast ratio between a translucent text and an opaque ground, 1..21."""
     bright = [float(linear(one) @ XYZ[1]) for one in (over(text, ground), ground[:3])]
     return (max(bright) + 0.05) / (min(bright) + 0.05)
 
 
 def lab(light) -> np.ndarray:
-    """(..., 3) CIELAB of linear sRGB."""
+    """Returns (..., 3) CIELAB of linear sRGB."""
     share = (np.clip(light, 0, 1) @ XYZ.T) / XYZ.sum(1)
     f = np.where(share > (6 / 29) ** 3, np.cbrt(share), share / (3 * (6 / 29) ** 2) + 4 / 29)
     return np.stack(
@@ -75,14 +75,14 @@ def lab(light) -> np.ndarray:
 
 
 def apart(colours) -> np.ndarray:
-    """(N, N) the CIELAB distance of sRGB colours 0..255 to the eyes that tell them worst."""
+    """Returns (N, N) CIELAB distances of sRGB colours 0..255, for the eyes with the least difference."""
     seen = [lab(linear(np.asarray(colours) / 255) @ matrix.T) for matrix in CONFUSED.values()]
     return np.min([np.linalg.norm(one[:, None] - one[None], axis=-1) for one in seen], axis=0)
 
 
 def test_the_measures_are_those_of_their_publications() -> None:
     assert contrast((0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)) == pytest.approx(21.0)
-    assert contrast((0.4666667,) * 3, (1.0, 1.0, 1.0)) == pytest.approx(4.48, abs=0.01)  # the known #777
+    assert contrast((0.4666667,) * 3, (1.0, 1.0, 1.0)) == pytest.approx(4.48, abs=0.01)  # the well-known #777
     assert lab(linear([1.0, 0.0, 0.0])) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
     red_and_green = apart([(200, 60, 60), (90, 118, 60)])[0, 1]
     assert (
@@ -112,7 +112,7 @@ def test_every_text_is_readable_on_every_ground(name) -> None:
     for track in ("raised", "pressed"):
         grab = over((*colours.accent[:3], UNDER_TEXT), getattr(colours, track))
         pairs.append(("ink", colours.ink, f"a slider or progress on {track}", grab))
-    # Over the stage: its usual look, and for what is said in every look black and white as well.
+    # Over the stage: its default look; for texts in every look black and white as well.
     stage = (0.30, 0.33, 0.38) if name == "dark" else (0.74, 0.75, 0.77)
     glass = over(colours.glass, stage)
     pairs += [(text, getattr(colours, text), "glass over the stage", glass) for text in TEXTS[:3]]
@@ -161,7 +161,7 @@ def test_a_theme_changes_at_once_and_is_kept(tmp_path) -> None:
     assert theme_in_use() == ("dark", "okabe-ito")
 
 
-def test_an_unknown_theme_in_the_file_is_the_usual_one(tmp_path) -> None:
+def test_unknown_theme_falls_back_to_the_default(tmp_path) -> None:
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": 7}')
     assert Preferences(tmp_path).theme == "dark"  # damaged: put aside
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": "none"}')
@@ -190,8 +190,8 @@ def test_no_module_of_the_window_has_colours_of_its_own() -> None:
                 assert not numbers, f"{path}:{node.lineno}: take the colour from enliven_viewer.theme"
 
 
-def test_buttons_in_a_full_colour_take_the_ink_that_is_read_on_it() -> None:
-    """Buttons are filled by ``filled`` alone: ``tinted`` would leave the usual ink on the colour."""
+def test_full_colour_buttons_use_a_readable_text_colour() -> None:
+    """Buttons are filled by ``filled`` only: ``tinted`` would leave the default text colour."""
     full, kinds = {"ACCENT", "GOOD", "WAIT", "BAD"}, ("button", "plot_histogram", "slider_grab", "frame_bg")
     for path in Path(enliven_viewer.__file__).parent.glob("studio/panels/**/*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):

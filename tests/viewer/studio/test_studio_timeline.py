@@ -1,4 +1,4 @@
-"""The timeline's places: what is drawn at a pixel is found there; lanes, ticks, messages."""
+"""Tests of the timeline's geometry: hit-testing equals drawing; lanes, ticks, messages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from enliven_viewer.studio.workspace import Workspace
 
 
 def project_of(offsets: list[float], speeds: list[float], take: str = "wave") -> Project:
-    """A shape of a bone a layer, each with its own time."""
+    """Returns a shape with one bone per layer, each with its own time."""
     count = len(offsets) + 1
     names = tuple(f"j{k}" for k in range(count))
     joints = np.stack([np.zeros(count), np.arange(count, dtype=float), np.zeros(count)], 1)
@@ -51,7 +51,7 @@ speeds = st.floats(0.25, 4.0) | st.floats(-4.0, -0.25)
 
 @given(times, st.data(), st.floats(400, 2000))
 @settings(max_examples=40, deadline=None)
-def test_what_is_drawn_at_a_pixel_is_found_there(offsets, data, width) -> None:
+def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> None:
     project = project_of(offsets, [data.draw(speeds) for _ in offsets])
     layout = TimelineLayout(project, length_of(project, 2.0), width)
     bars = layout.bars()
@@ -202,7 +202,7 @@ def test_lanes_are_named_by_the_limb_first() -> None:
 
 
 def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
-    """A shape of which one take moves two limbs, as the mapping names them."""
+    """Returns a shape with one take that moves two limbs, named by the retargeting."""
     bones = np.array([[0.0, 0.0], [0.05, 0.3], [0.0, 0.6], [0.0, 0.9]])
     shape = shape_from_stroke(limb(bones, np.array([0.08, 0.07, 0.06, 0.05])), id="limb")
     project = Project().with_takes(replace(clip, id=take)).with_characters(shape)
@@ -225,7 +225,7 @@ def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
 
 @pytest.fixture
 def workspace_playing(tmp_path) -> Workspace:
-    """A workspace of two seconds."""
+    """Returns a workspace of two seconds."""
     workspace = Workspace.new(Editor(), tmp_path)
     workspace.editor.edit("add", lambda _: limb_with_two_layers(library()[0], "wave")[1])
     assert workspace.editor.length >= 2.0

@@ -1,4 +1,4 @@
-"""The tools on a document without a window: what the pointer does, undo, and what cannot be done."""
+"""Tests of the tools on a document without a window: pointer actions, undo, and refusals."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Limb = Callable[..., Shape]
 
 @pytest.fixture
 def workspace(make_limb: Limb, tmp_path) -> Workspace:
-    """A workspace with two limbs and the library, seen from the front."""
+    """Returns a workspace with two limbs and the library, seen from the front."""
     made = Workspace.new(Editor(), tmp_path)
     shapes = make_limb("limb", 4), make_limb("arm", 2, 0.6, (0.7, 0.2, 0.0))
     made.store.new(made.editor.project.with_characters(*shapes))
@@ -76,7 +76,7 @@ def test_a_click_chooses_and_a_shift_click_chooses_the_chain(workspace: Workspac
     assert workspace.editor.selection.character is None and workspace.editor.history.names == ()
 
 
-def test_a_drag_of_empty_space_turns_the_view_and_changes_nothing(workspace: Workspace) -> None:
+def test_drag_of_empty_space_only_turns_the_view(workspace: Workspace) -> None:
     before = workspace.editor.camera.view(1.5).eye
     do(workspace, Drag((Pixel(0.05, 0.3), Pixel(0.2, 0.4))))
     assert np.linalg.norm(workspace.editor.camera.view(1.5).eye - before) > 0.1
@@ -142,7 +142,7 @@ def test_nodes_are_put_in_where_the_bone_is_clicked_and_taken_out(workspace: Wor
     assert len(restored) == 5 and np.allclose(restored.positions[:, 1], [0.2, 0.45, 0.7, 0.95, 1.2])
 
 
-def test_the_root_cannot_be_taken_out_and_it_is_said_what_to_do(workspace: Workspace) -> None:
+def test_root_removal_is_refused_with_advice(workspace: Workspace) -> None:
     before = workspace.editor.project
     do(workspace, Key("x"), Click(JointPlace("limb", 0)))
     assert workspace.editor.project is before and "root" in said(workspace) and "Cut" in said(workspace)
@@ -193,7 +193,7 @@ def test_a_stroke_cuts_and_both_parts_stay_where_they_are(workspace: Workspace) 
     assert workspace.editor.selection.character == "limb 2"
 
 
-def test_a_stroke_across_nothing_says_so(workspace: Workspace) -> None:
+def test_stroke_across_nothing_is_reported(workspace: Workspace) -> None:
     do(workspace, Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.3))))
     assert workspace.editor.history.names == () and "across a limb" in said(workspace)
 
@@ -239,7 +239,7 @@ def test_motion_is_copied_from_chain_to_chain(workspace: Workspace) -> None:
 
 
 @pytest.mark.parametrize("key", ["ctrl+c", "ctrl+d", "ctrl+m", "ctrl+shift+c", "ctrl+shift+d", "delete"])
-def test_commands_without_a_choice_say_what_to_choose(workspace: Workspace, key: str) -> None:
+def test_commands_without_a_selection_give_advice(workspace: Workspace, key: str) -> None:
     before = workspace.editor.project
     do(workspace, Key(key))
     assert workspace.editor.project is before and "chosen" in said(workspace)
@@ -308,7 +308,7 @@ def test_every_motion_of_the_library_can_be_looped_or_stays(workspace: Workspace
 
 
 def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
-    """Frame by frame and bone by bone, against all frames at once."""
+    """Frame by frame and bone by bone, compared with all frames at once."""
 
     def bends(phase: float) -> list[np.ndarray]:
         return [np.array([phase, 0.3 * bone, -0.5 * phase * bone]) for bone in range(1, 4)]
@@ -336,14 +336,14 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
     assert seen() > 2 * from_above and workspace.editor.history.names == ()
 
 
-def test_a_take_of_another_build_says_what_to_do_or_maps_all(workspace: Workspace) -> None:
+def test_take_of_another_build_gives_advice_or_is_fully_mapped(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
     workspace.editor.beside.finish()
     assert workspace.editor.history.names == ("map all of walk",) or "chain by chain" in said(workspace)
 
 
-def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Workspace) -> None:
-    """As the command does it: on the floor, stepping, softened; what is edited meanwhile is kept."""
+def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspace) -> None:
+    """As by the command: on the floor, stepping, smoothed; edits made meanwhile are kept."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
@@ -363,10 +363,10 @@ def test_a_whole_body_is_fitted_beside_the_window_and_measured(workspace: Worksp
     np.testing.assert_allclose(low, horse().positions[:, 1].min(), atol=0.06)
 
 
-def test_a_whole_body_loops_where_the_box_says_so_and_is_mapped_again_in_its_own_place(
+def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
     workspace: Workspace,
 ) -> None:
-    """The box "loop" is honoured by the whole body too; a second mapping does not add to the first."""
+    """The box "loop" applies to the whole body too; a second retargeting replaces the first."""
     clip, shape = replace(walk(0.3), id="steps"), meshed("horse", horse())
     tool = workspace.input.tools["map"]
     assert isinstance(tool, MapTool)
@@ -412,7 +412,7 @@ def test_a_chain_that_is_mapped_ends_the_clip_that_a_model_came_with(workspace: 
     )
 
 
-def test_a_foot_is_pinned_and_let_go(workspace: Workspace) -> None:
+def test_foot_is_pinned_and_released(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     do(workspace, Click(JointPlace("limb", 4)), Key("p"))
     assert [pin.joint for pin in workspace.editor.project.shapes["limb"].pins] == ["limb 4"], said(workspace)

@@ -1,4 +1,4 @@
-"""Two windows on one project: neither undoes what the other saved without being asked."""
+"""Tests of two windows on one project: neither overwrites the other's work without being asked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SESSION = Path(__file__).parents[1] / "studio_two_windows_session.py"
 
 @pytest.fixture
 def windows(make_limb, tmp_path: Path) -> tuple[Workspace, Workspace]:
-    """Two windows that opened the same file."""
+    """Returns two windows that opened the same file."""
     first, second = (Workspace.new(Editor(), tmp_path / name) for name in ("one", "two"))
     first.editor.edit("add", lambda project: project.with_characters(make_limb("shared", 3)))
     first.store.save(tmp_path / "work.enliven")
@@ -63,7 +63,7 @@ def test_save_as_keeps_both(windows, tmp_path: Path, name: str) -> None:
     assert characters(tmp_path / "work.enliven") == ["first", "shared"]
     second.ask("save")
     assert second.asking == ""
-    # The name of the file that was changed is no way round it, nor is a link to it.
+    # Neither the changed file's own name nor a link to it circumvents the question.
     first.store.path, other = tmp_path / "work.enliven", tmp_path / name
     if not other.exists():
         other.symlink_to(tmp_path / "work.enliven")
@@ -94,7 +94,7 @@ def test_both_are_compared_and_brought_together(windows, tmp_path: Path) -> None
     assert "first" not in second.editor.project.characters, "it is one edit"
 
 
-def test_what_waits_for_the_save_goes_on_after_the_answer(windows) -> None:
+def test_quit_waiting_for_the_save_continues_after_the_answer(windows) -> None:
     first, second = windows
     first.ask("save")
     second.ask("quit")
@@ -116,8 +116,8 @@ def test_an_answer_of_cancel_does_not_quit_later(windows) -> None:
     assert not second.ended
 
 
-def test_a_touched_copied_or_vanished_file_asks_nothing(windows, tmp_path: Path) -> None:
-    """What counts is the content, not the date."""
+def test_unchanged_content_asks_no_question(windows, tmp_path: Path) -> None:
+    """Only the content counts, not the date."""
     second = windows[1]
     path = tmp_path / "work.enliven"
     os.utime(path, (1e9, 1e9))
@@ -153,7 +153,7 @@ def test_a_file_that_was_damaged_meanwhile_can_be_saved_over(windows, tmp_path: 
     assert characters(tmp_path / "work.enliven") == ["second", "shared"]
 
 
-def test_a_full_disk_is_said_and_asks_for_nothing(windows, monkeypatch) -> None:
+def test_full_disk_is_reported_without_a_question(windows, monkeypatch) -> None:
     def full(*_):
         raise OSError(28, "No space left on device")
 

@@ -1,4 +1,4 @@
-"""The studio's real window, where there is a display or Xvfb: ImGui's test engine works in it."""
+"""Tests of the studio's real window with ImGui's test engine, if there is a display or Xvfb."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_an_artist_works_in_the_window(tmp_path) -> None:
     assert said["left"] == [], "nothing is left to recover"
 
 
-def test_without_a_display_the_command_says_where_to_start_it(monkeypatch) -> None:
+def test_command_without_a_display_gives_advice(monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.commands.studio.has_display", lambda: False)
     app = typer.Typer()
     app.command()(studio)

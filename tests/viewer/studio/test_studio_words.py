@@ -1,4 +1,4 @@
-"""The window speaks to artists: no counts of vertices, milliseconds, scores or names of settings."""
+"""Tests of the window's words for artists: no vertex counts, milliseconds, scores or setting names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ENGINEERS = re.compile(
 )
 """Words and units that do not help people make a film."""
 NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
-"""Modules with words of files and messages, which translate them."""
+"""Modules with texts for files and messages, which translate them."""
 
 
 def texts_of(path: Path) -> list[tuple[int, str]]:
@@ -59,13 +59,13 @@ def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
     assert made_of(project.character("post")).startswith(("bends anywhere", "1 bone"))
 
 
-def test_being_late_is_said_in_words_and_only_where_it_is_felt() -> None:
+def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
     assert late_words(None) == late_words(20.0) == late_words(149.0) == ""
     assert late_words(200.0) == "a little late"
     assert late_words(900.0) == "late: move slowly"
 
 
-def test_how_many_examples_are_enough_is_said_without_percents() -> None:
+def test_number_of_examples_is_rated_without_percents() -> None:
     from enliven_viewer.studio.examples.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
@@ -79,19 +79,19 @@ def test_how_many_examples_are_enough_is_said_without_percents() -> None:
 
 
 def quality(**changes: object) -> MotionQuality:
-    """Returns a motion that is good in every way, with changes."""
+    """Returns a motion of good quality, with changes."""
     fields = {name: () for name in MotionQuality.__dataclass_fields__}
     good = {"stretch": 1.1, "sunk": 0.0, "afloat": 0.0, "slide": 0.0, "through": 0.0, "joints": ("knee",)}
     return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})  # type: ignore[arg-type]
 
 
 class _Plan:
-    """A mapping that moves no limb less."""
+    """A retargeting plan without reduced limbs."""
 
     chains = ()
 
 
-def test_how_good_a_motion_is_is_said_in_words_that_name_the_place() -> None:
+def test_motion_quality_is_worded_with_the_place() -> None:
     arm = LimbError(**{**dict.fromkeys(LimbError.__dataclass_fields__, 0.0), "limb": "left arm"})
     good = motion_words(_Plan(), quality(limbs=(arm,)))  # type: ignore[arg-type]
     assert good == ["Limbs point as the performer's do", "The surface stretches little"]
@@ -113,14 +113,14 @@ def test_how_good_a_motion_is_is_said_in_words_that_name_the_place() -> None:
     assert not any(re.search(r"\d", line) for line in (*good, *bad))
 
 
-def test_the_list_of_phrases_says_what_each_command_does() -> None:
+def test_phrase_list_describes_every_command() -> None:
     for word in WORDS:
         assert command_words(word) not in WORDS, f"{word} is shown as it stands in the settings"
     assert command_words("possess left arm") == "steps in: left arm"
     assert command_words("hop") == "hop", "a word of a newer edge is shown unchanged"
 
 
-def test_what_was_heard_stands_below_the_advice_of_a_scan() -> None:
+def test_heard_words_are_below_the_advice_of_a_scan() -> None:
     top = live.heard_below(is_scanned=True) - live._LARGE - live._AROUND
     assert top >= scan.ADVICE, "the words lie on each other"
     assert live.heard_below(is_scanned=False) < live.heard_below(is_scanned=True)

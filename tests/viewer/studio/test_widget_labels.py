@@ -1,5 +1,8 @@
-"""Every widget keeps its id while it is shown: ImGui makes the id of the label, so a label that changes
-during a press loses the click. What changes stands before ``###``, which alone is left out of the id."""
+"""Tests that every widget keeps its id while it is shown.
+
+ImGui derives the id from the label, so a label that changes during a press loses the click. The variable part
+must stand before ``###``, which hides it from the id.
+"""
 
 from __future__ import annotations
 
@@ -17,25 +20,25 @@ WIDGETS = {
     *("begin_tab_item", "tab_item_button", "begin", "begin_child", "begin_popup", "begin_popup_modal"),
     *("open_popup", "color_edit3", "color_edit4"),
 }
-"""Functions of ImGui that make an id of their first argument."""
+"""Functions of ImGui that derive an id from their first argument."""
 PREFIXES = ("slider_", "drag_", "input_", "v_slider_")
 HELPERS = {"button": 1, "choice": 1, "switch": 1, "modal": 0, "panel": 0}
-"""Our own functions that pass a label on, with its place: those who call them are looked at instead."""
+"""Own functions that pass on a label, and its argument index: their callers are checked instead."""
 PASSED_ON = {
     *(("modal.py", word) for word in ("label", "title", "yes", "no")),
     *(("fields.py", "label"), ("style.py", "name"), ("layer.py", "label")),
     *(("dialogs.py", "_TITLES[workspace.asking]"), ("dialogs.py", "'Save' if browser.saving else 'Open'")),
 }
-"""Labels that helpers pass on, the names of a layer's fields, and those of a dialogue about files, which are
-its own while it is open."""
+"""Labels that helpers pass on, the names of a layer's fields, and those of a file dialog, which are constant
+while it is open."""
 FIXED = {"action.label", "action.entry", "menu", "group"}
 """Labels of the table of actions, which does not change while the window is open."""
 NAMES = {"name", "stem", "label", "id"}
-"""What tells one item of a list from the others; it is the item's id in any case."""
+"""Attributes that distinguish the items of a list; they are the item's id in any case."""
 
 
 def is_constant(label: ast.expr) -> bool:
-    """Whether an expression is a text, or a constant of its module."""
+    """Returns True if an expression is a text, or a constant of its module."""
     if isinstance(label, ast.Name):
         return label.id.lstrip("_").isupper()
     if isinstance(label, ast.BinOp):
@@ -44,14 +47,14 @@ def is_constant(label: ast.expr) -> bool:
 
 
 def is_name(label: ast.expr, items: set[str]) -> bool:
-    """Whether an expression is the name of an item of a list that is gone through."""
+    """Returns True if an expression is the name of the current item of an iterated list."""
     if isinstance(label, ast.Attribute):
         return label.attr in NAMES and is_name(label.value, items)
     return isinstance(label, ast.Name) and label.id in items
 
 
 def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
-    """Whether what is written before the mark of the id cannot change, or does not count."""
+    """Returns True if the text before the id mark is constant, or does not count."""
     if is_constant(label) or is_name(label, items) or ast.unparse(label) in FIXED:
         return True
     if isinstance(label, ast.Call) and ast.unparse(label.func) == "labelled":
@@ -76,14 +79,14 @@ def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
                 return True
             named = named or "##" in piece.value
         elif piece.format_spec is not None:  # type: ignore[attr-defined]
-            before = False  # a number that is written as a part of the id, unless the mark comes after it
+            before = False  # a number that is a part of the id, unless the mark comes after it
         elif not (is_constant(piece.value) or is_name(piece.value, items)):  # type: ignore[attr-defined]
             before = before and named
     return before
 
 
 def labels(tree: ast.AST) -> Iterator[tuple[int, ast.expr]]:
-    """The labels of all widgets of a module, with their lines."""
+    """Returns the labels of all widgets of a module, with their lines."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue
@@ -97,7 +100,7 @@ def labels(tree: ast.AST) -> Iterator[tuple[int, ast.expr]]:
 
 
 def changing(name: str, text: str) -> list[str]:
-    """The labels of a module that may change while they are shown."""
+    """Returns the labels of a module that may change while they are shown."""
     found, tree = [], ast.parse(text)
     loops = [node.target for node in ast.walk(tree) if isinstance(node, ast.For)]
     items = {node.id for target in loops for node in ast.walk(target) if isinstance(node, ast.Name)}

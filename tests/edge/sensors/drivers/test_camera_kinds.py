@@ -1,4 +1,4 @@
-"""What is known of each kind of camera is used by its driver, and what only some drivers do."""
+"""Tests that drivers use the known properties of each camera kind, and of some drivers' own features."""
 
 import importlib
 
@@ -37,7 +37,7 @@ def test_a_camera_gets_the_profile_of_its_kind(kinds, otherwise, called, profile
 
 
 EDGES = [each + by for each in (500, 700, 1000, 2000, 3100, 5460) for by in (-1, 0, 1)]
-"""Millimetres around the ends of the reaches below."""
+"""Millimetres around the limits of the ranges below."""
 
 
 @given(
@@ -62,7 +62,7 @@ def test_an_empty_reach_is_refused():
 
 @pytest.fixture(scope="module")
 def played(tmp_path_factory) -> str:
-    """A recording of a depth camera, 96x64."""
+    """Returns frames of a recording of a depth camera, 96x64."""
     path = tmp_path_factory.mktemp("played") / "take.mcap"
     with Recorder(path) as recorder:
         for number in range(8):
@@ -77,7 +77,7 @@ def played(tmp_path_factory) -> str:
     st.sampled_from([0, 30, 40.5]),
 )
 def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, reach, least):
-    """A slow twin, with values around every threshold, halves, and what is no number."""
+    """Compared with a slow reference, with values around every threshold, halves and NaN."""
     random = np.random.default_rng(seed)
     odd = [np.nan, np.inf, -np.inf, -0.4, 0.4, 0.5, 65534.4, 65534.5, 65534.99, 65535.0, *EDGES]
     confidence = random.choice([least - 1, np.nextafter(np.float32(least), -1), least, 255, np.nan], (64, 96))
@@ -99,7 +99,7 @@ def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, r
     ("options", "words"),
     [({"range": 3}, "range cannot be 3 m"), ({"near": 3.0, "far": 1.0, "rehearse": "x"}, "near is 3.0 m")],
 )
-def test_what_the_time_of_flight_camera_has_not(options, words):
+def test_unsupported_time_of_flight_options_are_refused(options, words):
     with pytest.raises(InputError, match=words):
         TofSensor(**options)
 
@@ -126,7 +126,7 @@ ASKED = {
         "FrameType": "DEPTH",
     },
 }
-"""What a driver asks of its library only where there is a device, class by class."""
+"""Attributes that a driver uses only if a device is connected, class by class."""
 
 
 @pytest.mark.parametrize("driver", ASKED)

@@ -1,4 +1,4 @@
-"""Orbbec's cameras: what only their driver does, through Orbbec's library on playbacks that are made here."""
+"""Tests of Orbbec's driver, through Orbbec's library on generated recordings."""
 
 import struct
 from dataclasses import replace
@@ -43,11 +43,11 @@ def test_orbbec_knows_its_ways_of_keeping_time():
 
 
 BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
-"""k1 to k6, p1, p2 of a Femto's depth camera, the size that these have there."""
+"""k1 to k6, p1 and p2 of a Femto's depth camera, of realistic size."""
 
 
 def bent_stream(lens: Intrinsics, fps: int) -> bytes:
-    """The message of a stream with a rational distortion, model 4 of Orbbec."""
+    """Returns the message of a stream with rational distortion, model 4 of Orbbec."""
     straight = playback_stream(lens, fps)
     return straight[: -8 * 4 - 1] + struct.pack("<8fB", *BENT, 4)
 
@@ -56,7 +56,7 @@ playback_stream = playback._stream
 
 
 def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeypatch):
-    """The library's own filter and ours round to the nearest pixel, but not every half in the same way."""
+    """The library's filter and ours round to the nearest pixel, but not every half in the same way."""
     needs("orbbec")
     monkeypatch.setattr(playback, "_stream", bent_stream)
     write_playback(take, tmp_path / "bent.bag")
@@ -70,7 +70,7 @@ def test_orbbecs_library_and_the_import_straighten_alike(take, tmp_path, monkeyp
     assert (played.depth == raw).mean() < 0.7, "it was bent enough to tell"
 
 
-def test_a_playback_of_an_old_version_is_refused_before_the_library_hangs_on_it(take, tmp_path, monkeypatch):
+def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkeypatch):
     needs("orbbec")
     monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
@@ -79,13 +79,13 @@ def test_a_playback_of_an_old_version_is_refused_before_the_library_hangs_on_it(
 
 
 ACCELERATION = (0.5, -9.7, -1.25)
-"""What an accelerometer feels at rest, m/s^2, in its own frame: the opposite of gravity."""
+"""Reading of an accelerometer at rest, m/s^2, in its own frame: the opposite of gravity."""
 TURN = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""(3, 3) from the accelerometer's frame to the depth camera's: an axis becomes the next."""
+"""(3, 3) rotation from the accelerometer's frame to the depth camera's: a permutation of the axes."""
 
 
 def felt(time_us: int, number: int) -> bytes:
-    """``sensor_msgs/Imu`` with Orbbec's fields: the reading and its temperature once more, as bytes."""
+    """Returns ``sensor_msgs/Imu`` with Orbbec's fields: the reading, and its temperature again as bytes."""
     unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
     own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
     moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
@@ -93,7 +93,7 @@ def felt(time_us: int, number: int) -> bytes:
 
 
 def accelerometer() -> bytes:
-    """``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings a second."""
+    """Returns ``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings per second."""
     stands = struct.pack("<9f3f", *TURN.ravel(), 0.0, 0.0, 0.0)
     return (
         playback._head() + struct.pack("<6B", 4, 16, 2, 7, 0, 0) + stands + struct.pack("<27d", *(0.0,) * 27)
@@ -101,7 +101,7 @@ def accelerometer() -> bytes:
 
 
 def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, monkeypatch):
-    """Through Orbbec's library, which takes readings and the accelerometer's place from a playback."""
+    """Through Orbbec's library, which takes readings and the accelerometer's pose from a recording."""
     needs("orbbec")
     more = {
         "felt": ("/cam/sensor_4/frameType_4", "sensor_msgs/Imu", "6a62c6daae103f4ff57a132d6f95cec2"),
@@ -135,14 +135,14 @@ STEPS = [
     (0x0800, b"Orbbec Gemini 335", 176, struct.pack("<f", 0.25)),
     (0x0660, b"Orbbec Astra 2", 75, struct.pack("<i", 2)),
 ]
-"""A Gemini 335 says its step of depth in millimetres, an Astra 2 by a level: product, name and property."""
+"""Depth steps by product, name and property: a Gemini 335 states millimetres, an Astra 2 a level."""
 
 
 @pytest.mark.parametrize(("product", "name", "number", "value"), STEPS)
 def test_orbbecs_library_and_the_import_take_the_same_steps(
     take, tmp_path, monkeypatch, product, name, number, value
 ):
-    """Cameras that make depth of disparities say that they did (85, 3004), and that none is smoothed (24)."""
+    """Cameras with depth from disparities report it (85, 3004), and report that smoothing is off (24)."""
     needs("orbbec")
     made = playback._Bag.write
 
@@ -170,7 +170,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
 
 
 class Listed:
-    """Two cameras as Orbbec's library lists them; no device is here."""
+    """Two cameras in the form in which Orbbec's library lists them; no device is connected."""
 
     cameras = (
         ("AY1", "Orbbec Gemini 335", "usb-1", "0.0.0.0", ""),
@@ -218,7 +218,7 @@ def test_a_camera_is_opened_by_any_of_its_names(wanted, found):
     assert opened_device(Connected, Connected(), wanted) == found
 
 
-def test_of_several_cameras_the_one_of_before_is_taken_and_none_at_random():
+def test_previous_one_of_several_cameras_is_reopened():
     assert opened_device(Connected, Connected(), "", "CL2") == "CL2"
     with pytest.raises(ResourceError, match=r"2 are connected: AY1, CL2\. Name .* --set device=AY1"):
         opened_device(Connected, Connected(), "")
@@ -232,7 +232,7 @@ def test_a_camera_that_is_not_there_or_does_not_open_is_a_sentence():
 
 
 def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
-    """Of two sensors the first; images before and after a loss; each with its own lens and number."""
+    """Only the first of two sensors; images before and after a loss; each with its own lens and number."""
     needs("orbbec")
     sizes = [(96, 64)] * 4 + [(128, 72)] * 3 + [(96, 64)] * 3
     with Recorder(tmp_path / "two.mcap") as recorder:

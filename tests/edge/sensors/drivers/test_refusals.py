@@ -1,4 +1,4 @@
-"""What a technician reads when a camera cannot be had: each trouble its sentence, with what to do."""
+"""Tests of the errors for unavailable cameras: each problem has its message and advice."""
 
 import errno
 import importlib.util
@@ -62,11 +62,11 @@ MESSAGES = [
     ("other", "[Errno 19] No such device", "no longer connected"),
     ("other", "Frobnication failed", "it cannot be used (Frobnication failed). Unplug it once"),
 ]
-"""(sensor, a message as its library says it, what is made of it)."""
+"""(sensor, message of its library, our message)."""
 
 
 @pytest.mark.parametrize(("sensor", "message", "words"), MESSAGES)
-def test_what_a_library_says_becomes_a_sentence(sensor, message, words):
+def test_library_message_becomes_an_error_with_advice(sensor, message, words):
     error = refused(sensor, RuntimeError(message), "left camera")
     assert words in str(error) and str(error).startswith("left camera: ")
     assert error.exit_code == 4 and error.mend
@@ -86,8 +86,8 @@ def test_the_system_s_own_words():
 
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
-def test_the_libraries_still_say_it_so(driver):
-    """Every piece is in the library that is installed: an update that words it anew is noticed here."""
+def test_library_messages_still_exist(driver):
+    """Every message part occurs in the installed library, so an update that rewords it is noticed here."""
     module = importlib.util.find_spec(usable(driver).needs[0])
     near = Path(module.origin).parent
     own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
@@ -104,7 +104,7 @@ names = st.text("0123456789ABCDEF", min_size=1, max_size=6)
 
 @given(found=st.dictionaries(names, st.integers(), max_size=4), wanted=names | st.just(""), before=names)
 def test_the_camera_that_is_meant_or_none(found, wanted, before):
-    """The one that was asked for; else the only one, or the one of before; never another."""
+    """The requested camera; otherwise the only one, or the previous one; never another."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(refusals, "attached", list)
         may = wanted in found if wanted else len(found) == 1 or before in found
@@ -118,7 +118,7 @@ def test_the_camera_that_is_meant_or_none(found, wanted, before):
     assert all(name in said for name in found) and ("--set " in said) == bool(found) and wanted in said
 
 
-def test_two_of_one_name_are_told_with_how_to_name_one():
+def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
         chosen("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
     said = str(raised.value)
@@ -135,7 +135,7 @@ def test_two_of_one_name_are_told_with_how_to_name_one():
     ],
 )
 def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package, version, why):
-    """Said before the library is loaded."""
+    """Reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
         cameras.library(package, sensor)
@@ -154,7 +154,7 @@ def test_versions_that_work_are_let_be():
 
 @pytest.fixture(scope="module", params=LIBRARIES)
 def said(request, tmp_path_factory):
-    """The sensor, and what its driver says on its real library without a device, by what the system shows."""
+    """Returns the sensor, and its driver's errors on the real library without a device, by USB state."""
     driver = usable(LIBRARIES[request.param])
     folder = tmp_path_factory.mktemp("asked")
     plugged(folder / "nothing")
@@ -174,7 +174,7 @@ def said(request, tmp_path_factory):
 
 
 def plugged(folder: Path, allowed: bool | None = None) -> None:
-    """A made-up USB tree with an OAK, a RealSense and an Orbbec camera, or nothing."""
+    """Creates a USB tree with an OAK, a RealSense and an Orbbec camera, or an empty one."""
     titles = {"03e7": "Luxonis Device", "8086": "Intel RealSense D435", "2bc5": "Orbbec Gemini 335"}
     for number, (vendor, title) in enumerate(titles.items()):
         device = folder / "devices" / f"1-{number}"
@@ -191,7 +191,7 @@ def plugged(folder: Path, allowed: bool | None = None) -> None:
             (folder / "nodes" / "001" / f"{number:03}").touch()
 
 
-def test_without_a_camera_it_says_what_to_plug_in_and_what_to_type(said):
+def test_missing_camera_gives_advice_and_command(said):
     sensor, told = said
     kind, words, code = told["nothing"]
     assert (kind, code) == ("ResourceError", "4") and "is not connected" in words
@@ -204,7 +204,7 @@ def test_another_camera_than_was_asked_for(said):
     assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
 
 
-def test_one_that_the_system_shows_and_the_library_does_not(said):
+def test_forbidden_and_hidden_cameras_are_reported(said):
     _, told = said
     assert "S7: your user may not open it. Type: sudo cp" in told["forbidden"][1]
     assert (
@@ -214,13 +214,13 @@ def test_one_that_the_system_shows_and_the_library_does_not(said):
 
 
 def test_a_camera_without_its_lens(said):
-    """It runs with the lens of its kind, and says so."""
+    """It runs with the default lens of its kind, and reports it."""
     _, told = said
     width, focal, calibrated = json.loads(told["lensless"][1].lower())
     assert width == 320 and 180 < focal < 260 and calibrated is False
 
 
-def test_what_only_librealsense_can_be_made_to_say(said):
+def test_librealsense_reports_open_stream_and_usb2(said):
     sensor, told = said
     if sensor != "realsense":
         pytest.skip("depthai has no device of software")
@@ -233,7 +233,7 @@ def test_what_only_librealsense_can_be_made_to_say(said):
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("options", [{"rehearse": "nothing.mcap"}, {"widht": 640}])
-def test_what_cannot_be_used_is_said(sensor, options):
+def test_unusable_driver_options_are_refused(sensor, options):
     if "rehearse" in options:
         usable(LIBRARIES[sensor])
     with pytest.raises(InputError, match=r"nothing\.mcap|Did you mean width"):
@@ -254,8 +254,8 @@ def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
 
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
-def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor):
-    """A recording cannot be asked for another size, and no port or cable is at fault."""
+def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
+    """A recording cannot change its size, and neither a port nor a cable is the cause."""
     usable(LIBRARIES[sensor])
     with Recorder(tmp_path / "square.mcap") as recorder:
         for number in range(3):
@@ -273,7 +273,7 @@ def test_a_rehearsal_without_a_lens_says_what_to_rehearse_with(tmp_path, sensor)
 
 
 def seen(sensor, errors: list[Exception]) -> bool:
-    """Whether an image came or an error, which is noted."""
+    """Returns True if an image or an error arrived; notes the error."""
     try:
         return sensor.read(0.1) is None
     except TimeoutError:

@@ -1,4 +1,4 @@
-"""Whatever a camera does, viewers go on hearing from the edge, over real sockets, and what is wrong."""
+"""Tests that viewers receive heartbeats with the current problems, whatever a camera does."""
 
 import contextlib
 import os
@@ -24,7 +24,7 @@ from enliven_edge.warmup import warm_up_tracking
 from enliven_viewer.link.edges import EdgeClient
 
 BEATS = 3
-"""Heartbeats that are waited for while a trouble lasts: one that stops the edge lets none through."""
+"""Heartbeats to wait for during a problem: a blocked edge would send none."""
 
 
 class Viewer:
@@ -34,7 +34,7 @@ class Viewer:
         self.link, self.beats = EdgeClient([endpoint]), []
 
     def hear(self) -> dict[str, str]:
-        """What is wrong, by kind, as the newest heartbeat says it."""
+        """Returns the problems in the newest heartbeat, by kind."""
         self.link.poll()
         status = self.link.status
         if status is None:
@@ -44,7 +44,7 @@ class Viewer:
         return {state.kind: state.what for state in status.health}
 
     def until(self, kind: HealthKind | None, words: str = "") -> None:
-        """Hears that something is wrong, or that all is well, and then some heartbeats that still say so."""
+        """Waits until a problem, or none, is reported, and then for some heartbeats with the same report."""
 
         def holds() -> bool:
             said = self.hear()
@@ -60,8 +60,8 @@ class Viewer:
 
 @pytest.fixture
 def edge(tmp_path, monkeypatch):
-    """An edge on a thread that waits for a camera that is not there yet, and its viewer."""
-    # So that a call that hangs goes on hanging.
+    """Starts an edge on a thread that waits for a missing camera, and a viewer."""
+    # Keeps a hanging call hanging.
     monkeypatch.setattr(isolated, "SILENT", 10 * PATIENCE)
     monkeypatch.setattr(helper_process, "OPENING", 10 * PATIENCE)
     (tmp_path / "gone").touch()
@@ -81,7 +81,7 @@ def edge(tmp_path, monkeypatch):
     until(lambda: not helpers(), "an end without a helper process")
 
 
-def test_heartbeats_go_on_while_a_camera_is_missing_opens_slowly_hangs_dies_and_is_lost(edge, tmp_path):
+def test_heartbeats_continue_during_every_camera_failure(edge, tmp_path):
     sensor, viewer = edge
     viewer.until(HealthKind.SENSOR_LOST, "no device")
     assert viewer.link.status.sensor == "the camera"

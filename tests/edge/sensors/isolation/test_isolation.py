@@ -1,4 +1,4 @@
-"""Drivers in helper processes: whatever happens to one, the edge gets frames again and ends in time."""
+"""Tests of drivers in helper processes: whatever happens, the edge gets frames again and ends in time."""
 
 import time
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_frames_come_whole_and_in_order(tmp_path, capfd):
 
 
 def test_frames_that_are_kept_do_not_change(tmp_path):
-    """More of them than there are slots, while new ones go on coming."""
+    """More frames than slots, while new ones keep arriving."""
     with opener(tmp_path, pace=0.001)() as sensor:
         kept = [next_frame(sensor) for _ in range(3 * SLOTS)]
         copies = [frame.depth.copy() for frame in kept]
@@ -46,7 +46,7 @@ def test_frames_that_are_kept_do_not_change(tmp_path):
 
 
 def test_a_pause_does_not_become_a_lag(tmp_path):
-    """Three images that waited, and then those of now."""
+    """Three images that waited, and then current ones."""
     with opener(tmp_path, pace=0.02)() as sensor:
         next_frame(sensor)
         time.sleep(0.8)
@@ -58,7 +58,7 @@ def test_a_pause_does_not_become_a_lag(tmp_path):
     ("mishap", "said"),
     [("crashes", "crashed"), ("exits", "ended"), ("hangs", "no image"), ("goes silent", "no image")],
 )
-def test_whatever_happens_to_the_library_another_process_goes_on(tmp_path, mishap, said):
+def test_any_library_failure_is_continued_by_another_process(tmp_path, mishap, said):
     with kept_open(opener(tmp_path, mishap=mishap)) as sensor:
         errors: list[Exception] = []
         frames = [next_frame(sensor, errors) for _ in range(20)]
@@ -77,7 +77,7 @@ def test_a_stream_that_ends_ends(tmp_path):
         assert len(frames) == 4 and sensor.read(0.1) is None
 
 
-def test_a_driver_that_does_not_let_go_is_ended(tmp_path):
+def test_driver_that_does_not_close_is_killed(tmp_path):
     sensor = opener(tmp_path, mishap="does not close", after=1000)()
     next_frame(sensor)
     sensor.close()
@@ -85,7 +85,7 @@ def test_a_driver_that_does_not_let_go_is_ended(tmp_path):
     assert sensor.read(0.1) is None
 
 
-def test_a_library_that_crashes_while_it_opens_is_said(tmp_path):
+def test_library_crash_during_opening_is_reported(tmp_path):
     with pytest.raises(ResourceError, match="crashed"):
         kept_open(opener(tmp_path, mishap="crashes at open"))
 
@@ -97,7 +97,7 @@ def test_none_is_there(tmp_path):
 
 
 def ended(pid: int) -> bool:
-    """Whether a process has ended; in a container without an init, no other process takes its exit code."""
+    """Returns True if a process has ended; zombies count as ended, since a container may have no init."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
     except FileNotFoundError:
@@ -105,7 +105,7 @@ def ended(pid: int) -> bool:
 
 
 def test_the_helper_ends_with_an_edge_that_was_killed(tmp_path):
-    """The pipe ends with the edge, and the memory has no name that could be left."""
+    """The pipe closes with the edge, and the shared memory has no name that could be left over."""
     import subprocess
     import sys
 

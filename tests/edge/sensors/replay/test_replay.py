@@ -1,4 +1,4 @@
-"""Replay: every frame, in order, at the pace that was asked for."""
+"""Tests of replay: every frame, in order, at the requested speed."""
 
 import itertools
 import os
@@ -196,7 +196,7 @@ def test_other_packages_add_sensors(monkeypatch, tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="an open file cannot be removed here")
 def test_a_loop_needs_its_file_only_once(tmp_path, clock):
-    """It is held open: a lack of descriptors, or the file's removal, cannot end an installation's loop."""
+    """It stays open: neither missing descriptors nor the file's removal can end an installation's loop."""
     path = write(tmp_path / "a.mcap", [0, 33_000_000, 66_000_000])
     with ReplaySensor(path, loop=True) as sensor:
         path.unlink()

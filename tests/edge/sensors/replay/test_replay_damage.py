@@ -1,4 +1,4 @@
-"""A message of a recording that is no frame costs itself, not the replay."""
+"""Tests that a recording's message that is not a frame is skipped, and replay continues."""
 
 import struct
 
@@ -13,7 +13,7 @@ from enliven_edge.sensors.replay import ReplaySensor
 
 @pytest.fixture
 def damaged(tmp_path):
-    """Ten frames; the fifth's focal length is not a number, as an older recorder let pass."""
+    """Writes ten frames; the fifth has a NaN focal length, as an older recorder allowed."""
     Troubled.reset()
     device, path = Troubled(10), tmp_path / "a.mcap"
     with Recorder(path) as recorder:
@@ -27,7 +27,7 @@ def damaged(tmp_path):
     return path
 
 
-def test_the_frames_after_it_come(damaged):
+def test_frames_after_damage_are_replayed(damaged):
     with ReplaySensor(damaged, speed=0) as sensor:
         times = [sensor.read().time_ns for _ in range(4)]
         with pytest.raises(InputError, match="focal length"):
@@ -36,7 +36,7 @@ def test_the_frames_after_it_come(damaged):
     assert times == [i * STEP for i in range(1, 11) if i != 5]
 
 
-def test_it_is_told_again_in_every_round_of_a_loop(damaged):
+def test_damaged_message_is_reported_in_every_loop(damaged):
     times, faults = [], 0
     with ReplaySensor(damaged, speed=0, loop=True) as sensor:
         while len(times) < 27:

@@ -1,4 +1,4 @@
-"""From a printed board to a calibration, under cameras that are known: rendered boards, random sightings."""
+"""Tests of stereo calibration from a printed board with known cameras: rendered boards, random points."""
 
 import re
 import tomllib
@@ -24,11 +24,11 @@ from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, _fla
 BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
 SCALE = 2000
-"""Pixels a metre of the board that is rendered: half a millimetre."""
+"""Pixels per metre of the rendered board: half a millimetre each."""
 
 
 def poses(count, seed=0, tilt=30.0, side=0.45, near=0.4, far=0.8):
-    """(turn, middle) of boards, over the whole view of a camera of 70 degrees."""
+    """Returns (rotation, centre) of boards across the field of view of a camera of 70 degrees."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         turn = Rotation.from_euler("xyz", random.uniform(-tilt, tilt, 3), degrees=True).as_matrix()
@@ -37,13 +37,13 @@ def poses(count, seed=0, tilt=30.0, side=0.45, near=0.4, far=0.8):
 
 
 def placed(points, turn, middle):
-    """Points of the board in the left camera's frame."""
+    """Returns points of the board in the left camera's frame."""
     centre = np.array([BOARD.columns, BOARD.rows, 0]) * 0.5 * BOARD.square
     return (points - centre) @ turn.T + middle
 
 
 def sightings(lenses, count=24, noise=0.1, seed=0, **of):
-    """What two cameras see of boards, corners found with an error of so many pixels."""
+    """Simulates two cameras' detections of board corners, with an error in pixels."""
     random = np.random.default_rng(seed)
     made = []
     for number, pose in enumerate(poses(count, seed, **of)):
@@ -58,7 +58,7 @@ def sightings(lenses, count=24, noise=0.1, seed=0, **of):
 
 
 def drawn(rectangles):
-    """(h, w) the board's black rectangles on white, with a white rim of one square."""
+    """Returns (h, w) the board's black rectangles on white, with a white margin of one square."""
     rim = round(BOARD.square * SCALE)
     width, height = (round(n * BOARD.square * SCALE) + 2 * rim for n in (BOARD.columns, BOARD.rows))
     sheet = np.full((height, width), 255.0)
@@ -71,7 +71,7 @@ SHEET = drawn(BOARD.rectangles())
 
 
 class Studio:
-    """Photographs the printed board before a grey room; its 2 x 2 rays a pixel are cast once."""
+    """Renders the printed board in front of a grey room; its 2 x 2 rays per pixel are cast once."""
 
     def __init__(self, lens):
         self.lens, steps = lens, np.array([-0.25, 0.25])
@@ -81,7 +81,7 @@ class Studio:
         self.looks = looks.astype(np.float32)
 
     def photograph(self, turn, middle, seed=0):
-        """(H, W) what the lens sees."""
+        """Returns the (H, W) image of the lens."""
         normal = turn[:, 2]
         length = ((middle - self.eye) @ normal) / (self.looks @ normal)
         board = (self.eye - middle + self.looks * length[:, None]) @ turn[:, :2]
@@ -97,7 +97,7 @@ class Studio:
 
 @pytest.fixture(scope="module")
 def pairs(tmp_path_factory):
-    """A folder of rendered pairs, and the studios that took them."""
+    """Renders a folder of image pairs; returns it and the studios."""
     folder, studios = tmp_path_factory.mktemp("pairs"), [Studio(lens) for lens in rig(WIDTH, HEIGHT)]
     for number, pose in enumerate(poses(9, 4, tilt=25, side=0.25, near=0.36, far=0.5)):
         for name, studio in zip(("left", "right"), studios, strict=True):
@@ -111,7 +111,7 @@ def test_a_rendered_board_is_found_to_a_fifth_of_a_pixel(pairs):
     found = BOARD.find(studio.photograph(*pose))
     true = studio.lens.pixels(placed(BOARD.points, *pose))
     off = [np.linalg.norm(point - true[number]) for number, point in found.items()]
-    # A marker's cell is 2.5 px wide here, so that one or the other is not read.
+    # A marker's cell is 2.5 px wide here, so that some markers are not read.
     assert len(off) >= 18 and np.median(off) < 0.2 and max(off) < 0.6
     assert BOARD.find(np.zeros((HEIGHT, WIDTH), np.uint8)) == {}
 
@@ -130,7 +130,7 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
     squares = mm[mm[:, 2] > 30]
     assert squares[:, 2:] == pytest.approx(38.0, abs=1e-3)
     assert np.ptp(squares[:, 0]) == pytest.approx(6 * 38.0, abs=1e-3)
-    # Its rows count from below; put back, it is the board that the detector finds whole.
+    # Its rows count from the bottom; reversed, it is the board that the detector finds as a whole.
     x, y = mm[:, 0].min(), (mm[:, 1] + mm[:, 3]).max()
     again = np.stack([mm[:, 0] - x, y - mm[:, 1] - mm[:, 3], mm[:, 2], mm[:, 3]], -1) * 1e-3
     sheet = drawn(again)[::2, ::2].astype(np.uint8)
@@ -166,7 +166,7 @@ def test_a_pair_that_does_not_fit_is_left_out_by_name():
     assert solution.calibration.epipolar < 0.25
 
 
-def test_a_good_one_is_called_good_and_its_error_told():
+def test_good_calibration_is_judged_good_with_its_error():
     judgement = judge(BOARD, solve(BOARD, sightings(rig(), 30), (640, 400)))
     assert judgement.verdict == "good" and judgement.usable and not judgement.advice
     facts = dict(judgement.facts)
@@ -176,8 +176,8 @@ def test_a_good_one_is_called_good_and_its_error_told():
 
 
 @pytest.mark.parametrize(("seed", "noise"), [(0, 0.1), (2, 0.1), (1, 0.3), (3, 0.5)])
-def test_the_error_that_is_told_is_not_smaller_than_the_true_one(seed, noise):
-    """At 2 m, over the whole image, by cameras that are known; boards were not farther than 0.8 m."""
+def test_reported_disparity_error_covers_the_true_error(seed, noise):
+    """At 2 m, over the whole image, with known cameras; boards were at most 0.8 m away."""
     lenses = rig()
     solution = solve(BOARD, sightings(lenses, noise=noise, seed=seed), (640, 400))
     rectification = Rectification(solution.calibration)
@@ -199,12 +199,12 @@ def test_the_error_that_is_told_is_not_smaller_than_the_true_one(seed, noise):
         ({"count": LEAST_PAIRS - 1}, f"Take {LEAST_PAIRS} pairs or more"),
     ],
 )
-def test_what_is_not_good_enough_says_what_to_do(of, sentence):
+def test_insufficient_calibration_gives_advice(of, sentence):
     judgement = judge(BOARD, solve(BOARD, sightings(rig(), **of), (640, 400)))
     assert not judgement.usable and any(sentence in each for each in judgement.advice), judgement
 
 
-def test_exchanged_cameras_are_said():
+def test_exchanged_cameras_are_reported():
     judgement = judge(BOARD, solve(BOARD, sightings(rig()[::-1]), (640, 400)))
     assert not judgement.usable and "exchanged" in judgement.advice[0]
 
@@ -222,7 +222,7 @@ def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
     assert tomllib.loads(path.read_text())["version"] == 1 and path.read_text().startswith("# Two cameras:")
 
 
-def test_too_few_pairs_leave_the_old_file_as_it_was(pairs, tmp_path, capsys):
+def test_too_few_pairs_keep_the_old_file(pairs, tmp_path, capsys):
     few, path = tmp_path / "few", tmp_path / "stereo.toml"
     few.mkdir()
     for file in sorted(pairs[0].iterdir()):
@@ -246,7 +246,7 @@ def test_too_few_pairs_leave_the_old_file_as_it_was(pairs, tmp_path, capsys):
         (["--print", "board.pdf", "--square", "200"], "no sheet"),
     ],
 )
-def test_what_cannot_be_done_is_said(words, what, tmp_path, monkeypatch, capsys):
+def test_invalid_calibration_input_is_reported(words, what, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.run(["calibrate-stereo", *words]) == 3
     assert what in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The calibration file: what is written comes back, and what contradicts itself is refused in a sentence."""
+"""Tests of the calibration file: it round-trips, and contradictory files are refused with an error."""
 
 import re
 from dataclasses import replace
@@ -18,7 +18,7 @@ GOOD = calibration_of(*rig())
 
 @settings(max_examples=20)
 @given(st.floats(0.01, 2.0), st.floats(-3, 3), st.floats(0, 2))
-def test_what_is_written_comes_back(tmp_path_factory, baseline, crooked, bent):
+def test_calibration_file_round_trips(tmp_path_factory, baseline, crooked, bent):
     path = tmp_path_factory.mktemp("file") / "stereo.toml"
     calibration = calibration_of(*rig(baseline=baseline, crooked=crooked, bent=bent))
     save_calibration(path, calibration, ["A remark\nof two lines."])
@@ -44,7 +44,7 @@ def test_what_is_written_comes_back(tmp_path_factory, baseline, crooked, bent):
         (r"epipolar = .*", "", "epipolar is missing"),
     ],
 )
-def test_what_contradicts_itself_is_refused(tmp_path, line, instead, what):
+def test_contradictory_calibration_file_is_refused(tmp_path, line, instead, what):
     path = tmp_path / "stereo.toml"
     save_calibration(path, GOOD, [])
     text, changed = re.subn(line, instead, path.read_text(), count=1)
@@ -55,7 +55,7 @@ def test_what_contradicts_itself_is_refused(tmp_path, line, instead, what):
     assert str(path) in str(raised.value)
 
 
-def test_a_file_that_is_missing_says_how_it_is_made(tmp_path):
+def test_missing_calibration_file_names_the_command(tmp_path):
     with pytest.raises(InputError, match="enliven calibrate-stereo"):
         load_calibration(tmp_path / "stereo.toml")
 

@@ -1,4 +1,4 @@
-"""The driver of cameras that libcamera knows: on recorded pairs in its own process, and without a camera."""
+"""Tests of the libcamera driver: on recorded pairs in its own process, and without a camera."""
 
 import os
 import re
@@ -33,7 +33,7 @@ FRAMES = 12
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """(options of the driver, true depth): pairs of a wall that stands askew, and the calibration."""
+    """Returns (driver options, true depth): pairs of a slanted wall, and the calibration."""
     folder = tmp_path_factory.mktemp("recorded")
     lenses = rig(192, 120)
     calibration = calibration_of(*lenses)
@@ -93,8 +93,8 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
         assert sensor.read(1.0) is None
 
 
-def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
-    """As those of one camera do, whose landmarks become bodies in the driver."""
+def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
+    """Like those of a single camera with landmarks that become bodies in the driver."""
     with IsolatedOpener("telling", Telling, {})() as sensor:
         for number in range(telling.FRAMES):
             frame = next_frame(sensor)
@@ -116,12 +116,12 @@ def test_bodies_cross_from_the_process_as_they_are(none_left):  # noqa: F811
         ({"view": 500.0}, "view is 500.0 degrees"),
     ],
 )
-def test_what_cannot_be_used_is_said(options, what):
+def test_unusable_libcamera_options_are_refused(options, what):
     with pytest.raises(InputError, match=re.escape(what)):
         LibcameraSensor(**options)
 
 
-def test_without_a_camera_it_says_what_to_do(capsys, tmp_path):
+def test_missing_libcamera_camera_gives_advice(capsys, tmp_path):
     try:
         LibcameraSensor().close()
     except ResourceError as error:
@@ -143,7 +143,7 @@ def test_without_a_camera_it_says_what_to_do(capsys, tmp_path):
     st.integers(0, 7),
 )
 def test_an_image_is_read_out_of_its_buffer(which, width, height, spare):
-    """Against the formats as libcamera names them, pixel by pixel: the first letter is the highest byte."""
+    """Compared with libcamera's format names, pixel by pixel: the first letter is the highest byte."""
     table, name = which
     layout = table[name]
     stride = width * layout.bytes + spare

@@ -21,7 +21,7 @@ FOCAL_BASELINE = RECTIFIED.intrinsics.fx * RECTIFIED.baseline
 
 
 def pair(things, seed=0, gains=(1.0, 1.1)):
-    """(left, right) photographs with noise, vignetting and two exposures, and the true depth in metres."""
+    """Returns (left, right) images with noise, vignetting and two exposures, and the true depth in metres."""
     photographer = Photographer(things, seed)
     images = [
         photographer.picture(lens, gain=gain, vignette=0.3, noise=2.0)
@@ -31,19 +31,19 @@ def pair(things, seed=0, gains=(1.0, 1.1)):
 
 
 def disparity_error(depth, truth):
-    """Pixels by which known depths are off, as disparities."""
+    """Returns the errors of the known depths, as disparities in pixels."""
     known = depth > 0
     return FOCAL_BASELINE * np.abs(1e3 / depth[known] - 1 / truth[known])
 
 
 @settings(max_examples=2)
 @given(st.floats(1.0, 2.5), st.floats(0.1, 0.5), st.floats(-0.4, 0.4), st.integers(0, 99))
-def test_a_slanted_plane_is_where_it_is(distance, across, down, seed):
+def test_depth_of_a_slanted_plane_is_accurate(distance, across, down, seed):
     left, right, truth = pair([Plane((0, 0, distance), (across, down, -1))], seed)
     depth = StereoMatcher(RECTIFIED, 0.5, 8.0).depth(left, right)
     assert depth.dtype == np.uint16 and depth.shape == (HEIGHT, WIDTH)
     within = (truth > 0.55) & (truth < 7.5)
-    # The first columns may see what the right camera does not.
+    # The first columns may show points that the right camera does not see.
     within[:, : int(FOCAL_BASELINE / truth[within].min()) + 8] = False
     assert (depth[within] > 0).mean() > 0.9
     off = disparity_error(np.where(within, depth, 0), truth)
@@ -51,22 +51,22 @@ def test_a_slanted_plane_is_where_it_is(distance, across, down, seed):
 
 
 PERFORMANCE = [*room(wall=3.0), *person(0.1, 1.2)[:4]]
-"""A room, and a head, a trunk and an arm in it."""
+"""A room with a head, a trunk and an arm."""
 
 
 @pytest.fixture(scope="module")
 def performance():
-    """A person in a room, of two cameras of very different exposure."""
+    """Renders a person in a room for two cameras of very different exposure."""
     return pair(PERFORMANCE, gains=(1.0, 1.25))
 
 
 @pytest.fixture(scope="module")
 def wall():
-    """Nothing but a wall."""
+    """Renders a wall only."""
     return pair([Plane((0, 0, 1.5), (0, 0, -1))])
 
 
-def test_a_person_is_where_they_are_for_two_exposures(performance):
+def test_depth_of_a_person_is_accurate_at_two_exposures(performance):
     left, right, truth = performance
     depth = StereoMatcher(RECTIFIED).depth(left, right)
     body = (truth > 0.9) & (truth < 1.35)
@@ -75,7 +75,7 @@ def test_a_person_is_where_they_are_for_two_exposures(performance):
     assert np.median(off) < 0.25 and (off < 1.0).mean() > 0.93
 
 
-def test_what_the_right_camera_does_not_see_is_not_told(performance):
+def test_points_hidden_from_the_right_camera_get_no_depth(performance):
     left, right, truth = performance
     photographer = Photographer(PERFORMANCE)
     eye, looks = TRUE.rays(*(each.ravel().astype(float) for each in np.meshgrid(range(WIDTH), range(HEIGHT))))
@@ -83,7 +83,7 @@ def test_what_the_right_camera_does_not_see_is_not_told(performance):
     other = -CAMERAS[1].turn.T @ CAMERAS[1].shift
     reached, _ = photographer._hit(other, points - other)
     hidden = (reached < 0.95).reshape(HEIGHT, WIDTH) & (truth > 2.0)
-    # Its edges belong to the window that is compared.
+    # Its edges lie within the matching window.
     hidden[:, 1:-1] &= hidden[:, :-2] & hidden[:, 2:]
     depth = StereoMatcher(RECTIFIED, 0.6, 8.0).depth(left, right)
     assert hidden.sum() > 500
@@ -100,11 +100,11 @@ def test_the_left_edge_is_seen_as_far_as_both_cameras_see_it(wall):
     assert np.median(disparity_error(edge, truth[20:-20, own + 4 : own + 30])) < 0.3
 
 
-def test_two_images_of_nothing_in_common_tell_nothing():
+def test_unrelated_images_give_no_depth():
     left, right = (
         np.random.default_rng(seed).integers(0, 255, (HEIGHT, WIDTH)).astype(np.uint8) for seed in (0, 1)
     )
-    # Without the demand that the best match be unique it is 4 %, without that for specks 45 %.
+    # Without the uniqueness check it is 4 %, without the speckle filter 45 %.
     assert (StereoMatcher(RECTIFIED).depth(left, right) > 0).mean() < 0.032
 
 
@@ -118,7 +118,7 @@ def test_the_table_is_the_formula(focal_baseline, near, far):
         assert told == 0 if not near <= metres <= far else abs(told - 1e3 * metres) <= 0.5 + 1e-6
 
 
-def test_nothing_is_told_outside_the_range(wall):
+def test_no_depth_is_reported_outside_the_range(wall):
     left, right, _ = wall
     told = StereoMatcher(RECTIFIED, 1.7, 8.0).depth(left, right)
     assert (told[20:-20, 40:-20] > 0).mean() < 0.05 and told[told > 0].min() >= 1700
@@ -143,7 +143,7 @@ def test_images_of_another_size_are_refused():
 @settings(max_examples=20)
 @given(st.floats(-3, 3), st.floats(0.0, 1.5), st.floats(0.04, 0.4), st.integers(0, 99))
 def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, seed):
-    """And the difference of its columns is what its depth makes it; over random rigs and points."""
+    """The column difference equals the disparity of the depth; over random rigs and points."""
     from enliven_edge.sensors.stereo.solving import _flat
 
     lenses = rig(baseline=baseline, crooked=crooked, bent=bent)

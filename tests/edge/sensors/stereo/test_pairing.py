@@ -1,4 +1,4 @@
-"""Pictures of two cameras find their partners by time, whatever is lost or late."""
+"""Tests that images of two cameras are paired by time, with lost or late ones."""
 
 import itertools
 
@@ -15,7 +15,7 @@ IMAGE = np.zeros((1, 1), np.uint8)
 
 
 def arrivals(lost, late, jitter):
-    """Pictures of two cameras in step, in the order in which they arrive."""
+    """Returns images of two synchronised cameras, in order of arrival."""
     made = []
     for eye in (0, 1):
         for number in range(len(lost[eye])):
@@ -44,7 +44,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
             if pair is not None:
                 pairs.append(pair)
     except ResourceError:
-        # So many in a row are lost that the cameras are taken to have lost their step.
+        # After several losses in a row the cameras count as out of step.
         assert max(b - a for a, b in itertools.pairwise([*both, 40])) * STEP > 700_000_000
         return
     assert all(abs(left.time_ns - right.time_ns) <= TOLERANCE for left, right in pairs)
@@ -52,7 +52,7 @@ def test_every_picture_that_has_a_partner_finds_it(lost_left, lost_right, late, 
     assert [left.sequence for left, _ in pairs] == [right.sequence for _, right in pairs] == both
 
 
-def test_cameras_out_of_step_are_said_with_how_far():
+def test_unsynchronised_cameras_are_reported_with_their_offset():
     pairing = Pairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=r"not in step: 12\.0 ms apart.*sync"):
         for number in range(200):
@@ -61,7 +61,7 @@ def test_cameras_out_of_step_are_said_with_how_far():
     assert 4.5 < number * STEP * 1e-9 < 5.5, "cameras that are synchronised need a while to find their step"
 
 
-def test_a_step_that_is_lost_again_is_said_before_the_edge_takes_silence_for_a_loss():
+def test_lost_synchronisation_is_reported_before_a_loss():
     pairing, pairs = Pairing("test", TOLERANCE), 0
     with pytest.raises(ResourceError, match=r"not in step: 9\.0 ms"):
         for number in range(200):
@@ -81,7 +81,7 @@ def test_cameras_that_find_their_step_late_are_forgiven():
 
 
 @pytest.mark.parametrize("eye", [0, 1])
-def test_a_camera_that_sends_nothing_is_named(eye):
+def test_camera_without_images_is_named(eye):
     pairing = Pairing("test", TOLERANCE)
     with pytest.raises(ResourceError, match=f"the {('right', 'left')[eye]} camera sends no images"):
         for number in range(200):

@@ -12,7 +12,7 @@ from enliven_edge.tracking.fit import terms
 
 
 def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
-    """The energy of rotations outside the ranges."""
+    """Returns the energy of rotations outside the ranges."""
     nothing = np.zeros((42, 42)), np.zeros(42)
     return terms.joint_ranges(*nothing, rotations, *ranges, 1.0, model.DOF_FRAME, model.DOF_AXIS)
 

@@ -1,4 +1,4 @@
-"""The body's frames: turns and their logarithms, bones that keep their lengths, sides not exchanged."""
+"""Tests of the body's frames: rotations and their logarithms, rigid bones, sides that are not swapped."""
 
 import numpy as np
 import pytest
@@ -27,9 +27,9 @@ def test_logarithm_of_half_a_turn(axis):
 
 @given(st.integers(0, 10_000), st.floats(0.0, 1.0))
 @settings(max_examples=100, deadline=None)
-@example(0, 0.99999)  # 1e-5 less than half a turn: the axis came back with the wrong sign
+@example(0, 0.99999)  # 1e-5 less than half a turn: the axis once had the wrong sign
 def test_a_deviation_is_the_logarithm_of_the_turn_between(seed, share):
-    """Whatever its angle: none, small, about a half turn."""
+    """For any angle: zero, small, about a half turn."""
     random = np.random.default_rng(seed)
     reference, axis = exponential(random.normal(size=3)), random.normal(size=3)
     angle = random.choice([share * 1e-4, share * np.pi, np.pi - 1e-5 * share])
@@ -44,7 +44,7 @@ def test_a_deviation_is_the_logarithm_of_the_turn_between(seed, share):
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_pivots_are_linear_in_the_lengths_with_raised_arms_too(seed):
-    """Their derivatives by the lengths times the lengths are where they are, from the hips."""
+    """Their derivatives by the lengths, times the lengths, equal their positions relative to the hips."""
     posture = random_posture(seed, 1.0)
     _, pivots, by_length, *_ = body_of(posture)
     np.testing.assert_allclose(by_length @ posture.lengths, pivots - posture.position, atol=1e-12)
@@ -61,7 +61,7 @@ def test_forward_kinematics_keeps_bone_lengths(seed):
     resting = Posture(np.zeros(3), joint_limits.standing(), model.lengths_for_height(1.7)).joints()
     joints = random_posture(seed, 0.8).joints()
     for a, b in BONES:
-        if (a, b) not in ((0, 1), (14, 15), (18, 19)):  # these cross a frame's pivot
+        if (a, b) not in ((0, 1), (14, 15), (18, 19)):  # these rotate a frame's pivot
             assert np.linalg.norm(joints[a] - joints[b]) == pytest.approx(
                 np.linalg.norm(resting[a] - resting[b])
             )
@@ -80,7 +80,7 @@ def test_standing_height_is_the_height_asked_for():
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_bones_lie_where_their_orientations_say(seed):
-    """Limbs along -Y of their bone's frame, the spine and the neck along +Y, the shoulders across."""
+    """Limbs lie along -Y of their bone's frame, the spine and the neck along +Y, the shoulders sideways."""
     from enliven.person.joints import Joint
     from enliven.rotation import rotate
 
@@ -118,8 +118,8 @@ def test_left_is_left():
     assert joints[Joint.FOOT_LEFT, 2] > joints[Joint.ANKLE_LEFT, 2]
 
 
-def test_a_posture_goes_on_as_it_turned():
-    """A share of the last turn again, and never faster than a person turns."""
+def test_predicted_posture_continues_its_rotation():
+    """It continues by a fraction of the last rotation, and never faster than a person turns."""
     before, now = random_posture(1, 0.1), random_posture(1, 0.1)
     slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
     now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)

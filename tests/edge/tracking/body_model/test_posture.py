@@ -1,4 +1,4 @@
-"""The compiled forward kinematics against the plain sums that they stand for."""
+"""Tests of the compiled forward kinematics against plain sums."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def random_posture(seed: int, turns: float = 0.8) -> Posture:
 
 
 def places(posture: Posture, frames, offsets) -> np.ndarray:
-    """(N, 3) where the (N,) frames carry (N, 3, 12) offsets."""
+    """Returns (N, 3) positions of the (N, 3, 12) offsets in the (N,) frames."""
     world, pivots = forward(posture.position, posture.rotations, posture.lengths)
     return pivots[frames] + np.einsum("nab,nb->na", world[frames], offsets @ posture.lengths)
 
@@ -38,7 +38,7 @@ def test_joints_and_capsules_are_carried_by_their_frames(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_capsules_follow_a_posture_that_is_written_into(seed):
-    """What was found for a posture is kept for the next call, and only as long as no number has changed."""
+    """Capsules are cached, and the cache is invalid as soon as a number has changed."""
     posture, other = random_posture(seed), random_posture(seed + 100)
     for name in ("position", "rotations", "lengths"):
         before = posture.capsules()
@@ -70,8 +70,8 @@ def test_a_rotation_turns_about_x_then_y_then_z(seed):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_motion_goes_on_a_little_slower_and_no_faster_than_people_move(seed):
-    """Four fifths of the last frame's step and turns, at most 0.1 metres and 0.25 radians."""
+def test_predicted_motion_is_damped_and_limited(seed):
+    """By four fifths of the last frame's translation and rotation, at most 0.1 metres and 0.25 radians."""
     before, random = random_posture(seed), np.random.default_rng(seed)
     now, turns = before.copy(), random.normal(0, 0.2, (13, 3))
     now.position += random.normal(0, 0.08, 3)

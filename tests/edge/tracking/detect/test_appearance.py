@@ -1,4 +1,4 @@
-"""Tests of appearance: body parts at points, the limbs that carry them, and a person's facing."""
+"""Tests of appearance: body parts at points, their limbs, and a person's facing."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from enliven_edge.tracking.detect.appearance import (
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
 PARTS_RIGHT = 0.6
-"""Minimum fraction of points whose body part the shipped network classifies correctly."""
+"""Minimum fraction of points with the correct body part from the shipped network."""
 FRONT_TOLD = 0.7
-"""Minimum fraction of people whose front and back are distinguished correctly."""
+"""Minimum fraction of people with the correct facing, front or back."""
 YAWS = st.floats(-3.1, 3.1)
 NECK = 6
-"""The capsule between the sides, which carries a little of both."""
+"""The capsule between both sides, which contains a little of each."""
 MIRRORED_CAPSULE = np.array(
     [3, 4, 5, 0, 1, 2, 6, 7, *range(11, 14), *range(8, 11), *range(17, 20), *range(14, 17)]
 )
@@ -40,14 +40,14 @@ def standing(yaw: float = 0.0) -> Posture:
 
 
 def noise(seed: int, count: int = 30):
-    """(points, probabilities) by dice."""
+    """Returns random (points, probabilities)."""
     dice = np.random.default_rng(seed)
     probabilities = dice.dirichlet(np.full(PARTS, 0.2), count)
     return dice.normal([0, 1, -2.5], 0.5, (count, 3)), probabilities
 
 
 def surface_of(posture: Posture, points_each: int = 12):
-    """(points, probabilities) on a posture's capsules, each surely of a part that its capsule carries."""
+    """Returns (points, probabilities) on a posture's capsules, each with a certain part of its capsule."""
     dice = np.random.default_rng(0)
     (ends, radii), points, shown = posture.capsules(), [], []
     for c, (a, b) in enumerate(ends):
@@ -81,7 +81,7 @@ def test_parent_of_a_left_part_is_on_the_left():
 @given(st.integers(0, 10_000), st.floats(0.01, 0.5))
 @settings(max_examples=25, deadline=None)
 def test_a_point_is_farther_from_a_capsule_the_less_it_looks_like_it(seed, metres):
-    """One point and one capsule after the other."""
+    """One point and one capsule at a time."""
     points, shown = noise(seed, 12)
     seen = seen_as(estimate_of(np.zeros((20, 3))), points, shown)
     found, sideless = seen.affinity(metres), seen.sideless_affinity(metres)
@@ -128,7 +128,7 @@ def test_a_posture_agrees_with_its_own_surface_more_than_turned_about(yaw):
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
-    """Point by point, each of the capsule that :func:`nearest_capsules` finds for it."""
+    """Each point is evaluated on the capsule that :func:`nearest_capsules` finds for it."""
     points, shown = noise(seed)
     seen, posture = seen_as(estimate_of(np.zeros((20, 3))), points, shown), standing(0.3)
     which, nobody = np.empty(len(points), np.int32), np.zeros((0, 0), np.float32)
@@ -156,7 +156,7 @@ def test_facing_is_measured_from_the_sensor_anticlockwise_from_above():
 
 @given(YAWS)
 @settings(max_examples=30, deadline=None)
-def test_who_faces_as_is_seen_is_the_likeliest(yaw):
+def test_posture_with_the_observed_facing_scores_best(yaw):
     seen = seen_as(estimate_of(standing().joints(), ways=ways_of(standing(yaw), 4.0)))
     scores = [facing_score(seen, standing(yaw + off), EYE) for off in (0.0, 1.0, 2.0, np.pi)]
     assert scores == sorted(scores, reverse=True)
@@ -193,7 +193,7 @@ def test_the_parts_at_the_points_are_those_of_the_picture():
     assert np.mean(right) > PARTS_RIGHT
 
 
-def test_the_network_tells_the_front_from_the_back_for_most():
+def test_network_distinguishes_front_and_back_for_most():
     right = []
     for name in ("arms overhead", "back", "crouching", "one leg up", "kneeling"):
         for seed in SEEDS:
@@ -210,7 +210,7 @@ def test_the_network_tells_the_front_from_the_back_for_most():
 
 
 def test_another_estimate_of_the_same_frame_is_seen_at_the_same_points():
-    """As if it had been looked at by itself, whether all points are kept or some."""
+    """The result equals that of a separate evaluation, with all points or a sample."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     seen, by_facing = seen_in(observation)
     for estimate in by_facing:

@@ -1,4 +1,4 @@
-"""An arm before the trunk that is fitted too deep: it is tried elsewhere, and comes to its surface."""
+"""Tests of an arm in front of the trunk that is fitted too deep: it is moved to its visible surface."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from enliven_edge.tracking.settings import FitSettings
 HANDS = [Joint.WRIST_LEFT, Joint.HAND_LEFT]
 LEFT = (model.UPPER_ARM_L, model.FOREARM_L)
 FOUND = 0.07
-"""Metres within which the hand is found."""
+"""Maximum error in metres of a hand that counts as found."""
 LOST = 0.12
-"""Metres from which it is lost."""
+"""Minimum error in metres of a hand that counts as lost."""
 FRAMES = 5
-"""Frames within which it must be found again, where it stuck for eight and more."""
+"""Frames until it must be found again; it used to be stuck for eight and more."""
 SAMPLED = 1e-4
-"""Metres by which the nearest of 2,001 samples along an axis is too far, and single precision is off."""
+"""Maximum error in metres of the nearest of 2,001 samples along an axis, and of single precision."""
 SURE = np.ones(20)
 
 
 def forearm_across(forward: float) -> Posture:
-    """The left forearm lies across the belly, its elbow so many radians before the shoulder."""
+    """Returns a posture with the left forearm across the belly and the elbow ``forward`` radians ahead."""
     made = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.75))
     made.rotations[model.UPPER_ARM_L] = rotation(x=-forward, z=0.1) @ rotation(y=-1.2)
     made.rotations[model.FOREARM_L] = rotation(x=-1.6)
@@ -46,12 +46,12 @@ TRUTH, TOO_DEEP = forearm_across(0.3), forearm_across(-0.35)
 
 
 def off(posture: Posture) -> float:
-    """Metres by which the left wrist or hand is off."""
+    """Returns the larger error of the left wrist and hand, metres."""
     return float(np.linalg.norm(posture.joints() - TRUTH.joints(), axis=1)[HANDS].max())
 
 
 def mistaken(observation: Observation) -> EstimateAtPoints:
-    """A network that is sure of the arm inside the trunk, and of no point."""
+    """Returns an estimate that is certain of the arm inside the trunk, and uncertain of all points."""
     points = observation.points
     return seen_as(estimate_of(TOO_DEEP.joints()), points, np.full((len(points), 17), 1 / 17))
 
@@ -73,8 +73,8 @@ def test_an_arm_caught_in_the_trunk_comes_to_its_surface(told):
     assert off(posture) < FOUND
 
 
-def test_a_frame_that_costs_what_frames_cost_is_left_alone():
-    """An arm that is sure, seen where it is, in a frame as good as those before: no fit is spent on it."""
+def test_usual_frame_gets_no_extra_arm_fit():
+    """A confident arm in its visible place, with a usual fit error: no extra fit is made."""
     fitter, observation = Fitter(FitSettings()), observed(TRUTH)
     posture, report = fitter.fit(observation, TRUTH)
     points = observation.points
@@ -84,8 +84,8 @@ def test_a_frame_that_costs_what_frames_cost_is_left_alone():
         assert arms.tried(observation, posture, report, [], seen, steps=6) is None
 
 
-def test_a_forearm_is_placed_along_what_stands_out():
-    """The arm hangs; what lies across the belly stands out of the model, and one start is there."""
+def test_forearm_candidate_lies_along_unexplained_points():
+    """The model's arm hangs; points across the belly are not explained by it, so one start is there."""
     observation, hanging = observed(TRUTH), forearm_across(0.0)
     hanging.rotations[list(LEFT)] = joint_limits.standing()[list(LEFT)]
     apart = [off(start()) for start in arm_starts(observation, hanging, None, [LEFT])]
@@ -97,8 +97,8 @@ def test_a_forearm_is_placed_along_what_stands_out():
         assert moved[other].max() < 0.05, "only the arm moves"
 
 
-def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
-    """Against every point and every capsule, sampled densely along its axis."""
+def test_unexplained_points_are_measured_from_the_nearest_capsule():
+    """Compared with every point and capsule, sampled densely along its axis."""
     dice = np.random.default_rng(3)
     ends, radii = TRUTH.capsules()
     points = dice.normal([0.0, 1.0, -2.5], 0.4, (40, 3)).astype(np.float32)
@@ -115,7 +115,7 @@ def test_what_stands_out_is_the_distance_from_the_nearest_capsule():
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.2), st.floats(0.1, 1.0))
 def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near, long):
-    """Against every ray and every capsule, sampled densely along both."""
+    """Compared with every ray and capsule, sampled densely along both."""
     dice = np.random.default_rng(seed)
     ends, radii = (each[:6] for each in TRUTH.capsules())
     points = dice.normal([0.0, 1.0, -2.5], 0.4, (8, 3)).astype(np.float32)
@@ -134,8 +134,8 @@ def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near,
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60))
-def test_thefullest_ball_is_that_about_the_point_with_most_others_near(seed, count):
-    # Sixteenths: squares and their sums are exact, and none is the radius' own.
+def test_fullest_ball_is_around_the_point_with_most_neighbours(seed, count):
+    # Multiples of a sixteenth: squares and sums are exact, and none equals the radius.
     points = (np.random.default_rng(seed).integers(-24, 24, (count, 3)) / 16).astype(np.float32)
     near = np.linalg.norm(points[:, None] - points[None], axis=2) < 0.7
     np.testing.assert_array_equal(fullest_ball(points, np.float32(0.7)), near[near.sum(1).argmax()])

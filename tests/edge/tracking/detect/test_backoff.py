@@ -20,7 +20,7 @@ def frames_between(backoff: Backoff, badness: float, trials: int) -> list[int]:
     return gaps
 
 
-def test_in_vain_it_waits_twice_as_long_each_time_and_no_longer_than_asked():
+def test_backoff_doubles_up_to_its_maximum():
     assert frames_between(Backoff(6), 0.3, 6) == [1, 2, 4, 6, 6, 6]
 
 
@@ -34,7 +34,7 @@ def test_successful_method_is_tried_in_every_bad_frame():
 
 @given(st.floats(0.01, 1.0), st.floats(1.0, 3.0), st.integers(2, 20))
 @settings(max_examples=50, deadline=None)
-def test_only_what_is_plainly_worse_is_tried_at_once(badness, times, longest):
+def test_clearly_worse_fit_is_retried_at_once(badness, times, longest):
     backoff = Backoff(longest, worse=1.5)
     frames_between(backoff, badness, 10)
     assert backoff.is_due(times * badness) == (times * badness > 1.5 * badness)

@@ -1,7 +1,7 @@
-"""Detection from scratch, in postures of every class, of people of builds and in postures never trained on.
+"""Tests of detection without history, in postures of every class, builds and untrained postures.
 
-The figures are fixed by their seeds, none of them was used to tune detection (that was done on other seeds of
-the same dice), and the network was trained on other dice.
+Figures are fixed by their seeds. None of them was used to tune detection or to train the network: both used
+other seeds.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from enliven_edge.tracking.work_budget import whole
 from enliven_synthesis.training.rendering import random_build
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
-"""Metres that a joint in sight is off most often, in any class; and the least share within so many."""
+"""Maximum median error of visible joints, metres, in any class; a larger error, and the minimum fraction
+below it."""
 MORE_WITH, ALONE = 0.1, 0.5
-"""How much larger the share of joints within 10 cm is with the network; and what it is without, at least."""
+"""Minimum gain by the network in the fraction of joints within 10 cm; and that fraction without it."""
 SUPPOSED = 0.10
-"""Metres, for most people, that the best of the network's estimates by facing is off on average."""
+"""Maximum median, over people, of the mean joint error of the best network estimate by facing, metres."""
 
 
 @cache
@@ -46,7 +47,7 @@ def found(name: str, seed: int, network: bool) -> Posture:
 
 
 def errors(name: str, *, network: bool) -> np.ndarray:
-    """Metres of every joint that was in sight, over all seeds."""
+    """Returns the errors of all visible joints, metres, over all seeds."""
     made = []
     for seed in SEEDS:
         observation, figure = seen_person(name, seed)
@@ -72,7 +73,7 @@ def test_the_network_finds_more_than_the_bank_alone():
     assert share[False] > ALONE
 
 
-def test_what_is_supposed_is_near_the_truth_for_most():
+def test_best_network_posture_is_near_the_truth_for_most():
     best, lengths = [], model.lengths_for_height(1.72)
     for name in CLASSES:
         for seed in SEEDS:
@@ -82,7 +83,7 @@ def test_what_is_supposed_is_near_the_truth_for_most():
     assert np.median(best) < SUPPOSED
 
 
-def test_it_is_supposed_that_people_face_as_they_likely_do_or_the_other_way():
+def test_network_postures_cover_likely_facings_and_the_opposite():
     observation, _ = seen_person("side", SEEDS[0])
     seen, by_facing = seen_in(observation)
     likeliest = np.argsort(-seen.estimate.facing)[:3]
@@ -96,7 +97,7 @@ def test_it_is_supposed_that_people_face_as_they_likely_do_or_the_other_way():
 
 
 def hung_upside_down(observation: Observation) -> Observation:
-    """The same person before a sensor that hangs from the ceiling's side."""
+    """Returns the same person in front of a sensor that is mounted upside down."""
     z, mask, _, camera, pose = observation.view
     height, width = z.shape
     turned = pose.copy()
@@ -107,7 +108,7 @@ def hung_upside_down(observation: Observation) -> Observation:
     return observe(z, world_points(z, hung.ray, turned), mask, hung, turned, 900)
 
 
-def test_somebody_upside_down_in_the_image_is_found_alike():
+def test_upside_down_image_is_detected_alike():
     observation, figure = seen_person("one leg up", 901)
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     for each in (observation, hung_upside_down(observation)):
@@ -116,8 +117,8 @@ def test_somebody_upside_down_in_the_image_is_found_alike():
         assert np.median(off) < 0.12
 
 
-def test_somebody_known_is_found_with_their_own_bones():
-    """A kneeling person does not show their height, which is not needed for a known person."""
+def test_known_person_is_detected_with_their_own_bones():
+    """A kneeling person does not show their height; a known person's is already known."""
     known, unknown = [], []
     for seed in SEEDS:
         observation, figure = seen_person("kneeling", seed)
@@ -129,7 +130,7 @@ def test_somebody_known_is_found_with_their_own_bones():
     assert np.mean(known) < np.mean(unknown)
 
 
-def test_another_posture_is_found_only_where_it_may_be_better():
+def test_new_posture_is_searched_only_if_it_may_be_better():
     """A correctly fitted person is unchanged; one fitted with another posture is detected again."""
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]

@@ -1,4 +1,4 @@
-"""Geodesic extremities: shortest ways over the surface, and hands, feet and head at their ends."""
+"""Tests of geodesic extremities: shortest paths over the surface, with hands, feet and head at their ends."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from enliven_synthesis.training.rendering import PersonRenderer
 
 
 def slow_distances(points: np.ndarray, z: np.ndarray, mask: np.ndarray, step: int, source: int) -> np.ndarray:
-    """The same by scipy's Dijkstra over a written-out graph."""
+    """Computes the same by scipy's Dijkstra over an explicit graph."""
     height, width = mask.shape
     rows, columns, costs = [], [], []
     for v in range(height):
@@ -65,6 +65,6 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     assert (np.diff(found.far) <= 1e-9).all(), "the farthest come first"
 
 
-def test_nobody_has_no_extremities():
+def test_empty_mask_has_no_extremities():
     z = np.zeros((20, 20))
     assert len(extremities(z, z > 0, np.array([100.0, 100, 10, 10]), np.eye(4)).points) == 0

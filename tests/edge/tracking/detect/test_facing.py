@@ -18,7 +18,7 @@ from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backwar
 
 
 def forward_in_plan(posture):
-    """(2,) the way that the chest faces, seen from above."""
+    """Returns the chest's (2,) facing, seen from above."""
     return np.array(ahead_in_plan(chest_axes(posture.rotations)[0]))
 
 
@@ -30,7 +30,7 @@ def standing(yaw: float = 0.0) -> Posture:
 
 
 def seen_facing(posture: Posture | None, plainly: float = 2.5) -> EstimateAtPoints:
-    """What the network says of somebody who faces as the posture does; of nobody in particular where None."""
+    """Returns the network's estimate for a facing as in the posture; without a preference if None."""
     joints = standing().joints() if posture is None else posture.joints()
     return seen_as(estimate_of(joints, ways=ways_of(posture, plainly)))
 
@@ -52,8 +52,8 @@ def test_wrong_facing_is_corrected_after_a_delay(yaw):
     assert not any(wrong[:10]), "a few frames must not turn a person"
 
 
-def test_nobody_walks_backwards_for_long():
-    """The network says nothing; the way of walking does."""
+def test_person_walking_backwards_is_turned_round():
+    """The network has no preference; the walking direction decides."""
     sideways = standing(np.pi / 2)
     assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
     assert not any(verdicts(sideways, seen_facing(None), velocity=(1.2, 0.0, 0.0)))
@@ -65,7 +65,7 @@ def test_stepping_back_from_a_settled_place_does_not_turn_a_person():
     assert not any(facing.is_wrong(seen, standing(), EYE, np.array([0.0, 0.0, -0.8])) for _ in range(30))
 
 
-def test_forward_does_not_turn_over_when_somebody_bends_over():
+def test_facing_does_not_flip_when_bending_forward():
     bent = standing(0.4)
     bent.rotations[model.CHEST] = rotation(x=2.0)
     np.testing.assert_allclose(forward_in_plan(bent), [np.sin(0.4), np.cos(0.4)], atol=1e-9)
@@ -92,12 +92,12 @@ def test_person_lying_on_the_back_does_not_lean():
     assert backward(bent(-1.5).rotations) == 0.0
 
 
-def test_a_slight_doubt_turns_nobody():
+def test_weak_facing_evidence_does_not_flip():
     assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
 
 
 def test_established_facing_needs_more_evidence_to_flip():
-    """Sideways, where the sensor itself says nothing for either way."""
+    """Seen from the side, where the sensor itself has no evidence."""
     sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
     assert any(verdicts(sideways, against))
@@ -128,7 +128,7 @@ def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
-    """Made out at length: by the network, by the walk, and by who leans backward."""
+    """Computed term by term: from the network, the walking direction, and implausible backward leaning."""
     random = np.random.default_rng(seed)
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
     seen = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))

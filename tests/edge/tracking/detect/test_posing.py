@@ -1,4 +1,4 @@
-"""The model in the posture of an estimate: a posture is found again from its own joints."""
+"""Tests of posing the model by an estimate: a posture is recovered from its own joints."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from enliven_edge.tracking.fit.gauss_newton import stepped
 
 SEEDS = st.integers(0, 10_000)
 ON_AVERAGE, AT_MOST = 0.02, 0.09
-"""Metres between the joints of a posture and of the one found again; at most 0.071 in 3,000 of them."""
+"""Maximum errors in metres between a posture's joints and the recovered ones; the maximum of 3,000 was
+0.071."""
 
 
 def banked(number: int, yaw: float) -> Posture:
-    """A posture of the bank, turned as a whole, of somebody tall or small."""
+    """Returns a posture of the bank, rotated as a whole, for a tall or a short person."""
     rotations = BANK[number].copy()
     rotations[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
     return Posture(np.array([0.3, 0.7, -2.0]), rotations, model.lengths_for_height(1.4 + 0.03 * number))
 
 
 def random_posture(seed: int) -> Posture:
-    """Somebody who faces anywhere, limbs turned at random."""
+    """Returns a person with a random facing and random limb rotations."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(dice.uniform(1.2, 2.0)) * dice.uniform(0.9, 1.1, 12)
     start = Posture(dice.normal(size=3), joint_limits.standing(dice.uniform(-3, 3)), lengths)
@@ -94,7 +95,7 @@ def test_reversed_estimate_gives_reversed_posture():
 
 
 @pytest.mark.parametrize("joint", [Joint.HAND_LEFT, Joint.FOOT_RIGHT, Joint.HEAD])
-def test_a_joint_that_nobody_is_sure_of_does_not_draw(joint):
+def test_uncertain_joint_has_no_effect_on_the_posture(joint):
     wanted = banked(3, 0.5)
     joints, spread = wanted.joints(), np.full(20, 0.03)
     joints[joint] += [0.1, 0.3, 0.2]
@@ -103,8 +104,8 @@ def test_a_joint_that_nobody_is_sure_of_does_not_draw(joint):
     assert apart(made, wanted).mean() < ON_AVERAGE
 
 
-def test_somebody_longer_stands_where_the_estimate_does():
-    """Lengths are another's: the joints cannot all be met, and are met about evenly."""
+def test_longer_person_is_posed_at_the_estimates_position():
+    """The bone lengths differ: the joints cannot all be met, so the error is spread about evenly."""
     wanted = banked(0, 0.0)
     longer = model.lengths_for_height(1.6)
     made = posed(estimate_of(wanted.joints()), longer)

@@ -1,4 +1,4 @@
-"""Joints that are seen elsewhere: the fit keeps near them, and recovery brings a lost limb there."""
+"""Tests that the fit stays near observed joints, and recovery brings a lost limb there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from enliven_edge.tracking.settings import FitSettings
 LEFT_ARM = [Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT]
 SURE = np.ones(20)
 TURNS = 8
-"""Frames within which a limb is to be found again."""
+"""Frames within which a limb must be found again."""
 
 
 def standing() -> Posture:
@@ -31,14 +31,14 @@ def standing() -> Posture:
 
 
 def arm_out(lift: float = 1.4) -> Posture:
-    """The left arm held out, or higher; the right one hangs."""
+    """Returns a person with the left arm held out, or higher, and the right one hanging."""
     made, out = standing(), joint_limits.standing(arm_raise=lift)
     made.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
     return made
 
 
 def seen_of(posture: Posture, observation: Observation):
-    """What is seen where all joints are told and no point looks like anything."""
+    """Returns an estimate with all joints known and uniform part probabilities at the points."""
     points = observation.points
     return seen_as(estimate_of(posture.joints()), points, np.full((len(points), 17), 1 / 17))
 
@@ -48,7 +48,7 @@ def off(posture: Posture, truth: Posture, joints) -> float:
 
 
 def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
-    """A posture after so many frames of recovery, all its capsules sure."""
+    """Returns a posture after some frames of recovery, with all capsules certain."""
     fitter = Fitter(FitSettings())
     pose_recovery = PoseRecovery(fitter)
     posture, report = fitter.fit(observation, start)
@@ -74,15 +74,15 @@ def test_well_fitted_person_is_not_changed():
     assert made is posture and same is report
 
 
-def test_a_limb_is_not_brought_to_where_depth_shows_that_it_is_not():
-    """The network is mistaken; the frame has the last word."""
+def test_limb_is_not_moved_against_the_depth():
+    """The network is wrong; the depth frame decides."""
     observation = observed(standing())
     made = reconsidered(observation, standing(), seen_of(arm_out(), observation))
     assert off(made, standing(), LEFT_ARM) < 0.08
 
 
-def test_nobody_is_turned_about_by_an_idea_of_the_whole_body():
-    """An estimate that faces the other way is turned about first."""
+def test_whole_body_candidate_keeps_the_facing():
+    """An estimate with the opposite facing is turned round first."""
     observation = observed(standing())
     idea = next(whole_bodies(observation, standing(), seen_of(turned_about(standing()), observation)))
     assert idea.rotations[model.PELVIS][2, 2] > 0.5
@@ -90,14 +90,14 @@ def test_nobody_is_turned_about_by_an_idea_of_the_whole_body():
 
 
 def with_landmarks(observation: Observation, posture: Posture, joints=range(20)) -> Observation:
-    """The observation with some joints of a posture as what is seen of them."""
+    """Returns the observation with some joints of a posture as landmarks."""
     landmarks = estimate_of(posture.joints()).landmarks
     landmarks[[j for j in range(20) if j not in joints], 3] = 0.0
     return replace(observation, landmarks=landmarks)
 
 
 def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
-    """Shins and feet are behind a board; the landmarks say that one knee is bent."""
+    """Shins and feet are behind a board; the landmarks show one bent knee."""
     bent, fitter = standing(), Fitter(FitSettings())
     bent.rotations[model.SHIN_L] = joint_limits.standing(knee=0.6)[model.SHIN_L]
     plain = observed(standing(), hide=80)
@@ -107,7 +107,7 @@ def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
     assert off(told, bent, feet) < 0.5 * off(without, bent, feet)
 
 
-def test_landmarks_of_no_weight_change_nothing():
+def test_landmarks_without_weight_change_nothing():
     plain, start = observed(standing()), arm_out()
     expected, report = Fitter(FitSettings()).fit(plain, start)
     unweighed = Fitter(FitSettings(landmarks=0.0)).fit(with_landmarks(plain, arm_out()), start)
@@ -118,7 +118,7 @@ def test_landmarks_of_no_weight_change_nothing():
 
 
 def test_landmarks_make_the_fit_surer():
-    """Of a joint that nothing else shows."""
+    """Of a joint that has no other evidence."""
     fitter, plain = Fitter(FitSettings()), observed(standing(), hide=80)
     shin = 3 + int(np.flatnonzero(model.DOF_FRAME == model.SHIN_L)[0])
     held, told = (
@@ -139,8 +139,8 @@ def test_thinning_keeps_the_landmarks(step):
 
 
 @pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._LOSES, True)])
-def test_what_is_seen_is_not_left_for_what_the_network_does_not_know(loses, kept, monkeypatch):
-    """It is so sure that a held out arm hangs that the energy is lower there, but points stay unexplained."""
+def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypatch):
+    """The network is so certain of a hanging arm that its energy is lower, but points stay unexplained."""
     monkeypatch.setattr(recovery, "_LOSES", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())

@@ -1,4 +1,4 @@
-"""A new term of the fit touches two files: kernel and line in ``terms.py``, its weight in the settings."""
+"""Tests that a new term of the fit touches two files: ``terms.py``, and the settings for its weight."""
 
 import os
 import shutil
@@ -37,7 +37,7 @@ PATCHES = {
     ],
     "tracking/settings.py": [('    temporal: float = setting(1.2, "Weight of staying near', WEIGHT)],
 }
-"""By file: what a text stands before, and the text."""
+"""By file: a text to find, and the text to insert before it."""
 FIT = """
     import numpy as np
     from enliven_edge.tracking.body_model import Posture, joint_limits, model
@@ -58,7 +58,7 @@ FIT = """
 
 
 def test_a_term_is_added_in_two_files(tmp_path: Path) -> None:
-    """To a copy of the package, which is not compiled: with the weight of a ceiling the head bows."""
+    """In a copy of the package, without compilation: a ceiling term makes the head bend down."""
     home = Path(enliven_edge.__file__).parent
     ignored = shutil.ignore_patterns("__pycache__", "*.mcap", "*.npz", "*.onnx")
     shutil.copytree(home, tmp_path / "enliven_edge", ignore=ignored)

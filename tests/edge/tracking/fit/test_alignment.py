@@ -1,4 +1,4 @@
-"""Alignment: a posture is found again from where its joints are, whatever it starts from nearby."""
+"""Tests of alignment: a posture is recovered from its joint positions from any nearby start."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_an_outlier_is_doubted():
     assert np.linalg.norm(made.joints() - wanted.joints(), axis=1).max() < 0.1
 
 
-def test_a_target_without_weight_means_nothing():
+def test_target_without_weight_has_no_effect():
     targets = standing(0.4).joints()
     strayed, weights = targets.copy(), ALIKE.copy()
     strayed[7] += 0.15
@@ -61,7 +61,7 @@ def test_the_gradient_is_that_of_the_energy():
     def energy(step: np.ndarray, gradient: np.ndarray) -> float:
         rotations = posture.rotations.copy()
         turn(rotations, step[3:], model.DOF_FRAME, model.DOF_AXIS)
-        # Far too wide to doubt anything: iterated least squares has the energy's own gradient only then.
+        # Too wide to reject anything: only then does iterated least squares have the energy's own gradient.
         return _normal_equations(
             np.zeros((30, 30)), gradient, posture.position + step[:3], rotations, LENGTHS, wanted, 1e3,
             _SKELETON, _LIMITS,
@@ -73,6 +73,6 @@ def test_the_gradient_is_that_of_the_energy():
         step = np.zeros(30)
         step[k] = 1e-5
         slope = (energy(step, unused) - energy(-step, unused)) / 2e-5
-        # Where a joint's own turn is large, the logarithm's derivative is taken as one.
+        # If a joint's own rotation is large, the logarithm's derivative is approximated by one.
         free = k < 3 or _EASE[model.DOF_FRAME[k - 3]] == 0.0
         assert 2 * gradient[k] == pytest.approx(slope, rel=0.02 if free else 0.3, abs=6.0), k

@@ -1,4 +1,4 @@
-"""The compiled terms of the fit: their gradients are the energies' derivatives."""
+"""Tests of the compiled terms of the fit: gradients equal the energies' derivatives."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def depth_energy(posture: Posture, points, normals):
 
 
 def explainers(posture: Posture, points, normals) -> list[int]:
-    """The capsule that explains each point."""
+    """Returns the nearest capsule of each point."""
     ends, radii, *_ = surroundings(posture)
     return [nearest(p, n, ends, radii)[0] for p, n in zip(points, normals, strict=True)]
 
@@ -57,7 +57,7 @@ def free_space_energy(posture: Posture, view):
 
 
 def slope(function, posture: Posture, direction, h: float = 1e-6) -> float:
-    """The central difference of an energy along a step of the unknowns."""
+    """Returns the central difference of an energy along a step of the unknowns."""
     return (
         function(moved_by(posture, h * direction))[0] - function(moved_by(posture, -h * direction))[0]
     ) / (2 * h)
@@ -73,7 +73,7 @@ def test_gradient_of_the_data_term_is_half_the_energy_slope(seed):
     _, gradient = depth_energy(posture, points, normals)
     h = 5e-5  # the search runs in single precision
     ways = [explainers(moved_by(posture, s * h * direction), points, normals) for s in (-1, 1)]
-    assume(ways[0] == ways[1])  # the energy jumps where a point changes from one capsule to another
+    assume(ways[0] == ways[1])  # the energy jumps if a point changes to another capsule
     expected = slope(lambda p: depth_energy(p, points, normals), posture, direction, h)
     assert 2 * gradient @ direction == pytest.approx(expected, rel=0.02, abs=2e-4)
 
@@ -86,7 +86,7 @@ def test_gradient_of_self_intersection_is_half_the_energy_slope(seed):
     direction[model.DOFS :] *= 0.05
     _, gradient = self_energy(posture)
     girth = model.DOFS + model.GIRTH
-    direction[girth] = 0.0  # how far limbs may enter each other does not inflate the person
+    direction[girth] = 0.0  # the permitted overlap of limbs does not inflate the person
     assert 2 * gradient @ direction == pytest.approx(
         slope(self_energy, posture, direction), rel=0.02, abs=1e-6
     )
@@ -137,7 +137,7 @@ def floor_energy(posture: Posture):
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
 def test_the_build_is_held_as_its_energy_says(seed):
-    """Gradient and matrix against differences; another size costs a tenth of odd proportions."""
+    """Gradient and matrix equal differences; another size costs a tenth of unusual proportions."""
     random = np.random.default_rng(seed)
     reference = model.lengths_for_height(1.7)
     lengths = reference * random.uniform(0.8, 1.2, 12)
@@ -163,7 +163,7 @@ def test_the_build_is_held_as_its_energy_says(seed):
     assert held(reference)[0] == 0.0
 
 
-def test_the_floor_costs_nothing_to_who_stands_on_it():
+def test_floor_costs_nothing_for_a_standing_person():
     standing = Posture(np.array([0.0, 1.0, -2.0]), joint_limits.standing(), model.lengths_for_height(1.7))
     ends, radii = standing.capsules()
     standing.position[1] -= (ends[..., 1] - radii).min()
@@ -181,7 +181,7 @@ def test_forces_vanish_on_a_perfectly_fitted_person():
 
 
 def test_a_limb_in_free_space_is_pushed_into_the_silhouette():
-    """A view whose person is a band in the middle and whose wall is far: outside limbs move inward."""
+    """The person is a band in the middle and the wall is far: limbs outside move inward."""
     h, w = 120, 160
     depth, mask = np.full((h, w), 5.0), np.zeros((h, w), bool)
     depth[:, 70:90], mask[:, 70:90] = 2.4, True

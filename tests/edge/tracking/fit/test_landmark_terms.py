@@ -1,4 +1,4 @@
-"""Joints near where they are seen: the term's gradient and matrix are those of its energy."""
+"""Tests of the landmark term: gradient and matrix belong to its energy."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from enliven_edge.tracking.fit.gauss_newton import stepped
 JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
 SEEDS = st.integers(0, 10_000)
 COUNTS = st.sampled_from([model.DOFS, (model.DOFS + len(model.LENGTHS))])
-"""Unknowns where the lengths are frozen, and where they are not."""
+"""Number of unknowns with frozen and with free lengths."""
 WEIGHT = 1.7
 STEP = 1e-6
 
 
 def random_posture(seed: int) -> Posture:
-    """A person at about 2.5 m before the sensor, limbs turned at random, arms below their shoulders."""
+    """Returns a person at about 2.5 m with random limb rotations, arms below the shoulders."""
     dice = np.random.default_rng(seed)
     lengths = model.lengths_for_height(1.7) * dice.uniform(0.9, 1.1, 12)
     posture = Posture(np.array([0.1, 0.95, -2.5]), joint_limits.standing(dice.uniform(-3, 3)), lengths)
@@ -36,7 +36,7 @@ def moved_by(posture: Posture, step: np.ndarray) -> Posture:
 
 
 def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
-    """(20, 5) about the joints, some far enough to be doubted, some of no weight."""
+    """Returns (20, 5) landmarks near the joints, some outliers and some with weight 0."""
     dice = np.random.default_rng(seed)
     places = posture.joints() + dice.normal(0, 0.15, (20, 3))
     weights = dice.uniform(0, 1, 20) * (dice.random(20) < 0.8)
@@ -44,14 +44,14 @@ def random_landmarks(posture: Posture, seed: int) -> np.ndarray:
 
 
 def near(posture: Posture, landmarks: np.ndarray, count: int = (model.DOFS + len(model.LENGTHS))):
-    """(energy, gradient, upper triangle of the matrix)."""
+    """Returns (energy, gradient, upper triangle of the matrix)."""
     free = count - model.DOFS
     around = (*JOINTS, posture.lengths, body_of(posture, free), WEIGHT)
     return gathered(lambda sums: terms.near_landmarks(sums, landmarks, *around), posture, free)
 
 
 def differences(of, posture: Posture, count: int) -> np.ndarray:
-    """Central differences of what is ``of`` a posture by its unknowns, along the first axis."""
+    """Returns the central differences of ``of(posture)`` by the unknowns, along the first axis."""
     made = []
     for k in range(count):
         step = np.zeros(count)
@@ -100,7 +100,7 @@ def test_the_gradient_is_half_the_energy_slope(seed, count):
 @given(SEEDS, COUNTS)
 @settings(max_examples=15, deadline=None)
 def test_the_matrix_is_that_of_gauss_and_newton(seed, count):
-    """The joints' differences, each joint by its weight and by how little it is doubted."""
+    """The matrix sums the joints' differences, each with its weight and its robust weight."""
     posture = random_posture(seed)
     landmarks = random_landmarks(posture, seed + 1)
     square = ((posture.joints() - landmarks[:, :3]) ** 2).sum(1)

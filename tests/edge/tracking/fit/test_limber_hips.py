@@ -1,4 +1,4 @@
-"""Hips bend farther only if the person is known and low; a search keeps the usual range."""
+"""Tests that hips may bend farther only if the person is known and low; a search keeps the usual range."""
 
 import numpy as np
 import pytest
@@ -9,11 +9,11 @@ from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.settings import FitSettings
 
 DRAWN_UP = 2.35
-"""Radians of both thighs: beyond the usual range by 0.35, within the wider one."""
+"""Flexion of both thighs in radians: 0.35 beyond the usual range, within the wider one."""
 
 
 def drawn_up(hips: float) -> Posture:
-    """A person with the knees drawn up and the hips so many metres above the floor."""
+    """Returns a person with the knees drawn up and the hips at a height in metres."""
     rotations = joint_limits.standing(knee=1.9)
     rotations[model.THIGH_L] = rotation(x=-DRAWN_UP, z=0.06)
     rotations[model.THIGH_R] = joint_limits.mirrored(rotations)[model.THIGH_R]
@@ -25,7 +25,7 @@ def energy_from(fitter: Fitter, posture: Posture) -> float:
 
 
 @pytest.mark.parametrize(("hips", "is_wider"), [(0.2, True), (0.5, True), (0.7, False), (0.95, False)])
-def test_drawn_up_knees_cost_nothing_only_to_a_known_person_who_is_low(hips, is_wider):
+def test_drawn_up_knees_are_free_only_for_a_known_low_person(hips, is_wider):
     fitter, posture = Fitter(FitSettings()), drawn_up(hips)
     searched, followed = energy_from(fitter, posture), energy_from(fitter.limber, posture)
     if is_wider:

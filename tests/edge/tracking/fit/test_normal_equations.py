@@ -1,4 +1,4 @@
-"""Sums by frame against one row a residual: the same normal equations."""
+"""Tests that sums by frame give the same normal equations as one row per residual."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ from enliven_edge.tracking.fit.normal_equations import add_place, add_ray
 
 @given(st.integers(0, 10_000), st.sampled_from([30, 42]))
 @settings(max_examples=25, deadline=None)
-def test_normal_equations_match_one_row_a_point(seed, count):
-    """The fast accumulation by capsule against the obvious one by point, with the real, tapered capsules."""
+def test_normal_equations_match_one_row_per_point(seed, count):
+    """Compares the fast sums by capsule with the plain sums by point, with the real, tapered capsules."""
     posture = random_posture(seed)
     points, normals = surface_points(random_posture(seed + 1), seed)
     frames, local = model.CAPSULES.frame, model.CAPSULES.ends
@@ -60,8 +60,8 @@ def test_normal_equations_match_one_row_a_point(seed, count):
 
 @given(st.integers(0, 10_000), st.sampled_from([30, 42]))
 @settings(max_examples=25, deadline=None)
-def test_rays_and_places_are_gathered_as_one_row_each_would_be(seed, count):
-    """On every frame, along any direction; a place is three rays along the axes."""
+def test_rays_and_places_match_one_row_per_residual(seed, count):
+    """For every frame and any direction; a position counts as three rays along the axes."""
     dice, posture, free = np.random.default_rng(seed), random_posture(seed, 0.8), count - model.DOFS
     body, rows = body_of(posture, free), []
 

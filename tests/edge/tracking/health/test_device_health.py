@@ -19,7 +19,7 @@ LEVEL = world_from_level_camera(1.2)
 def kinds_after(
     conditions: list[Condition], stand=LEVEL, floor_known=True, seconds: int = 20
 ) -> list[set[str]]:
-    """What is said at the end of each condition that lasts so many seconds."""
+    """Returns the problems at the end of each condition, which lasts ``seconds``."""
     alarms, said, now = Alarms("The sensor"), [], 0
     for condition in conditions:
         for _ in range(seconds):
@@ -72,5 +72,5 @@ def test_a_sensor_that_is_meant_to_hang_upside_down_may():
 
 
 @pytest.mark.parametrize("gravity", [None, (0.0, 0.0, 0.0), (np.nan, 1.0, 0.0), (np.inf, 0.0, 0.0)])
-def test_an_accelerometer_that_says_nothing_is_not_believed(gravity):
+def test_invalid_accelerometer_reading_is_ignored(gravity):
     assert kinds_after([Condition(gravity=gravity)]) == [set()]

@@ -1,4 +1,4 @@
-"""The monitor's parts: times, images, alarms; and that each trouble is said, once, and is over afterwards."""
+"""Tests of the monitor's parts: times, images, alarms; each problem is reported once, and then cleared."""
 
 import dataclasses
 import logging
@@ -56,13 +56,13 @@ def standing(distance: float = 3.0, aside: float = 0.0, identity: int = 1) -> Bo
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=60), st.randoms())
 @settings(deadline=None)
 def test_accepted_frames_have_increasing_times(steps, random):
-    """However times are shuffled within a second."""
+    """For any order of times within a second."""
     times = np.cumsum(steps).tolist()
     shuffled = sorted(times, key=lambda t: t + random.choice([0, 0, 0, 30]))
     rhythm, seen = FrameTiming(), [0]
     for each in shuffled:
         if rhythm.admit(each) and each < seen[-1]:
-            assert len(rhythm._behind) == 0  # a clock that was set back: three in a row from the past
+            assert len(rhythm._behind) == 0  # a clock that was set back: three frames in a row from the past
         elif each > seen[-1]:
             seen.append(each)
     assert rhythm.admit(times[-1] + 10_000)
@@ -168,8 +168,10 @@ def test_a_good_stream_is_in_good_health():
         (HealthKind.MISSING_DEPTH, lambda i: frame(i, depth=image(i) * LEFT_MISSING)),
     ],
 )  # fmt: skip
-def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
-    """Three seconds of the fault between good ones; nothing else is said of it, and it does not flicker."""
+def test_sensor_fault_is_reported_and_cleared(kind, fault):
+    """Three seconds of the fault between good ones: nothing else is reported, and the report does not
+    flicker.
+    """
     monitor = HealthMonitor()
     assert watched(monitor, [frame(i) for i in range(100)])[-1] == set()
     said = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])
@@ -182,7 +184,7 @@ def test_a_fault_of_the_sensor_is_said_and_over_again(kind, fault):
     assert np.abs(np.diff(np.array(active, int))).sum() == 2
 
 
-def test_a_sensor_that_is_silent_is_said_to_be():
+def test_silent_sensor_is_reported():
     monitor = HealthMonitor()
     watched(monitor, [frame(i) for i in range(5)])
     monitor.silent(0.2)
@@ -238,7 +240,7 @@ def test_trackers_own_warnings_are_forwarded(kind, state):
     assert monitor.states == []
 
 
-def test_people_who_hold_hands_are_said_to_be_joined():
+def test_people_holding_hands_are_reported_as_joined():
     monitor, ada, bob = HealthMonitor(), standing(aside=-0.5), standing(aside=0.5, identity=4)
     for i in range(90):
         hand = np.array([0.0, 0.9, -3.0 if i < 45 else -2.5])
@@ -276,7 +278,7 @@ def test_a_sensor_may_promise_less():
 
 
 @pytest.mark.parametrize("kind", HealthKind)
-def test_a_sensor_without_a_device_is_told_of_no_cable_power_or_lens(kind: HealthKind) -> None:
+def test_sensor_without_a_device_gets_no_hardware_advice(kind: HealthKind) -> None:
     alarms = Alarms("The sensor")
     numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
     facts: dict[str, object] = dict.fromkeys(numbers, 1.0)

@@ -1,4 +1,4 @@
-"""Looking ahead joint by joint against the same in whole arrays."""
+"""Tests of prediction joint by joint against whole arrays."""
 
 from __future__ import annotations
 

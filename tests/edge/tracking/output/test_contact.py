@@ -1,4 +1,4 @@
-"""Feet on the floor, against the footwork that the synthetic performer truly does."""
+"""Tests of foot contacts against the synthetic performer's true footwork."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
-    """[(body, (left, right) planted)] of the walk; the joints ``offset`` metres too high and noisy."""
+    """Returns [(body, (left, right) planted)] of the walk; joints are noisy and ``offset`` metres high."""
     random = np.random.default_rng(0)
     with SyntheticSensor(choreography="walk", realtime=False) as sensor:
         for i in range(frames):
@@ -71,7 +71,7 @@ def test_a_foot_that_is_not_seen_stands_nowhere():
 
 
 def test_a_body_that_floats_does_not_stand():
-    """The floor is where the floor is: feet half a metre above it stand on nothing the sensor knows."""
+    """The floor does not move: feet half a metre above it have no contact."""
     with SyntheticSensor(choreography="idle", realtime=False) as sensor:
         body = sensor.truth(0)
     contacts = FootContacts(FootContactSettings())
@@ -81,7 +81,7 @@ def test_a_body_that_floats_does_not_stand():
 
 
 class _Slowly:
-    """The same as :class:`FootContacts`, all points at once in whole arrays."""
+    """The same as :class:`FootContacts`, for all points at once in whole arrays."""
 
     def __init__(self, settings: FootContactSettings) -> None:
         self.settings, self.last, self.time_ns = settings, None, 0
@@ -109,7 +109,7 @@ class _Slowly:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_foot_by_foot_is_as_all_at_once(seed):
-    """Feet that come and go anyhow, over frames that are missing now and then."""
+    """Feet appear and disappear at random, and some frames are missing."""
     random, settings = np.random.default_rng(seed), FootContactSettings()
     fast, slow = FootContacts(settings), _Slowly(settings)
     joints, time_ns = random.normal(0, 1, (20, 3)), 0

@@ -1,4 +1,4 @@
-"""What leaves the tracker: off is off, never a NaN, no leaps, mirrored, ahead of time."""
+"""Tests of the tracker's output: off means off, no NaN, no jumps, mirroring, and prediction."""
 
 import dataclasses
 from functools import cache
@@ -27,7 +27,7 @@ def settings_of(amount: float = 1.0, **output) -> TrackerSettings:
 
 @cache
 def truth(choreography: str, frames: int, fps: float = 30.0) -> list[Body]:
-    """True bodies, with made-up orientations that turn as they move."""
+    """Returns true bodies with artificial orientations that rotate with the motion."""
     with SyntheticSensor(choreography=choreography, realtime=False) as sensor:
         made = []
         for i in range(frames):
@@ -78,7 +78,7 @@ def test_output_is_always_finite(seed, amount):
         assert (made.confidence[lost] == 0.0).all()
 
 
-def test_a_joint_that_is_lost_stays_where_it_was_and_says_so():
+def test_lost_joint_stays_with_low_confidence():
     output, bodies = Output(settings_of(0.0)), truth("idle", 5)
     for i, body in enumerate(bodies):
         joints = body.joints.copy()
@@ -120,7 +120,7 @@ def test_possible_human_motion_is_not_limited():
 
 
 def lag_of(made: list[Body], bodies: list[Body]) -> float:
-    """Seconds by which joints lie behind the truth on its own way, by least squares over all that move."""
+    """Returns the lag of the joints behind the truth in seconds, by least squares over all motion."""
     got, true = (np.array([b.joints for b in several]) for several in (made, bodies))
     speed = np.gradient(true, 1 / 30, axis=0)
     moves = np.linalg.norm(speed, axis=2) > 0.5
@@ -136,7 +136,7 @@ def test_bodies_without_orientations_are_smoothed_and_predicted_too():
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
 def test_filter_lag_is_compensated_for_moving_joints(choreography):
-    """At least a third of it; and 0 takes it as it is."""
+    """By at least a third; share 0 leaves the lag unchanged."""
     bodies = truth(choreography, 90)
     late, on_time = (
         lag_of(run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), bodies), bodies)
@@ -148,8 +148,8 @@ def test_filter_lag_is_compensated_for_moving_joints(choreography):
 
 @given(st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
-def test_a_joint_at_rest_shakes_no_more_for_it(seed):
-    """With a centimetre of noise a frame, 3 % more at the most."""
+def test_lag_compensation_adds_little_jitter_at_rest(seed):
+    """With a centimetre of noise per frame, jitter grows by at most 3 %."""
     random, body = np.random.default_rng(seed), truth("idle", 1)[0]
     still = [
         dataclasses.replace(body, joints=body.joints + random.normal(0, 0.01, (20, 3))) for _ in range(90)

@@ -1,4 +1,4 @@
-"""The One-Euro filter: off is off, still is calm, steady motion is followed."""
+"""Tests of the One-Euro filter: off means off, rest is calm, steady motion is followed."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_more_is_smoother():
 @given(st.integers(0, 1000), st.floats(0.1, 10.0))
 @settings(max_examples=20, deadline=None)
 def test_places_are_filtered_as_in_the_paper(seed, amount):
-    """Written out in whole arrays."""
+    """Compared with the paper's formulas in whole arrays."""
 
     def alpha(cutoff):
         return 1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * STEP * 1e-9))
@@ -75,7 +75,7 @@ def test_smoothing_is_independent_of_world_axes(seed):
 
 
 @pytest.mark.parametrize("gap", [0, -STEP, 10_000_000_000])
-def test_a_clock_that_jumps_resets_it(gap):
+def test_clock_jump_resets_the_filter(gap):
     one_euro = OneEuro(SmoothingSettings())
     one_euro(np.zeros((20, 3)), 10 * STEP)
     np.testing.assert_array_equal(one_euro(np.ones((20, 3)), 10 * STEP + gap), np.ones((20, 3)))
@@ -87,7 +87,7 @@ def turned(amount: float, values: np.ndarray) -> np.ndarray:
 
 
 def tumbling(seed: int, frames: int = 20) -> np.ndarray:
-    """(F, 20, 4) orientations of bones that turn about, a few degrees a frame."""
+    """Returns (F, 20, 4) orientations of bones that rotate by a few degrees per frame."""
     random = np.random.default_rng(seed)
     made = [normalized(random.normal(size=(20, 4)))]
     for _ in range(frames - 1):
@@ -100,8 +100,8 @@ def test_zero_is_off_for_turns():
     np.testing.assert_array_equal(turned(0.0, values), values)
 
 
-def test_switched_on_it_starts_from_where_things_are():
-    """What was remembered while it was off must not be mixed in."""
+def test_filter_switched_on_again_starts_from_current_values():
+    """State from before it was switched off must not be mixed in."""
     one_euro = OneEuro(SmoothingSettings(amount=1.0))
     one_euro(np.zeros((20, 3)), 0)
     one_euro.amount = 0.0
@@ -132,7 +132,7 @@ def test_the_sign_of_a_quaternion_means_nothing(seed):
 
 
 def test_a_step_of_the_filter_is_that_of_the_plain_formulas():
-    """The slow obvious twin, by the library's rotations."""
+    """Compared with a slow version that uses the library's rotations."""
     values, amount, chosen = tumbling(3), 2.0, SmoothingSettings()
     seconds = STEP * 1e-9
     state, velocity = values[0], np.zeros((20, 3))

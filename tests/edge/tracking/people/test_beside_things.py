@@ -1,4 +1,4 @@
-"""Tests that a person whose pixels touch those of an object is found in the person's part."""
+"""Tests that a person connected with an object in the image is found in the person's pixels."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from enliven_edge.tracking.tracker import Tracker
 SETTINGS = TrackerSettings()
 GOOD, HIPS_WITHIN = 0.6, 0.15
 HEAD_WITHIN = 0.11
-"""Metres at first sight, before the person is followed: a head is 10.2 cm off where first fits have half of
+"""Maximum head error in metres at first detection, before tracking: it is 10.2 cm if first fits use half of
 the points."""
 
 
@@ -42,7 +42,7 @@ def found(view, pixels):
         ("idle", 0.0, (0.16, 0.0, -2.7), (1.16, 0.65, -2.4)),
     ],
 )
-def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, high):
+def test_person_touching_a_table_is_detected(stagecraft, does, x, low, high):
     player = stagecraft.Player(stagecraft.still(x, -2.4), does)
     made = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
     assert made is not None
@@ -53,8 +53,8 @@ def test_somebody_with_a_table_against_them_is_found(stagecraft, does, x, low, h
     assert off[Joint.HIP_CENTER] < HIPS_WITHIN
 
 
-def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(stagecraft):
-    """The table's edge is at the hip of a person who waves: in the first second it is taken for an arm."""
+def test_table_touching_a_person_soon_becomes_background(stagecraft):
+    """The table's edge touches the hip of a waving person: in the first second it counts as an arm."""
     s = stagecraft
     low, high = (0.05, 0.6, -2.6), (0.6, 0.75, -2.3)
     playground = s.Playground(s.Player(s.still(-0.2, -2.4), "wave"), boxes=lambda time: (s.Box(low, high),))
@@ -70,14 +70,14 @@ def test_a_table_that_touched_somebody_from_the_first_frame_on_is_the_room_soon(
 @pytest.mark.parametrize(
     ("low", "high"), [((-0.8, 0.0, -2.8), (0.8, 0.74, -2.4)), ((-0.5, 0.0, -2.7), (0.5, 0.5, -2.3))]
 )
-def test_a_table_that_is_brought_in_is_nobody(stagecraft, low, high):
+def test_table_carried_in_is_not_a_person(stagecraft, low, high):
     s = stagecraft
     table = lambda time: (s.Box(low, high),) if time > 0.5 else ()  # noqa: E731
     assert all(bodies == [] for _, bodies, _ in s.watch(s.Playground(boxes=table), Tracker(), 1.5))
 
 
 def detections(monkeypatch, view, pixels, posture):
-    """The (h, w) masks in which somebody is looked for, where all that is found fits badly; what is made."""
+    """Returns the (h, w) masks that are searched for a person if all fits are bad; and the new follower."""
     asked = []
 
     def detect(fitter, observation, *rest):
@@ -100,7 +100,7 @@ def somebody(stagecraft):
 
 
 def beside(pixels, share):
-    """The pixels and others on their left, somebody being that share of all."""
+    """Adds pixels on the left of a person, so that the person is that fraction of all."""
     more, (rows, columns) = pixels.copy(), np.nonzero(pixels)
     left = [(v, u) for u in range(columns.min() - 20, -1, -1) for v in range(rows.min(), rows.max())]
     for v, u in left[: round(len(rows) * (1.0 / share - 1.0))]:
@@ -108,7 +108,7 @@ def beside(pixels, share):
     return more
 
 
-def test_who_fits_badly_is_looked_for_once_more_in_what_lies_on_them(monkeypatch, somebody):
+def test_bad_fit_is_searched_again_in_pixels_near_the_body(monkeypatch, somebody):
     view, alone, posture = somebody
     pixels = beside(alone, 0.7)
     asked, none = detections(monkeypatch, view, pixels, posture)
@@ -120,9 +120,7 @@ def test_who_fits_badly_is_looked_for_once_more_in_what_lies_on_them(monkeypatch
 
 
 @pytest.mark.parametrize("share", [0.4, 1.0])
-def test_a_group_that_is_mostly_something_else_or_nothing_else_is_not_looked_at_again(
-    monkeypatch, somebody, share
-):
+def test_mostly_foreign_or_pure_group_is_not_searched_again(monkeypatch, somebody, share):
     view, alone, posture = somebody
     asked, none = detections(monkeypatch, view, beside(alone, share), posture)
     assert none is None

@@ -40,14 +40,16 @@ def test_joints_behind_board_are_occluded_and_beyond_image_are_outside():
 
 
 def looseness(posture, information):
-    """(20,) how loosely each joint is held."""
+    """Returns (20,) how loosely each joint is constrained."""
     state = (posture.position, posture.rotations, posture.lengths)
     body = (*of_joints._SKELETON, of_joints._TURNS, *of_joints._JOINTS)
     return of_joints.joints_held(information, *state, *body)[1]
 
 
-def test_a_joint_that_nothing_holds_is_the_loosest():
-    """Behind a board from the hips down, the feet are looser than the hands, and looser than in full view."""
+def test_unconstrained_joint_is_the_loosest():
+    """If the hips and below are behind a board, the feet are looser than the hands, and looser than in full
+    view.
+    """
     fitter = Fitter(FitSettings())
     full, hidden = (
         looseness(standing(), fitter.fit(seen, standing(), iterations=0)[1].information)
@@ -60,21 +62,21 @@ def test_a_joint_that_nothing_holds_is_the_loosest():
 
 @given(st.floats(-0.3, 0.3), st.booleans(), st.integers(0, 6))
 @settings(max_examples=10, deadline=None)
-def test_a_fit_says_what_its_frame_alone_holds(turned, built, steps):
-    """At the posture where it ended, without what time predicts, whether the lengths were free or not."""
+def test_fit_information_excludes_the_prediction(turned, built, steps):
+    """At the final posture, without the temporal prediction, with free or frozen lengths."""
     fitter, observation = Fitter(FitSettings()), in_full_view()
     firmness = np.full(12, 40.0) if built else None
     told = {"predicted": standing(), "proportions": firmness, "iterations": steps}
     ended, report = fitter.fit(observation, standing(turned), **told)
     alone = fitter.fit(observation, ended, iterations=0)[1].information
-    # The prediction is added and taken away again, beside entries of up to a hundred thousand.
+    # The prediction is added and subtracted again; matrix entries reach a hundred thousand.
     np.testing.assert_allclose(report.information, alone, rtol=1e-9, atol=1e-8)
 
 
 @given(st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
 def test_uncertainty_is_that_of_the_inverse_matrix(seed):
-    """The factor's short cut against the plain J inv(H) J' with numerical derivatives."""
+    """The factorised computation equals J inv(H) J' with numerical derivatives."""
     from enliven_edge.tracking.fit.gauss_newton import stepped
 
     posture = standing()
@@ -96,7 +98,7 @@ def test_uncertainty_is_that_of_the_inverse_matrix(seed):
 
 
 def test_the_network_is_evidence_where_there_is_one():
-    """How far it says a joint may be off, and how far the joint is from where it sees it; nothing else."""
+    """Only the estimated joint error, and the distance between the joint and its estimate."""
     fitter, observation = Fitter(FitSettings()), observed(standing())
     posture, report = fitter.fit(observation, standing())
     estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
@@ -113,7 +115,7 @@ def test_the_network_is_evidence_where_there_is_one():
 
 @given(st.integers(0, 10_000), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_evidence_is_gathered_of_the_bone_and_of_the_part_beside_it(seed, alone):
+def test_gathered_evidence_matches_the_slow_reference(seed, alone):
     random = np.random.default_rng(seed)
     shares, support, violated = random.random((20, 4)), random.integers(0, 90, 20) * 1.0, random.random(20)
     loose, unsupported = random.uniform(0.01, 2, 20), random.integers(0, 50, 20) * 1.0
@@ -143,7 +145,7 @@ def in_full_view():
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
-    """By frontal area: a third of what it would get in full view is enough; what is seen through is none."""
+    """By frontal area: a third of the points in full view is enough; occluded parts get none."""
     random = np.random.default_rng(seed)
     report = FitReport(1.0, 0.9, random.integers(0, 60, 20) * 1.0, random.random(20), np.eye(30))
     ends, radii = standing().capsules()
@@ -192,9 +194,12 @@ def test_joints_outside_the_image_are_not_invented(alone):
 
 
 @pytest.mark.parametrize("alone", [False, True])
-def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through(alone):
-    """The same evidence otherwise, that of a usual frame. The weights are learnt: for the hands, whose thin
-    capsules are seen through rightly too, it is a draw."""
+def test_visible_joint_is_surer_than_occluded_one(alone):
+    """All other evidence is that of a usual frame.
+
+    The weights are learnt: for the hands both are equal, since thin capsules are often seen through
+    correctly, too.
+    """
     usual = np.zeros((20, len(NAMES)))
     for name, value in (
         ("constant", 1),
@@ -209,6 +214,6 @@ def test_a_joint_that_is_visible_is_surer_than_one_that_is_seen_through(alone):
     visible, through = usual.copy(), usual.copy()
     visible[:, NAMES.index("visible")] = 1.0
     through[:, NAMES.index("seen through")] = 1.0
-    through[:, NAMES.index("violated")] = 1 / 20  # a capsule of twenty
+    through[:, NAMES.index("violated")] = 1 / 20  # one capsule of twenty
     surer = confidence(visible, alone=alone) - confidence(through, alone=alone)
     assert surer.min() > -0.3 and np.median(surer) > 0.1

@@ -1,4 +1,4 @@
-"""What is left of somebody beside them is kept out of a room that is new: they are not wholly seen yet."""
+"""Tests that a person's disconnected pixels are kept out of a new background model."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from enliven_edge.tracking.settings import TrackerSettings
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)
 SOMEBODY = (-0.25, 0.25, 0.1, 1.7)
-"""Left, right, bottom and top, metres in the world, 2.4 m before the sensor."""
+"""Left, right, bottom and top in metres (world), 2.4 m from the sensor."""
 SHANK, BENCH = (0.4, 0.52, 0.25, 0.6), (0.35, 1.15, 0.1, 0.35)
-"""Something small beside somebody, and something too large and too low to be anybody."""
+"""A small object next to a person, and one too large and too low to be a person."""
 
 
 def drawn(*boxes) -> FrameView:
-    """Flat boxes before nothing."""
+    """Returns a view of flat boxes in front of nothing."""
     z = np.zeros((60, 80))
     x, y = CAMERA.ray[..., 0] * 2.4, 1.2 - CAMERA.ray[..., 1] * 2.4
     for left, right, bottom, top in boxes:
@@ -41,7 +41,9 @@ def drawn(*boxes) -> FrameView:
 
 
 def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.ndarray:
-    """(h, w) what the room is not to learn, with somebody followed so many metres to the right, or nobody."""
+    """Returns (h, w) pixels that the background model must not learn, with a person at ``somebody_at`` or
+    none.
+    """
     settings = TrackerSettings(estimator=False)
     fitter = Fitter(settings.fit)
     tracker = MultiPersonTracker(settings, fitter)
@@ -54,7 +56,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)
 
 
-def test_a_shank_beside_somebody_is_held():
+def test_shank_next_to_a_person_is_held():
     view = drawn(SHANK)
     np.testing.assert_array_equal(held(view, 0.1), view.z > 0)
 
@@ -64,15 +66,15 @@ def test_a_shank_far_from_everybody_is_not_held(somebody_at):
     assert not held(drawn(SHANK), somebody_at).any()
 
 
-def test_something_large_beside_somebody_is_not_held():
+def test_large_object_next_to_a_person_is_not_held():
     assert not held(drawn(BENCH), 0.3).any()
 
 
-def test_nothing_is_held_in_a_room_that_is_known():
+def test_no_fragment_is_held_once_background_is_known():
     assert not held(drawn(SHANK), 0.1, age=YOUNG).any()
 
 
-def test_a_shank_beside_who_is_yet_to_be_found_is_held():
+def test_shank_next_to_an_undetected_person_is_held():
     view = drawn(SOMEBODY, SHANK)
     np.testing.assert_array_equal(held(view, None), view.z > 0)
     assert not held(drawn(SOMEBODY, (1.0, 1.12, 0.25, 0.6)), None)[:, 65:].any()

@@ -1,4 +1,4 @@
-"""Where no floor is seen, people are as tall as their proportions say, and stand on the floor."""
+"""Tests that without a visible floor, height comes from body proportions and people stand on the floor."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Proportions
 
 HEIGHT, TILT = 1.1, np.deg2rad(-10)
-"""Metres above the floor and radians: the sensor looks up, so that no floor is in its image."""
+"""Sensor height above the floor in metres, and tilt in radians: it looks up, so the floor is not in view."""
 FRAMES = 12
 TOLERANCE = 0.12
-"""Metres by which a height by proportions may be off."""
+"""Maximum error in metres of a height estimated from proportions."""
 
 
 @pytest.fixture
 def film(stagecraft):
-    """Returns a function that renders frames of somebody of a height who is seen from the thighs up."""
+    """Returns a function that renders frames of a person of a height, visible from the thighs up."""
 
     def render(height: float):
         s = stagecraft
@@ -33,7 +33,7 @@ def film(stagecraft):
 
 @pytest.mark.parametrize("height", [1.58, 1.75, 1.88])
 def test_height_without_floor_is_by_proportions(film, height):
-    """In every frame from the first on; no stature is said, since none was measured."""
+    """In every frame from the first; no stature is published, since none was measured."""
     tracker = Tracker()
     for frame in film(height):
         (body,) = tracker.track(frame)
@@ -44,7 +44,7 @@ def test_height_without_floor_is_by_proportions(film, height):
 
 
 def test_person_keeps_the_place_in_the_image_when_the_guess_changes(film):
-    """The sensor and the body rise together."""
+    """The sensor and the body move up together."""
     tracker, seen = Tracker(), []
     for frame in film(1.75):
         (body,) = tracker.track(frame)

@@ -44,14 +44,14 @@ def test_the_stature_is_that_of_standing_upright():
 
 @given(st.floats(1.4, 1.95), st.integers(0, 100))
 @settings(max_examples=20, deadline=None)
-def test_somebody_looks_like_themselves_and_not_like_who_is_taller(height, seed):
+def test_person_matches_themselves_and_not_a_taller_one(height, seed):
     first, again = looks(height, noise=0.01, seed=seed), looks(height, noise=0.01, seed=seed + 1)
     taller = looks(height + 0.12, noise=0.01, seed=seed + 2)
     assert again.mismatch(first) < 3.0
     assert taller.mismatch(first) > 9.0
 
 
-def test_two_who_come_back_together_are_told_apart():
+def test_two_people_returning_together_are_distinguished():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.65), HERE, 0)
     register.leave(2, looks(1.85), HERE, 0)
@@ -62,14 +62,14 @@ def test_two_who_come_back_together_are_told_apart():
     assert (first.id, second.id) == (2, 1)
 
 
-def test_somebody_who_never_was_there_is_nobody_known():
+def test_unknown_person_is_not_reidentified():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.6), HERE, 0)
     assert register.matched([(looks(1.85), HERE)], SECOND) == [(None, True)]
     assert Register(PeopleSettings()).matched([(looks(1.85), HERE)], 0) == [(None, True)]
 
 
-def test_between_two_who_look_alike_it_is_not_sure():
+def test_reidentification_between_similar_people_is_unsure():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.75), HERE, 0)
     register.leave(2, looks(1.76), HERE, 0)
@@ -77,7 +77,7 @@ def test_between_two_who_look_alike_it_is_not_sure():
     assert not sure
 
 
-def test_of_two_who_look_alike_it_is_who_left_here():
+def test_position_decides_between_people_who_look_alike():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.75), HERE + np.array([6.0, 0.0, 0.0]), 0)
     register.leave(2, looks(1.75), HERE, 0)
@@ -114,7 +114,7 @@ def test_a_hollow_in_a_zone_is_outside():
     assert not shape.holds(np.array([2.0, 1.0, 3.0]))
 
 
-def test_a_lock_admits_who_was_named():
+def test_lock_admits_only_the_named_people():
     lock = ZoneLock()
     assert lock.admits(5)
     assert not lock.closed
@@ -125,7 +125,7 @@ def test_a_lock_admits_who_was_named():
 
 
 def test_single_newcomer_near_a_loss_is_reidentified():
-    """Whatever their bones seem to be at first sight; not much later, elsewhere, or plainly taller."""
+    """Independent of the first bone-length estimate; but not much later, elsewhere, or if clearly taller."""
     register = Register(PeopleSettings())
     register.leave(1, looks(1.7), HERE, 0)
     there, elsewhere = HERE + 0.1, HERE + 1.0

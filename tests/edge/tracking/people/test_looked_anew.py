@@ -1,4 +1,4 @@
-"""Somebody doubtful is looked for anew now and then: more and more rarely while nothing better is found."""
+"""Tests that doubtful people are searched again now and then: less often while nothing better is found."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from enliven_edge.tracking.settings import FitSettings, TrackerSettings
 
 FEW = TrackerSettings(estimator=False, fit=FitSettings(points=60))
 KNOWN = 16
-"""A frame in which the person is followed, and not yet due for a look anew."""
+"""A frame in which the person is tracked, and not yet due for a new search."""
 FIRST = 29
-"""The thirtieth frame, the first in which the person is due for one."""
+"""The thirtieth frame, the first in which a new search is due."""
 
 
 @pytest.fixture(scope="module")
 def scene():
-    """(view, pixels, posture) of somebody who stands still."""
+    """Returns (view, pixels, posture) of a person that stands still."""
     posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), lengths_for_height(1.7))
     z, mask = picture(posture)
     camera = WorkingCamera(Intrinsics(160, 120, *CAMERA), 160)
@@ -36,10 +36,9 @@ def scene():
 
 @pytest.fixture
 def looks(scene, monkeypatch):
-    """(frames, doubtful, finds) to the frames in which the person is looked for anew.
+    """Returns a function from (frames, doubtful, finds) to the frames with a new search.
 
-    ``doubtful`` says of a frame whether it explains the person badly, ``finds`` whether a look would find
-    something better.
+    ``doubtful(frame)`` is True if the fit is bad, ``finds(frame)`` if a search would find a better one.
     """
 
     def watched(frames: int, doubtful, finds=lambda frame: False) -> list[int]:
@@ -68,7 +67,7 @@ def test_well_explained_person_is_never_searched_again(looks):
     assert looks(80, lambda frame: False) == []
 
 
-def test_looks_that_find_nothing_become_rarer(looks):
+def test_unsuccessful_searches_become_rarer(looks):
     found = looks(360, lambda frame: frame >= KNOWN)
     assert found[0] == FIRST
     assert np.diff(found).tolist() == [60, 120, 120]

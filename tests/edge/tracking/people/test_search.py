@@ -1,4 +1,4 @@
-"""Which groups of pixels turn out to be somebody: raised arms are no people, and nobody floats."""
+"""Tests of deciding which pixel groups are people: raised arms are not people, and people do not float."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SETTINGS = TrackerSettings()
 
 @pytest.fixture(scope="module")
 def scene():
-    """(view, (h, w) pixels) of somebody who holds both arms out and up."""
+    """Returns (view, (h, w) pixels) of a person with both arms held out and up."""
     z, mask = picture(posture_of(standing(arm_raise=2.0, elbow=0.2)))
     return view_of(z), mask
 
@@ -48,7 +48,7 @@ def view_of(z: np.ndarray) -> FrameView:
 
 
 def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
-    """A group of pixels as it is found in the first frame."""
+    """Returns a pixel group like one found in the first frame."""
     made = Candidate(view.points[pixels].mean(0), 0)
     area = area_of(view, pixels)
     made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
@@ -56,7 +56,7 @@ def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
 
 
 def area_of(view: FrameView, pixels: np.ndarray) -> float:
-    """Square metres towards the sensor."""
+    """Returns the area in square metres, as seen from the sensor."""
     return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
 
 
@@ -75,7 +75,7 @@ def looking() -> Search:
     return Search(Fitter(SETTINGS.fit), lambda *_: SETTINGS)
 
 
-def test_both_halves_of_somebody_are_one(scene):
+def test_two_halves_of_a_person_become_one(scene):
     view, mask = scene
     parts = halves(view, mask)
     two = [newcomer(view, part) for part in parts]
@@ -89,8 +89,8 @@ def test_both_halves_of_somebody_are_one(scene):
     assert abs(float(found[0][1].posture.position[0])) < 0.1
 
 
-def test_two_who_hold_hands_are_two():
-    """One body does not explain both of them, so what was parted stays parted."""
+def test_two_people_holding_hands_stay_two():
+    """One body does not explain both of them, so the pixels stay separate."""
     z, mask = picture(posture_of(standing(arm_raise=0.5)))
     parts = [np.roll(mask, shift, 1) for shift in (-23, 23)]
     view = view_of(np.minimum(np.roll(z, -23, 1), np.roll(z, 23, 1)))
@@ -121,7 +121,7 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
     assert _unions(part.copy(), parts) == [], "of what is none of the parts"
 
 
-def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
+def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
     view, mask = scene
     looks = looking()
     assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
@@ -133,7 +133,7 @@ def test_nobody_is_guessed_high_up_a_wall(scene, monkeypatch):
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):
-    """A part that is nearer than the rest covers less than its share of the pixels says."""
+    """A nearer part covers a smaller area than its fraction of the pixels."""
     view, mask = scene
     for part in halves(view, mask):
         expected = sum(view.z[v, u] ** 2 / (CAMERA[0] * CAMERA[1]) for v, u in np.argwhere(part))
@@ -143,7 +143,7 @@ def test_an_area_is_that_of_the_pixels_themselves(scene):
 @given(st.integers(0, 10_000))
 @settings(max_examples=20, deadline=None)
 def test_blob_measures_are_those_of_its_pixels(scene, seed):
-    """Its middle, and the shares that stand before the known room, and before what is known or guessed."""
+    """Its centre, and its fractions in front of the known and of the filled-in background."""
     view, mask = scene
     random = np.random.default_rng(seed)
     kind, part = (
@@ -156,7 +156,7 @@ def test_blob_measures_are_those_of_its_pixels(scene, seed):
 
 
 def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
-    """A person of whom the network said so in each frame."""
+    """Returns a person that the network confirmed in each frame."""
     view, mask = scene
     someone = Person(1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), Looks(), 0)
     someone.follower.follow = lambda *_: good  # type: ignore[method-assign]
@@ -169,7 +169,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
 
 @pytest.mark.parametrize(("plain_frames", "vague"), [(0, True), (9, True), (10, False)])
 def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
-    """The network may doubt later postures; who it never took for a person is let go."""
+    """The network may reject later postures; a blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.vague == vague
     assert person._PLAIN_FRAMES == 10
@@ -179,18 +179,16 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     ("plain_frames", "later", "frames", "vague"),
     [(0, 0.3, 30, True), (0, 0.3, 10, False), (0, 0.5, 30, False), (10, 0.1, 30, False)],
 )
-def test_what_was_never_plainly_a_person_is_let_go_even_where_it_moves(
-    plain_frames, later, frames, vague, scene
-):
-    """A fit to the strip of wall beside a person slides along it; half a second later it is known for one."""
+def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, later, frames, vague, scene):
+    """A fit to the strip of wall next to a person slides along it; after half a second it is recognised."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.travelled = someone.shapely = True
     assert someone.vague == vague
     assert someone.plain == (plain_frames >= person._PLAIN_FRAMES)
 
 
-def test_the_network_is_asked_where_its_answer_tells(scene):
-    """Of a person with raised arms, now and then; not of a panel, which no answer makes a person."""
+def test_network_is_queried_only_if_useful(scene):
+    """Of a person with raised arms, sometimes; not of a panel, which no answer could make a person."""
     view, pixels = scene
     raised = newcomer(view, pixels)
     raised.shape = replace(raised.shape, head=1.0)

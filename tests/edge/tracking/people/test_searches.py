@@ -1,4 +1,4 @@
-"""What is searched a million times a second, against the obvious search: capsules, pixels, samples."""
+"""Tests of the innermost searches against plain ones: capsules, pixels, samples."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_nearest_capsule_matches_the_obvious_search(seed):
         distance = np.linalg.norm(out) - (ra + t * (rb - ra))
         costs.append(abs(distance) + 0.04 * (1 - out @ normal / np.linalg.norm(out)))
     likes = np.random.default_rng(seed + 1).uniform(0, 0.1, len(costs)).astype(np.float32)
-    # Where two capsules share an end they cost the same; the search compares 18 bits of them.
+    # Two capsules with a common end have the same cost; the search compares 18 bits of them.
     costs = np.array(costs)
     for each, liked in ((costs, ()), (costs + likes, (likes,))):
         assert each[nearest(point, normal, ends, radii, *liked)[0]] < each.min() * (1 + 1e-5) + 1e-6

@@ -1,4 +1,4 @@
-"""A person who sits on the floor is not said to have sure legs; a person who stands or lies is."""
+"""Tests that legs have low confidence if a person sits on the floor, but not if they stand or lie."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ OTHERS = [j for j in Joint if j not in LEGS]
 
 
 def posture(height: float, pitch: float = 0.0, **pose: float) -> Posture:
-    """A person with the hips so many metres above the floor, bent forward as a whole by ``pitch`` radians."""
+    """Returns a person with the hips at a height in metres, bent forward as a whole by ``pitch`` radians."""
     rotations = standing(**pose)
     rotations[model.PELVIS] = rotation(x=pitch) @ rotations[model.PELVIS]
     return Posture(np.array([0.0, height, -2.5]), rotations, model.REFERENCE_LENGTHS.copy())

@@ -1,4 +1,4 @@
-"""How much of somebody is in sight: behind something, outside the image, and of the trunk that is shown."""
+"""Tests of a person's visible fraction: occluded, outside the image, and of the trunk."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def wall(metres=4.0):
 
 
 def random_person(random) -> Posture:
-    """Somebody whose limbs are anyhow, somewhere about the sensor, behind it too."""
+    """Returns a person with random limbs at a random place around the sensor, possibly behind it."""
     start = Posture(random.normal([0, 1, -1.5], [1, 0.3, 1.2]), standing(), model.lengths_for_height(1.7))
     step = np.concatenate([np.zeros(3), random.normal(0, 0.7, model.DOFS - 3), np.zeros(12)])
     return Posture(
@@ -44,7 +44,7 @@ def random_person(random) -> Posture:
 
 
 def random_view(random) -> FrameView:
-    """Depth of anything, and holes, seen by a sensor that is turned a little."""
+    """Returns a view with random depth and holes, from a slightly rotated sensor."""
     z = random.uniform(0.3, 4.0, SHAPE) * (random.random(SHAPE) > 0.2)
     mount = MOUNT.copy()
     x, y, roll = random.normal(0, 0.4, 3)
@@ -54,7 +54,7 @@ def random_view(random) -> FrameView:
 
 
 def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
-    """(S,) of the ends and the middle of the frames' capsules: in the image, behind something, on pixels."""
+    """Returns (S,) flags of the frames' capsule ends and middles: in the image, occluded, on own pixels."""
     made = []
     camera_from_world = np.linalg.inv(view.world_from_camera)
     fx, fy, cx, cy = view.camera.camera
@@ -85,8 +85,8 @@ def test_occlusion_matches_per_sample_reference(seed):
 
 @given(st.integers(0, 100_000), st.floats(0.0, 1.0))
 @settings(max_examples=60, deadline=None)
-def test_the_trunk_that_is_shown_is_told_as_sample_by_sample(seed, share):
-    """Of what is due: in the image, and not behind something else; of all of it where little is due."""
+def test_visible_trunk_fraction_matches_the_slow_reference(seed, share):
+    """Counts samples that are in the image and not occluded; all samples if only few of these are left."""
     random = np.random.default_rng(seed)
     view, posture, pixels = random_view(random), random_person(random), random.random(SHAPE) < share
     inside, behind, own = samples_slowly(view, posture, pixels, TRUNK)
@@ -101,7 +101,7 @@ def test_unoccluded_person_is_fully_visible():
     assert trunk_shown(view_of(wall()), person(), np.zeros(SHAPE, bool)) == 0.0
 
 
-def test_a_board_before_somebody_hides_them_but_not_behind_their_own_pixels():
+def test_board_occludes_a_person_except_at_their_own_pixels():
     board = view_of(wall(1.0))
     assert hidden_shares(board, person(), np.full(SHAPE, -1), 0) == (1.0, 0.0)
     assert hidden_shares(board, person(), np.zeros(SHAPE, np.int64), 0) == (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The floor as it is seen now, against the plain least squares that the compiled one stands for."""
+"""Tests of the compiled floor fit in the current frame against plain least squares."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GAIN = 0.3
 
 
 def seen_floor(seed: int, tilt: float = 0.01):
-    """(h, w, 3) points of a tilted floor with things on it, (h, w) those that may be used, and the plane."""
+    """Returns (h, w, 3) points of a tilted floor with objects, (h, w) usable points, and the plane."""
     random = np.random.default_rng(seed)
     x, z = np.meshgrid(np.linspace(-2, 2, 60), np.linspace(-4, -1, 45))
     a, b, c = random.normal(0, [tilt, tilt, 0.01])
@@ -25,7 +25,7 @@ def seen_floor(seed: int, tilt: float = 0.01):
 
 
 def plane_slowly(points, ranges):
-    """The same passes with NumPy's own least squares."""
+    """Computes the same passes with NumPy's least squares."""
     x, y, z = points
     flat, plane, noise = np.column_stack([x, z, np.ones(len(x))]), np.zeros(3), None
     for _ in range(8):
@@ -48,11 +48,11 @@ def test_the_plane_is_that_of_least_squares(seed):
 
 
 def seen_room(seed: int, height: float, tilt: float, floor_share: float = 0.5, noise: float = 0.0015):
-    """The (4, 4) mounting, and camera-frame points of a floor, a box on it and a wall behind it, by rows.
+    """Returns the (4, 4) mounting, and camera-frame points of a floor, a box and a wall, by rows.
 
     Args:
-        floor_share: of the points that are the floor's.
-        noise: metres along the ray a metre of distance squared, as a structured-light sensor has it.
+        floor_share: fraction of the points on the floor.
+        noise: metres along the ray per square metre of distance, as for structured light.
     """
     random, mount = np.random.default_rng(seed), world_from_level_camera(height, tilt)
     count = round(6000 * floor_share)
@@ -91,7 +91,7 @@ def test_a_floor_that_is_a_tenth_of_the_image_is_found_with_any_seed(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
-    """By its gain: what was seen lies flatter, and nearer to height 0, in the corrected world."""
+    """By its gain: the floor points are flatter and nearer to height 0 in the corrected world."""
     points, usable, (a, b, c) = seen_floor(seed)
     before = world_from_level_camera(1.2)
     made = corrected(before, points, usable, GAIN)

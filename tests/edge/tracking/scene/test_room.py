@@ -1,4 +1,4 @@
-"""The room: learnt at once where it can be, kept up to date, forgotten where it went dark, never a person."""
+"""Tests of the background model: learnt at once if possible, updated, reset in the dark, without people."""
 
 import numpy as np
 import pytest
@@ -24,13 +24,13 @@ NOBODY = np.zeros((8, 8), bool)
 
 
 def in_front(room: RoomModel, z: np.ndarray, *, guess: bool) -> np.ndarray:
-    """(h, w) pixels before the room; where it was never seen, as deep as about there, or else anywhere."""
+    """Returns (h, w) pixels in front of the background; unseen ones have a similar depth, or any."""
     known = filled(room.z) if guess else room.z
     return (z > 0) & ((known == 0) | (z < known - (0.05 + 0.012 * z * z)))
 
 
 def learn(room, z, seconds, start=0.0, person=NOBODY, hold=None, rate=30):
-    """The room after looking at a constant picture, and the time then."""
+    """Returns the background model after a constant image, and the time."""
     for i in range(round(seconds * rate)):
         room.learn(z, person, round((start + i / rate) * 1e9), hold)
     return start + seconds
@@ -42,8 +42,8 @@ def picture(metres):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
-def test_only_what_is_known_can_differ(seed, held):
-    """What is held back for somebody and was never seen is compared with nothing: the sensor did not move."""
+def test_only_known_pixels_are_compared(seed, held):
+    """Pixels held for a person that were never seen are not compared: the sensor did not move."""
     random = np.random.default_rng(seed)
     room, still = RoomModel((8, 8)), np.round(random.uniform(1.0, 4.0, (8, 8)), 3)
     hold = random.random((8, 8)) < held
@@ -94,12 +94,12 @@ def test_lost_person_is_not_absorbed_until_seen_elsewhere():
     room.guard(mine, ids, picture(2.0))
     now = learn(room, picture(2.0), 60.0, now)
     assert in_front(room, picture(2.0), guess=True).all()
-    room.guard(np.full((8, 8), -1), ids, picture(2.0))  # followed, but not on these pixels
+    room.guard(np.full((8, 8), -1), ids, picture(2.0))  # followed, but not at these pixels
     learn(room, picture(2.0), 20.0, now)
     assert not in_front(room, picture(2.0), guess=True).any()
 
 
-def test_the_wall_behind_somebody_who_left_is_the_room():
+def test_wall_behind_a_person_who_left_is_background():
     room, somebody = RoomModel((20, 20)), np.zeros((20, 20), bool)
     somebody[5:15, 8:12] = True
     room.learn(np.full((20, 20), 3.0), somebody)
@@ -108,7 +108,7 @@ def test_the_wall_behind_somebody_who_left_is_the_room():
     assert in_front(room, np.full((20, 20), 2.0), guess=True).all()
 
 
-def test_what_may_become_somebody_is_not_learnt_at_once():
+def test_possible_person_is_not_learnt_at_once():
     room, hold = RoomModel((8, 8)), np.zeros((8, 8), bool)
     hold[:, :4] = True
     room.learn(picture(2.0), NOBODY, 0, hold)
@@ -118,8 +118,8 @@ def test_what_may_become_somebody_is_not_learnt_at_once():
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(1.0, 3.5), st.floats(0.6, 1.2))
-def test_what_keeps_its_depth_on_a_person_where_no_room_is_known_is_furniture(seed, metres, speed):
-    """The left half of a person's pixels stays, but for the noise; the right half comes nearer and goes."""
+def test_constant_depth_on_a_person_before_unknown_background_is_furniture(seed, metres, speed):
+    """The left half of a person's pixels only has noise; the right half moves."""
     room, random, mine = RoomModel((8, 8)), np.random.default_rng(seed), np.ones((8, 8), bool)
     for i in range(24):
         z = metres + random.normal(scale=0.003 * metres, size=(8, 8))
@@ -132,7 +132,7 @@ def test_what_keeps_its_depth_on_a_person_where_no_room_is_known_is_furniture(se
     np.testing.assert_allclose(known, metres, atol=0.01 * metres)
 
 
-def test_what_is_given_up_is_the_room_as_deep_as_it_is():
+def test_dropped_blob_becomes_background_at_its_depth():
     room, mine, given = RoomModel((8, 8)), np.ones((8, 8), bool), np.zeros((8, 8), bool)
     given[:, :3] = True
     room.learn(picture(2.0), mine)
@@ -141,24 +141,24 @@ def test_what_is_given_up_is_the_room_as_deep_as_it_is():
 
 
 HALL = (6, 60)
-"""Pixels of a hall too deep for the sensor: nothing is measured in it but what stands there."""
+"""Image size of a hall too deep for the sensor: only objects in it are measured."""
 
 
 def with_blob(left, metres=2.0):
-    """The hall with something four pixels wide in it."""
+    """Returns the hall with an object four pixels wide."""
     z = np.zeros(HALL)
     z[:, left : left + 4] = metres
     return z
 
 
 def dark_hall(seconds=0.2):
-    """The room of an empty hall after everything in it has been new for long, and the time."""
+    """Returns the model of an empty hall in which nothing is new any more, and the time."""
     room = RoomModel(HALL)
     return room, learn(room, np.zeros(HALL), seconds, person=np.zeros(HALL, bool))
 
 
-def test_what_moves_before_a_hall_that_is_not_measured_never_becomes_room():
-    """To and fro: what it leaves behind is not added up from one pass to the next."""
+def test_moving_object_before_unmeasured_hall_is_never_learnt():
+    """To and fro: the traces of successive passes do not add up."""
     room, now = dark_hall()
     for i, left in enumerate([*range(0, 56, 2), *range(54, 0, -2)] * 4):
         room.learn(with_blob(left), np.zeros(HALL, bool), round((now + i * FRAME) * 1e9))
@@ -166,7 +166,7 @@ def test_what_moves_before_a_hall_that_is_not_measured_never_becomes_room():
 
 
 @pytest.mark.parametrize("rate", [10, 30])
-def test_what_stays_before_a_hall_that_is_not_measured_becomes_room_within_a_moment(rate):
+def test_still_object_before_unmeasured_hall_is_learnt_quickly(rate):
     room, now = dark_hall()
     now = learn(room, with_blob(20), 0.2, now, np.zeros(HALL, bool), rate=rate)
     assert not room.z.any()
@@ -174,7 +174,7 @@ def test_what_stays_before_a_hall_that_is_not_measured_becomes_room_within_a_mom
     np.testing.assert_array_equal(room.z, with_blob(20))
 
 
-def test_what_changes_before_a_hall_that_is_not_measured_is_not_learnt_until_it_is_still():
+def test_approaching_object_before_unmeasured_hall_is_learnt_once_still():
     """It comes nearer, on the same pixels."""
     room, now = dark_hall()
     for i in range(30):
@@ -185,14 +185,14 @@ def test_what_changes_before_a_hall_that_is_not_measured_is_not_learnt_until_it_
 
 
 def with_dark(columns, metres=3.0):
-    """A wall whose first columns are not measured."""
+    """Returns a wall with unmeasured first columns."""
     z = picture(metres)
     z[:, :columns] = 0.0
     return z
 
 
 @pytest.mark.parametrize("rate", [5, 30])
-def test_where_nothing_is_measured_any_more_the_room_is_forgotten_after_a_while(rate):
+def test_background_without_depth_is_forgotten_after_a_while(rate):
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0, rate=rate)
     now = learn(room, with_dark(3), 1.8, now, rate=rate)
@@ -211,7 +211,7 @@ def test_intermittently_measured_background_is_kept():
 
 
 @pytest.mark.parametrize("columns", [5, 8])
-def test_a_covered_lens_forgets_nothing(columns):
+def test_covered_lens_keeps_the_background(columns):
     room = RoomModel((8, 8))
     now = learn(room, picture(3.0), 1.0)
     now = learn(room, with_dark(columns), 10.0, now)
@@ -226,7 +226,7 @@ def test_forgotten_background_is_relearnt_only_there():
     room, where = RoomModel((8, 8)), np.zeros((8, 8), bool)
     where[2:5, 1:4] = True
     now = learn(room, picture(2.0), 1.0)
-    now = learn(room, picture(1.0), 0.5, now)  # on its way to be absorbed
+    now = learn(room, picture(1.0), 0.5, now)  # on its way to being absorbed
     room.forget(where)
     np.testing.assert_array_equal(room.z, np.where(where, 0.0, 2.0))
     assert in_front(room, picture(2.5), guess=False)[where].all()
@@ -241,8 +241,10 @@ def view_of(z):
     return FrameView(0, z, world_points(z, camera.ray, mount), camera, mount)
 
 
-def test_a_fringe_that_was_learnt_alone_tells_nothing_of_what_was_never_seen():
-    """Before a hall too deep for the sensor a person's own feet would make all of the person the room."""
+def test_learnt_fringe_does_not_predict_unseen_background():
+    """In a hall too deep for the sensor, a person's own feet would otherwise make all of the person
+    background.
+    """
     for known, expected in ((1, UNSEEN), (20, UNLIKELY)):
         room, fringe = RoomModel((8, 8)), np.zeros((8, 8))
         fringe.ravel()[-known:] = 2.0
@@ -253,7 +255,7 @@ def test_a_fringe_that_was_learnt_alone_tells_nothing_of_what_was_never_seen():
         assert (kind[2:4, 3] == expected).all()
 
 
-def test_every_pixel_is_told_apart():
+def test_pixels_are_classified():
     room = RoomModel((8, 8))
     somebody = np.zeros((8, 8), bool)
     somebody[:, 5:] = True
@@ -291,14 +293,14 @@ def test_filling_takes_about_the_nearest_known_value(seed, share):
 
 
 def nearest(z, v, u, value):
-    """The pixel of that value that is nearest to (v, u)."""
+    """Returns the pixel of that value nearest to (v, u)."""
     rows, columns = np.nonzero(z == value)
     best = np.argmin(np.hypot(rows - v, columns - u))
     return rows[best], columns[best]
 
 
 def chamfer(z):
-    """(n, h, w) steps from each known pixel to every one, a diagonal one 1.414 long, slowly."""
+    """Returns (n, h, w) chamfer distances from each known pixel, a diagonal step being 1.414 long (slow)."""
     v, u = np.indices(z.shape)
     down, right = (np.abs(x - y[:, None, None]) for x, y in zip((v, u), np.nonzero(z), strict=True))
     return np.abs(down - right) + 1.414 * np.minimum(down, right)
@@ -317,17 +319,17 @@ def test_filling_takes_a_known_value_than_which_none_is_nearer(seed, share):
 
 
 HALL_CAMERA = WorkingCamera(Intrinsics(96, 72, 80, 80, 47.5, 35.5), 96)
-"""What guesses of a whole room are made with."""
+"""Camera for tests of filling in the whole background."""
 FLOOR_BAND = 0.05
 
 
 def rise_of(mount):
-    """(h, w) metres that every pixel's ray rises by a metre of depth."""
+    """Returns (h, w) height gain of every pixel's ray in metres per metre of depth."""
     return HALL_CAMERA.ray @ mount[1, :2] + mount[1, 2]
 
 
 def floor_of(mount):
-    """(h, w) metres to the floor along the optical axis; 0 where the ray does not go down."""
+    """Returns (h, w) depth of the floor in metres; 0 if the ray does not go down."""
     rise = rise_of(mount)
     return np.where(rise < -1e-3, -mount[1, 3] / np.where(rise < -1e-3, rise, -1.0), 0.0)
 
@@ -352,8 +354,8 @@ def test_unknown_room_is_not_filled_in():
 
 @given(st.integers(0, 67), st.integers(0, 91), st.floats(0.5, 4.0))
 @settings(max_examples=40, deadline=None)
-def test_a_few_pixels_say_nothing_of_the_room(top, left, metres):
-    """The tip of a foot that was left out of somebody; in a corner of the image too."""
+def test_few_pixels_do_not_predict_the_background(top, left, metres):
+    """The tip of a foot that was left out of a person's pixels; also in a corner of the image."""
     z = np.zeros((72, 96))
     z[top : top + 5, left : left + 5] = metres
     np.testing.assert_array_equal(guess(z, world_from_level_camera(1.2)), z)
@@ -367,7 +369,7 @@ def test_a_patch_that_is_large_enough_is_the_wall():
 
 @given(st.floats(0.5, 2.4), st.floats(-0.2, 0.5), st.floats(1.5, 5.0), st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_a_room_that_is_known_to_one_side_is_guessed_on_the_other(height, tilt, wall, mirrored):
+def test_background_known_on_one_side_is_filled_in_on_the_other(height, tilt, wall, mirrored):
     mount = world_from_level_camera(height, tilt)
     floor = floor_of(mount)
     room = np.where((floor > 0) & (floor < wall), floor, wall)
@@ -383,7 +385,7 @@ def test_a_room_that_is_known_to_one_side_is_guessed_on_the_other(height, tilt, 
 @given(st.integers(0, 1000), st.floats(0.5, 2.4), st.floats(-0.2, 0.5))
 @settings(max_examples=30, deadline=None)
 def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
-    """As deep as each pixel's own ray; nothing above the horizon."""
+    """Each pixel has its own depth of the floor; nothing is known above the horizon."""
     mount = world_from_level_camera(height, tilt)
     floor, z = floor_of(mount), np.zeros((72, 96))
     z[50:, 10:50] = floor[50:, 10:50]
@@ -393,7 +395,7 @@ def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
 
 
 def guessed_slowly(z, ray, mount, floor_band):
-    """The same by whole images."""
+    """Computes the same on whole images."""
     rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
     patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
     made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
@@ -403,8 +405,8 @@ def guessed_slowly(z, ray, mount, floor_band):
 
 @given(st.integers(0, 10_000), st.integers(1, 70), st.integers(1, 70), st.floats(0.2, 4.0))
 @settings(max_examples=40, deadline=None)
-def test_the_guess_is_that_of_the_slow_twin(seed, h, w, coarse):
-    """In images smaller than a patch too, which are mirrored over and over."""
+def test_background_filling_matches_the_slow_reference(seed, h, w, coarse):
+    """Also in images smaller than a patch, which are mirrored repeatedly."""
     random = np.random.default_rng(seed)
     known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
     z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))

@@ -1,4 +1,4 @@
-"""The kernels of the room against their slow twins, pixel by pixel."""
+"""Tests of the background model's kernels against slow versions, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from enliven_edge.tracking.scene.room_kernels import (
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=25, deadline=None)
-def test_pixels_are_told_apart_as_the_slow_twin_does(seed):
+def test_pixel_classes_match_the_slow_reference(seed):
     random, shape = np.random.default_rng(seed), (9, 11)
     z, known, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
     points = random.uniform(-0.3, 2.0, (*shape, 3))
@@ -40,7 +40,7 @@ def test_pixels_are_told_apart_as_the_slow_twin_does(seed):
 
 @given(st.integers(0, 10_000), st.integers(0, 4))
 @settings(max_examples=25, deadline=None)
-def test_pixels_are_guarded_as_the_slow_twin_does(seed, people):
+def test_guarded_pixels_match_the_slow_reference(seed, people):
     random, shape = np.random.default_rng(seed), (9, 11)
     ids = random.permutation(8)[:people] - 1
     owner, guarded = random.integers(-1, people, shape), random.integers(-1, 8, shape)
@@ -53,7 +53,7 @@ def test_pixels_are_guarded_as_the_slow_twin_does(seed, people):
 
 
 def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate) -> tuple[int, int, int]:
-    """Learns one pixel in plain Python, by the names of :class:`RoomState`: the slow twin."""
+    """Learns one pixel in plain Python, with the names of :class:`RoomState`: the slow reference."""
     margin, step = 0.04 + 0.010 * d * d, rate.step
     if p["z"] == 0.0:
         if abs(d - p["still_z"]) <= 0.01 + 0.004 * d * d:
@@ -115,10 +115,10 @@ def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate
 
 @given(st.integers(0, 10_000), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_a_frame_is_learnt_as_the_slow_twin_does(seed, dark, at_once):
-    """From any state, with depth that is the room's, nearer, farther and none, a person's and a candidate's.
+def test_learning_a_frame_matches_the_slow_reference(seed, dark, at_once):
+    """From any state, with background, nearer, farther and no depth, on people and candidates.
 
-    Seconds and depths are of single precision in the state; a random number is at no threshold by that much.
+    Seconds and depths have single precision in the state; random numbers are farther from any threshold.
     """
     random, shape = np.random.default_rng(seed), (7, 21)
     room = random.uniform(0.5, 4.0, shape) * (random.random(shape) < 0.7)

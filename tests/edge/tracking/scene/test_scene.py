@@ -1,4 +1,4 @@
-"""Floor, reduction and normals."""
+"""Tests of floor, image reduction and normals."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from enliven_edge.tracking.scene.floor import world_from_floor
 
 
 def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:
-    """Camera-frame points on a floor and a wall at 4 m, with a centimetre of noise."""
+    """Returns camera-frame points on a floor and a wall at 4 m, with a centimetre of noise."""
     random = np.random.default_rng(seed)
     floor = np.stack([random.uniform(-2, 2, 3000), np.zeros(3000), random.uniform(-4, -1.2, 3000)], 1)
     wall = np.stack([random.uniform(-2, 2, 3000), random.uniform(0, 2.5, 3000), np.full(3000, -4.0)], 1)
@@ -82,7 +82,7 @@ def test_normals_of_a_slanted_plane():
 
 
 def normal_slowly(points, z, v, u, eye):
-    """(3,) the normal at a pixel by numpy; towards the eye at the border, at edges and beside the unknown."""
+    """Returns the (3,) normal at a pixel by numpy; towards the eye at borders, edges and unknown pixels."""
     toward, (height, width) = eye - points[v, u], z.shape
     if 0 < v < height - 1 and 0 < u < width - 1:
         around = z[[v, v, v - 1, v + 1], [u - 1, u + 1, u, u]]
@@ -94,7 +94,7 @@ def normal_slowly(points, z, v, u, eye):
 
 @given(st.integers(0, 10_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
-def test_normals_are_those_of_the_slow_twin(seed, rough):
+def test_normals_match_the_slow_reference(seed, rough):
     """On a slope with steps and holes, up to the image's border."""
     random, camera = np.random.default_rng(seed), WorkingCamera(Intrinsics(24, 18, 20, 20, 11.5, 8.5), 24)
     z = 2.0 + 0.01 * np.arange(24) + rough * random.standard_normal((18, 24))
@@ -116,7 +116,7 @@ def test_the_nearest_column_is_that_of_the_obvious_search(seed, share):
     for row, found in zip(mask, nearest_columns(mask), strict=True):
         masked = np.flatnonzero(row)
         for u, nearest in enumerate(found):
-            # Of two that are as near, argmin takes the first: the left one.
+            # Of two equally near values, argmin takes the first: the left one.
             assert nearest == (masked[np.abs(masked - u).argmin()] if len(masked) else -1)
 
 

@@ -1,4 +1,4 @@
-"""Walls taken out of a group of pixels."""
+"""Tests of removing walls from a pixel group."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -13,7 +13,7 @@ MOUNT = world_from_level_camera(1.2)
 
 
 def standing(*places, wall=3.4):
-    """A view of upright half cylinders (x, z, radius), as people are, before a wall; and who they are."""
+    """Returns a view of upright half cylinders (x, z, radius) in front of a wall, and their owners."""
     z = np.full((120, 160), wall)
     x, y = CAMERA.ray[..., 0], 1.2 - CAMERA.ray[..., 1] * wall
     for at, depth, radius in places:
@@ -24,7 +24,7 @@ def standing(*places, wall=3.4):
     return FrameView(0, z + noise, world_points(z + noise, CAMERA.ray, MOUNT), CAMERA, MOUNT), z < wall
 
 
-def test_who_stands_before_a_wall_is_left_and_the_wall_is_not():
+def test_wall_is_removed_and_people_before_it_are_kept():
     view, people = standing((-0.6, 3.0, 0.2), (0.5, 3.1, 0.2))
     rest = without_walls(view, np.ones(people.shape, bool))
     assert rest[people].mean() > 0.9
@@ -37,7 +37,7 @@ def test_two_who_stand_apart_are_no_wall():
 
 
 def obvious_rest(view, mask):
-    """What :func:`without_walls` leaves, by arrays of all pixels."""
+    """Computes the result of :func:`without_walls` with arrays of all pixels."""
     rest, pixel, random = mask.copy(), 1 / 130**2, np.random.default_rng(0)
     for _ in range(4):
         flat, z = view.points[rest][:, [0, 2]], view.z[rest]
@@ -69,7 +69,7 @@ def test_the_walls_are_those_of_the_obvious_search(at, near, wall, share):
 
 
 def test_the_best_line_is_the_best_of_all_pairs():
-    """Against the obvious count."""
+    """Compared with exhaustive counting."""
     random = np.random.default_rng(1)
     points, weight = random.uniform(-1, 1, (60, 2)), random.uniform(0.5, 1, 60)
     points[:25, 1] = 0.3 * points[:25, 0] + 0.1

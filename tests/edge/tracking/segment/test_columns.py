@@ -1,4 +1,4 @@
-"""People side by side in one group of pixels: the compiled search for them against the obvious one."""
+"""Tests of finding people side by side in a pixel group: the compiled search against a plain one."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from enliven_edge.tracking.segment.pieces import columns_of, parted
 
 
 def obvious_columns(points):
-    """(N, 2) x and z of the people in (M, 3) points, by arrays."""
+    """Returns (N, 2) x and z of the people in (M, 3) points, with arrays."""
     flat = points[:, [0, 2]]
     origin = flat.min(0)
     cells = np.floor((flat - origin) / 0.06).astype(int)
@@ -30,7 +30,7 @@ def obvious_columns(points):
 
 
 def filled(points, centre, top):
-    """Whether a person is under a peak."""
+    """Returns True if a person is under a peak."""
     away = np.linalg.norm(points[:, [0, 2]] - centre, axis=1)
     if points[away < 0.3, 1].max() > top + 0.2:
         return False
@@ -40,7 +40,7 @@ def filled(points, centre, top):
 
 
 def standing_people(seed):
-    """(M, 3) points of up to four upright cylinders with a head each, and of a table between them."""
+    """Returns (M, 3) points of up to four upright cylinders with a head, and of a table between them."""
     random = np.random.default_rng(seed)
     made = [random.uniform((-1.5, 0.0, -3.0), (1.5, 0.75, -2.0), (150, 3))]
     for _ in range(random.integers(0, 5)):
@@ -75,6 +75,6 @@ def test_a_pixel_belongs_to_the_nearest_of_them(seed):
 
 
 def test_the_examples_have_several_people():
-    """The laws above look at none, at one and at several."""
+    """The tests above see cases with none, one and several people."""
     counts = {len(obvious_columns(standing_people(seed))) for seed in range(60)}
     assert {0, 1, 2} <= counts

@@ -1,4 +1,4 @@
-"""What may be a person by its outline, and people side by side, parted."""
+"""Tests of outlines that may be people, and of separating people side by side."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ PIXEL = 1 / 130**2
 
 
 def drawn(*boxes, wall=4.0):
-    """A view of flat boxes (left, right, bottom, top, z), metres of the world, before a wall."""
+    """Returns a view of flat boxes (left, right, bottom, top, z), world metres, in front of a wall."""
     z = np.full((120, 160), wall)
     for left, right, bottom, top, depth in boxes:
         x, y = CAMERA.ray[..., 0] * depth, 1.2 - CAMERA.ray[..., 1] * depth
@@ -60,14 +60,14 @@ def test_a_piece_of_a_wall_is_not_free():
     assert not shape(view, mask).possible
 
 
-def test_what_stands_behind_something_is_not_whole():
+def test_occluded_shape_is_not_whole():
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.9, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
     assert shape(view, mask).behind > 0.2
     assert not shape(view, mask).whole
 
 
-def test_what_is_surrounded_by_unknown_depth_is_free():
+def test_shape_surrounded_by_unknown_depth_is_free():
     view = drawn(*PERSON, wall=0.0)
     z = drawn(*PERSON).z
     z[z > 3.0] = 0.0
@@ -77,10 +77,10 @@ def test_what_is_surrounded_by_unknown_depth_is_free():
 
 
 def beside_a_wall(measured):
-    """A square between a wall as near as it is, what is farther on the right and above, and ``measured``.
+    """Returns a square in a wall of the same depth, with farther points on the right and above.
 
     Args:
-        measured: the share of the rows (or columns) around it that the sensor sees.
+        measured: fraction of the surrounding rows (or columns) with depth.
     """
     z, mask = np.full((120, 160), 4.0), np.zeros((120, 160), bool)
     z[:, :80] = 2.5
@@ -90,21 +90,21 @@ def beside_a_wall(measured):
     return z, mask
 
 
-def test_what_all_is_measured_around_is_free_as_far_as_it_is_farther_there():
+def test_measured_surroundings_are_free_where_farther_away():
     free, behind, border, cut = outline(*beside_a_wall(1.0))
     assert free == pytest.approx(2 / 3)
     assert (behind, border, cut) == (0.0, 0.0, False)
 
 
 @pytest.mark.parametrize(("measured", "free"), [(0.1, 1.0), (0.25, 1.0), (0.35, 2 / 3), (0.8, 2 / 3)])
-def test_what_little_is_measured_around_is_free(measured, free):
-    """What is seen of the surroundings counts from three tenths on."""
+def test_shape_with_few_measured_surroundings_is_free(measured, free):
+    """The surroundings count if at least three tenths are measured."""
     z, mask = beside_a_wall(measured)
     assert outline(z, mask)[0] == pytest.approx(free)
 
 
 def test_the_images_border_counts_as_measured():
-    """A piece of a wall in the image's corner: its border tells enough."""
+    """A piece of a wall in the image's corner: its border is sufficient evidence."""
     z, mask = np.zeros((120, 160)), np.zeros((120, 160), bool)
     z[:20, :20], mask[:20, :20] = 2.5, True
     free, _, border, _ = outline(z, mask)
@@ -116,7 +116,7 @@ def outline(z, mask):
 
 
 def obvious_outline(z, mask):
-    """What :func:`outline` tells, by a walk over every pixel."""
+    """Computes the result of :func:`outline` by a loop over every pixel."""
     width = z.shape[1]
     step, counts = 0.05 + 0.012 * z**2, np.zeros(4, int)
     for v, u in ((0, -1), (0, 1), (-1, 0)):
@@ -136,7 +136,7 @@ def obvious_outline(z, mask):
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_the_outline_is_that_of_the_obvious_walk(seed):
-    """Of patches of any form at any place of the image, among depths that are near each other."""
+    """For patches of any form at any place of the image, among similar depths."""
     random = np.random.default_rng(seed)
     z, mask = random.choice([2.0, 2.08, 2.6], (24, 31)), np.zeros((24, 31), bool)
     for _ in range(3):
@@ -193,7 +193,7 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
 
 
 def test_person_partly_occluded_by_others_counts_as_free():
-    """What stands before somebody says nothing of whether they stand freely."""
+    """An occluder in front of a person is no evidence against a free outline."""
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
     found = shape(view, mask)
@@ -218,7 +218,7 @@ def test_a_thin_body_with_a_head_is_no_panel():
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_the_measures_of_a_shape_are_those_of_the_obvious_way(seed):
-    """Head, shoulders, fill and thickness of a crooked body, by arrays of all its points."""
+    """Head, shoulders, fill and thickness of a bent body, with arrays of all its points."""
     random = np.random.default_rng(seed)
     shifts = random.uniform(-0.2, 0.2, (3, 2))
     boxes = [

@@ -1,4 +1,4 @@
-"""Pixels to people: the compiled kernels against slow ones, and who gets an outstretched arm."""
+"""Tests of assigning pixels to people: compiled kernels against slow ones, and outstretched arms."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def person(x, z=-2.5, **pose):
 
 
 def surface_distance(points, posture):
-    """(h, w) metres to the nearest capsule, slowly."""
+    """Returns the (h, w) distance to the nearest capsule in metres (slow)."""
     ends, radii = posture.capsules()
     best = np.full(points.shape[:2], np.inf)
     for (a, b), (ra, rb) in zip(ends, radii, strict=True):
@@ -51,8 +51,8 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
     boxes = image_boxes(view, ends, radii, REACH)
     label_pixels(view.points, kind, boxes, ends, radii, np.zeros(2), REACH, 0.08, owner, distance)
     exact = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0)
-    clear = np.abs(exact[0] - exact[1]) > 1e-5  # on both surfaces, either may have it
-    clear &= np.abs(exact.min(0) - REACH) > 1e-6  # at the end of its reach, rounding decides
+    clear = np.abs(exact[0] - exact[1]) > 1e-5  # on both surfaces: either may own it
+    clear &= np.abs(exact.min(0) - REACH) > 1e-6  # at the end of its reach: rounding decides
     expected = np.where(exact.min(0) < REACH, exact.argmin(0), -1)
     np.testing.assert_array_equal(owner[clear], expected[clear])
     assert set(np.unique(owner[~clear])) <= {-1, 0, 1}
@@ -60,8 +60,8 @@ def test_pixels_go_to_the_nearest_body_within_reach(seed, apart):
 
 @given(st.integers(0, 100_000), st.floats(0.0, 0.1))
 @settings(max_examples=25, deadline=None)
-def test_claims_are_those_of_the_slow_twin(seed, handicap):
-    """For pixels of every kind at random depths, and a hidden person; to single precision."""
+def test_claims_match_the_slow_reference(seed, handicap):
+    """For pixels of every kind at random depths, and an occluded person; to single precision."""
     random, shape = np.random.default_rng(seed), (60, 80)
     view = view_of(random.uniform(1.5, 3.5, (60, 1)) + 0.3 * random.standard_normal(shape))
     postures = [person(x, -2.0 - x**2, arm_raise=random.uniform(0, 2)) for x in random.uniform(-1, 1, 3)]
@@ -80,7 +80,7 @@ def test_claims_are_those_of_the_slow_twin(seed, handicap):
 
 
 def boxes_slowly(view, ends, radii, reach):
-    """(K, 4) the boxes around the balls at the capsules' ends, by angles; what is no number apart."""
+    """Returns (K, 4) boxes around the balls at the capsules' ends, by angles; NaN is handled separately."""
     mount, (fx, fy, cx, cy), (height, width) = view.world_from_camera, view.camera.camera, view.z.shape
     local = (ends - mount[:3, 3]) @ mount[:3, :3]
     made = []
@@ -102,7 +102,7 @@ def boxes_slowly(view, ends, radii, reach):
 
 
 def random_capsules(random, people=3, count=6):
-    """(ends, radii): some behind the sensor, some right before it."""
+    """Returns (ends, radii): some behind the sensor, some close in front of it."""
     near = MOUNT[:3, 3] + random.normal(0, 0.1, (people, count, 2, 3))
     anywhere = random.normal([0, 1, -1.5], [2, 1, 2], (people, count, 2, 3))
     ends = np.where(random.random((people, count, 1, 1)) < 0.1, near, anywhere)
@@ -154,7 +154,7 @@ def test_a_step_in_depth_parts_two_groups():
 
 
 def contacts_slowly(view, owner, group, people):
-    """(K,) at how many sides of a group's pixels somebody's pixel is on one surface with it."""
+    """Returns (K,) pixel sides of a group at which each person's pixel continues the surface."""
     made = np.zeros(people, int)
     for v, u in np.argwhere(group):
         for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
@@ -166,8 +166,8 @@ def contacts_slowly(view, owner, group, people):
 @given(st.integers(0, 100_000), st.integers(0, 2))
 @example(2146, 2)
 @settings(max_examples=25, deadline=None)
-def test_loose_groups_are_measured_as_their_slow_twins(seed, people):
-    """None of them is a speckle or a limb, the largest come first, and everybody's pixels are counted."""
+def test_loose_group_measures_match_the_slow_reference(seed, people):
+    """None is a speckle or a limb, the largest come first, and every person's pixels are counted."""
     random = np.random.default_rng(seed)
     view = view_of(2.4 + 0.4 * ndimage.gaussian_filter(random.standard_normal((60, 80)), 4))
     spots = ndimage.gaussian_filter(random.standard_normal((60, 80)), 3) > 0.03
@@ -186,14 +186,15 @@ def test_loose_groups_are_measured_as_their_slow_twins(seed, people):
         np.testing.assert_allclose(group.centre, points.mean(0))
         assert group.box == (rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
         contact = contacts_slowly(view, np.where(segments.labels > 0, -1, owner), where, people)
-        # What hung together with it is a limb by now, and hung together with nobody's pixels: not with it.
+        # Groups connected with it that became limbs were not connected with a person, so they are not with
+        # it.
         np.testing.assert_array_equal(group.contact, contact)
         short = np.linalg.norm(group.high - group.low) < 0.95
         assert not (contact.any() and group.area < 0.12 and short)
 
 
 def drawn(boxes):
-    """A view with flat boxes (left, right, bottom, top, z in metres, world) before nothing."""
+    """Returns a view of flat boxes (left, right, bottom, top, z in world metres) in front of nothing."""
     z = np.zeros((60, 80))
     for left, right, bottom, top, depth in boxes:
         u, v = CAMERA.ray[..., 0] * depth, 1.2 - CAMERA.ray[..., 1] * depth
@@ -209,7 +210,7 @@ def test_an_arm_that_was_not_expected_there_belongs_to_its_owner():
     assert segments.loose == []
 
 
-def test_somebody_who_touches_somebody_is_not_their_limb():
+def test_touching_person_is_not_the_others_limb():
     view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.6, 1.0, 0.1, 1.7, 2.4), (0.2, 0.7, 1.0, 1.1, 2.4)])
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
     segments = segmented(view, kind, [person(0.0)])
@@ -223,7 +224,7 @@ def test_somebody_who_touches_somebody_is_not_their_limb():
 @given(st.integers(0, 10_000), st.floats(-2.0, 2.0), st.floats(-1.0, 4.0), st.floats(0.05, 0.5))
 @settings(max_examples=100, deadline=None)
 def test_a_ball_is_seen_between_its_tangents(seed, x, z, radius):
-    """No point of it that is before the sensor is seen outside, and some right beside both ends."""
+    """No point in front of the sensor projects outside, and some project close to both ends."""
     dice = np.random.default_rng(seed)
     turn = dice.uniform(0, 2 * np.pi, 4000)
     across, along = x + radius * np.cos(turn), z + radius * np.sin(turn)

@@ -1,4 +1,4 @@
-"""What hangs together with somebody is given back to them, against a slow flood fill; and nothing else is."""
+"""Tests that only connected pixels are returned to a person, compared with a slow flood fill."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCENES = st.integers(0, 100_000)
 
 
 def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
-    """(owner, z) of patches of people, some before others or hardly on one surface, a few pixels astray."""
+    """Returns (owner, z) of patches of people, some occluding or almost touching others, and stray pixels."""
     random = np.random.default_rng(seed)
     owner, z = np.full(SHAPE, -1), 2.0 + 0.01 * random.standard_normal(SHAPE)
     for _ in range(random.integers(2, 9)):
@@ -31,14 +31,14 @@ def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
 
 
 def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
-    """(owner, counts) of what was given back."""
+    """Returns (owner, counts) after returning detached pixels."""
     made = owner.copy()
     counts = return_detached(made, z, np.bincount(owner[owner >= 0], minlength=people))
     return made, counts
 
 
 def neighbours(owner: np.ndarray, z: np.ndarray) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Each person's pixel to the persons' pixels beside it that are on one surface with it."""
+    """Returns, for each person pixel, the neighbouring person pixels on the same surface."""
     made = {(v, u): [] for v, u in product(*map(range, z.shape)) if owner[v, u] >= 0}
     for v, u in made:
         for before in ((v - 1, u), (v, u - 1)):
@@ -49,7 +49,7 @@ def neighbours(owner: np.ndarray, z: np.ndarray) -> dict[tuple[int, int], list[t
 
 
 def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
-    """The pixels that hang together and are one person's, in reading order of their first."""
+    """Returns connected pieces of one owner each, in reading order of their first pixel."""
     found, done = [], set()
     for start in beside:
         if start in done:
@@ -66,14 +66,14 @@ def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
 
 
 def largest(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> list[set[tuple[int, int]]]:
-    """Each person's largest piece; an empty one of who has none."""
+    """Returns each person's largest piece; empty for a person without pixels."""
     parts = pieces(owner, neighbours(owner, z))
     theirs = [[part for part in parts if owner[min(part)] == k] for k in range(people)]
     return [max(each, key=len, default=set()) for each in theirs]
 
 
 def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray:
-    """Whose the pixels are, piece by piece."""
+    """Computes the owners piece by piece."""
     beside, main = neighbours(owner, z), largest(owner, z, people)
     made = owner.copy()
     for piece in pieces(owner, beside):
@@ -110,7 +110,7 @@ def test_every_pixel_is_still_counted_once(seed):
 
 @given(SCENES)
 @settings(max_examples=60, deadline=None)
-def test_nobody_gives_up_their_largest_piece(seed):
+def test_everyone_keeps_their_largest_piece(seed):
     owner, z = scene(seed)
     made, _ = after(owner, z)
     for k, piece in enumerate(largest(owner, z)):
@@ -128,18 +128,18 @@ def test_single_person_keeps_all_pixels(seed):
 
 @given(SCENES)
 @settings(max_examples=30, deadline=None)
-def test_who_touches_nobody_on_their_surface_keeps_all(seed):
+def test_person_without_surface_contact_keeps_all_pixels(seed):
     owner, z = scene(seed)
     z = z + 5.0 * owner
     np.testing.assert_array_equal(after(owner, z)[0], owner)
 
 
 def two_with_an_arm(touch: int, away: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(owner, z, arm): two blocks, and an arm of the first one's that is apart from it.
+    """Returns (owner, z, arm): two blocks, and a detached arm of the first one.
 
     Args:
         touch: pixels at which the arm touches the second block.
-        away: metres by which the arm is behind that.
+        away: distance of the arm behind that block, metres.
     """
     owner, z = np.full((20, 40), -1), np.full((20, 40), 2.0)
     owner[:, :10], owner[:, 25:] = 0, 1
@@ -151,7 +151,7 @@ def two_with_an_arm(touch: int, away: float = 0.0) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("touch", [3, 4, 8])
-def test_an_arm_that_hangs_together_with_the_other_goes_to_them(touch, mirrored):
+def test_arm_connected_with_the_other_person_is_given_to_them(touch, mirrored):
     owner, z, arm = two_with_an_arm(touch)
     if mirrored:
         owner, z, arm = (np.ascontiguousarray(each[::-1, ::-1]) for each in (owner, z, arm))
@@ -161,7 +161,7 @@ def test_an_arm_that_hangs_together_with_the_other_goes_to_them(touch, mirrored)
     assert counts.tolist() == [200, 300 + arm.sum()]
 
 
-def test_who_hardly_touches_the_other_stays():
+def test_arm_with_little_contact_keeps_its_owner():
     owner, z, _ = two_with_an_arm(2)
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
 
@@ -177,8 +177,8 @@ def test_an_arm_that_hangs_together_with_its_owner_stays():
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
 
 
-def test_what_is_nearly_as_large_as_the_other_is_no_part_of_them():
-    """Somebody large enough may be a person, though another's fit has caught a piece of theirs."""
+def test_large_piece_is_not_given_to_the_other_person():
+    """A piece that large may be a person, even if another person's fit has captured a part of it."""
     owner, z, arm = two_with_an_arm(18)
     assert 0.4 * (owner == 1).sum() <= arm.sum()
     np.testing.assert_array_equal(after(owner, z, 2)[0], owner)
@@ -191,11 +191,11 @@ def test_person_without_pixels_gets_none():
 
 
 PLAIN = 0.1
-"""Metres from a surface within which a pixel is plainly somebody's."""
+"""Maximum distance from a surface, metres, at which a pixel clearly belongs to a person."""
 
 
 def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(owner, distance, z) of patches, plainly somebody's here and there, and the owner after."""
+    """Returns (owner, distance, z) of patches with some clear pixels, and the owner after growing."""
     owner, z = scene(seed)
     random = np.random.default_rng([seed, 1])
     distance = np.where(random.random(SHAPE) < 0.3, 0.02, 0.15)
@@ -205,7 +205,7 @@ def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray
 
 
 def steps_from(sources: list[tuple[int, int]], beside) -> dict[tuple[int, int], int]:
-    """How many steps along the surface it is to each pixel that is reached."""
+    """Returns the number of steps along the surface to each reachable pixel."""
     steps, edge = dict.fromkeys(sources, 0), list(sources)
     for here in edge:
         for there in beside[here]:
@@ -216,7 +216,7 @@ def steps_from(sources: list[tuple[int, int]], beside) -> dict[tuple[int, int], 
 
 
 def is_contested(owner: np.ndarray, distance: np.ndarray, beside) -> bool:
-    """Whether a pixel that is not plainly somebody's touches another's."""
+    """Returns True if an unclear pixel of one person touches a pixel of another."""
     pairs = ((a, b) for a in beside for b in beside[a] if owner[a] != owner[b])
     return any(max(distance[a], distance[b]) > PLAIN for a, b in pairs)
 
@@ -225,7 +225,7 @@ def is_contested(owner: np.ndarray, distance: np.ndarray, beside) -> bool:
 @example(6501)
 @example(89)
 @settings(deadline=None, max_examples=60)
-def test_pixels_grow_to_whom_is_nearest_along_the_surface(seed):
+def test_pixels_are_assigned_to_the_nearest_person_along_the_surface(seed):
     owner, distance, z, made = contested(seed)
     beside = neighbours(owner, z)
     if not is_contested(owner, distance, beside):
@@ -245,7 +245,7 @@ def test_pixels_grow_to_whom_is_nearest_along_the_surface(seed):
 
 @given(SCENES)
 @settings(deadline=None, max_examples=60)
-def test_what_is_plainly_somebodys_stays_theirs_and_nobodys_nobodys(seed):
+def test_clear_and_unowned_pixels_keep_their_owner(seed):
     owner, distance, _, made = contested(seed)
     plain = (owner >= 0) & (distance <= PLAIN)
     np.testing.assert_array_equal(made[plain], owner[plain])
@@ -253,7 +253,7 @@ def test_what_is_plainly_somebodys_stays_theirs_and_nobodys_nobodys(seed):
 
 
 def test_held_hands_are_parted_in_the_middle():
-    """An arm each, plain at the shoulders only, and all of both claimed by the one whose fit is nearer."""
+    """One arm each, clear at the shoulders only; both arms are claimed by the person with the nearer fit."""
     owner, distance = np.full((1, 20), 0), np.full((1, 20), 0.15)
     owner[0, 17:], distance[0, :3], distance[0, 17:] = 1, 0.0, 0.0
     grow_surfaces(owner, distance, np.full((1, 20), 2.0))

@@ -1,4 +1,4 @@
-"""What lies on somebody's body is told by its distance alone, and taken back where the room had learnt it."""
+"""Tests that pixels near a body are assigned by distance alone, and recovered from the background."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def person(x, z=-2.5, **pose):
 
 
 def surface_distance(points, postures):
-    """(h, w) metres to the nearest capsule of all, slowly."""
+    """Returns the (h, w) distance to the nearest of all capsules in metres (slow)."""
     ends, radii = (np.concatenate(x) for x in zip(*(p.capsules() for p in postures), strict=True))
     a, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     away = points[..., None, :] - a
@@ -41,9 +41,9 @@ def surface_distance(points, postures):
 
 
 @given(st.integers(0, 1000), st.floats(0.03, 0.3), st.floats(-0.1, 1.0), st.integers(1, 3))
-@example(3, 0.28515625, 0.0, 3)  # a limb at the image's border, whose reach goes farther there
+@example(3, 0.28515625, 0.0, 3)  # a limb at the image's border has a larger reach there
 @settings(max_examples=20, deadline=None)
-def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, reach, above, people):
+def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above, people):
     random = np.random.default_rng(seed)
     z = np.clip(2.4 + 0.2 * random.standard_normal((60, 80)), 1.0, 4.0)
     z[random.random(z.shape) < 0.2] = 0.0
@@ -57,7 +57,7 @@ def test_what_lies_on_somebody_is_all_that_is_near_enough_and_high_enough(seed, 
     assert found.any()
 
 
-def test_what_is_not_measured_lies_on_nobody_though_they_stand_at_the_lens():
+def test_unmeasured_pixels_belong_to_no_body():
     view = view_of(np.zeros((60, 80)))
     at_the_lens = Posture(MOUNT[:3, 3].copy(), standing(), lengths_for_height(1.75))
     assert (surface_distance(view.points, [at_the_lens]) < 0.05).all()
@@ -65,11 +65,11 @@ def test_what_is_not_measured_lies_on_nobody_though_they_stand_at_the_lens():
 
 
 def with_hole_across_the_shins(choreography, frames, holed, high):
-    """[(frame, truth)] of somebody there from the first, whose shins are parted by a hole at first.
+    """Returns [(frame, truth)] of a person present from the start; a hole separates the shins at first.
 
     Args:
         holed: the number of frames with the hole.
-        high: (2,) metres above the floor between which it is, where they stand.
+        high: (2,) lower and upper end of the hole above the floor, metres.
     """
     made = []
     with SyntheticSensor(choreography=choreography, width=320, realtime=False) as sensor:
@@ -92,8 +92,8 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
     ("choreography", "holed", "high"),
     [("idle", 3, (0.3, 0.45)), ("idle", 12, (0.35, 0.5)), ("wave", 6, (0.38, 0.55))],
 )
-def test_who_stood_there_when_the_room_was_first_seen_gets_their_legs_back(choreography, holed, high):
-    """The legs below the hole hang together with nobody, so the room learns them in its first moment."""
+def test_person_present_at_the_start_gets_their_legs_back(choreography, holed, high):
+    """The legs below the hole are connected with no person, so the background model learns them at once."""
     tracker, made = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
     for n, (frame, _) in enumerate(made):
         bodies = tracker.track(frame)
