@@ -35,3 +35,32 @@ def test_entries_are_alphabetical_single_sentences():
     assert words == sorted(words)
     for word, said, _ in ROWS:
         assert re.match(r"[A-Z].+\.$", said), word
+
+
+TERMS = {
+    *("background model", "blend shape", "data association", "F-curve", "foreground", "gizmo"),
+    *(
+        "hole filling",
+        "ICP",
+        "loop closure",
+        "motion trail",
+        "occlusion",
+        "odometry",
+        "rate limit",
+        "re-identification",
+    ),
+    *("shortcut", "SLAM", "snapshot", "TSDF"),
+}
+"""Standard terms of the field: a search finds them in the glossary and in the module that implements them."""
+
+
+def test_standard_terms_stand_in_the_modules_that_implement_them():
+    rows = {row[0]: row[2] for row in ROWS}
+    assert sorted(TERMS - rows.keys()) == []
+    missing = []
+    for term in sorted(TERMS):
+        modules = [ROOT / path for path in re.findall(r"`([\w/]+/\w+\.py)`", rows[term])]
+        assert modules, f"{term}: name the module in the glossary"
+        texts = [" ".join(path.read_text(encoding="utf-8").split()).lower() for path in modules]
+        missing += [term] if not any(term.lower() in text for text in texts) else []
+    assert missing == []

@@ -22,7 +22,7 @@ from numba.core.compiler_lock import global_compiler_lock
 try:
     import fcntl
 except ImportError:  # Windows: every process compiles for itself
-    fcntl = None  # type: ignore[assignment]
+    fcntl = None
 
 _LOCKS = 1 << 31
 """Number of bytes of the lock file that can represent kernels. The file itself stays empty."""

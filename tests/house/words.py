@@ -26,7 +26,7 @@ def riddles(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(text)) if RIDDLES.search(text) else ():
         said = _text_of(node)
         for found in RIDDLES.finditer(said):
-            line = node.lineno + said[: found.start()].count("\n")  # type: ignore[attr-defined]
+            line = node.lineno + said[: found.start()].count("\n")
             yield f"{path}:{line}: says {found[0]!r}: name what is meant."
 
 

@@ -65,7 +65,7 @@ def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int 
             step(frame)
             longest.append(time.thread_time() - start)
 
-        edge.step = timed  # type: ignore[method-assign]
+        edge.step = timed
         endpoint = outlet.publisher.endpoint
         print(endpoint.pose_port, endpoint.control_port, flush=True)
         edge.run()

@@ -36,12 +36,12 @@ def coarse_pixels(fine: Callable[[], bool] = lambda: False, every: int = EVERY) 
         dense = io.display_framebuffer_scale
         io.display_framebuffer_scale = view.framebuffer_scale = ImVec2(dense.x * SHARE, dense.y * SHARE)
 
-    Desktop.lay_out = coarse  # type: ignore[method-assign]
+    Desktop.lay_out = coarse
     try:
         with seldom_scene(fine, every):
             yield
     finally:
-        Desktop.lay_out = lay_out  # type: ignore[method-assign]
+        Desktop.lay_out = lay_out
 
 
 @contextmanager
@@ -53,8 +53,8 @@ def seldom_scene(fine: Callable[[], bool] = lambda: False, every: int = EVERY) -
         if fine() or next(frames) % every == 0:
             draw(self, area)
 
-    WindowPictures.draw = seldom  # type: ignore[method-assign]
+    WindowPictures.draw = seldom
     try:
         yield
     finally:
-        WindowPictures.draw = draw  # type: ignore[method-assign]
+        WindowPictures.draw = draw

@@ -87,7 +87,7 @@ def drawn_seldom() -> Callable[[], None]:
         if next(count) % SELDOM == 0:
             draw(self, *args, **how)
 
-    Viewport.draw = seldom  # type: ignore[method-assign]
+    Viewport.draw = seldom
     return lambda: setattr(Viewport, "draw", draw)
 
 

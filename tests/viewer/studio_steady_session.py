@@ -57,7 +57,7 @@ class Steps:
     def show(self, name: str) -> None:
         self.shown, self.count = name, 0
 
-    def steps(self):  # type: ignore[no-untyped-def]
+    def steps(self):
         """Yields True if the shown state stays."""
         workspace, search = self.workspace, self.workspace.perform.cameras
         workspace.starting = True

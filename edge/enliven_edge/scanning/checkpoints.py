@@ -1,4 +1,4 @@
-"""Checkpoints of a scan, which "undo" returns to."""
+"""Checkpoints of a scan: snapshots that "undo" returns to."""
 
 from __future__ import annotations
 

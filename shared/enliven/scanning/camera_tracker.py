@@ -1,4 +1,4 @@
-"""Frame-to-model camera tracking: aligns a depth image with the surface that was fused before."""
+"""Visual odometry, frame to model: aligns a depth image with the surface that was fused before."""
 
 from __future__ import annotations
 

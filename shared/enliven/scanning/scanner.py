@@ -1,5 +1,6 @@
-"""A scan: tracks the camera frame by frame and fuses its images. An image with an uncertain pose is not
-fused.
+"""A scan (dense SLAM): tracks the camera frame by frame and fuses its images.
+
+An image with an uncertain pose is not fused.
 """
 
 from __future__ import annotations

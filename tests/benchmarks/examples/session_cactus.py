@@ -258,7 +258,7 @@ def _role(joint: str) -> str:
 
 def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     """Returns the positions (3,), metres, to which an artist would drag head, elbows and hands for a pose."""
-    joints = workspace.performer.figure((TAKE, second)).joints  # type: ignore[union-attr]
+    joints = workspace.performer.figure((TAKE, second)).joints
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
     found: dict[str, Float] = {}

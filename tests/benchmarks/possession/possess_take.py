@@ -72,6 +72,6 @@ def perform(
         second = (frame.time_ns - frames[0].time_ns) * 1e-9
         while waiting and second >= waiting[0].seconds and bodies:
             act = waiting.pop(0)
-            stage.possess(name, act.body, act.parts, act.mode)  # type: ignore[arg-type]
+            stage.possess(name, act.body, act.parts, act.mode)
             take.held_ns.append(frame.time_ns)
     return take

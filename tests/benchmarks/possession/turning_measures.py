@@ -36,7 +36,7 @@ class Turning:
 
 def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = _NOISE_M) -> Turning:
     """Lets a simulated person spin before, and while, possessing a human-like mesh."""
-    settings = ActorSettings(how=how, travel=1.0)  # type: ignore[arg-type]
+    settings = ActorSettings(how=how, travel=1.0)
     actor = cast_mesh(mesh, "it", 128, settings)
     film = spinning_people(seed, noise_m=noise_m)
     gaps, places = headings_on_stage(actor, film, round(_HELD_FROM_S * FRAME_RATE_HZ))

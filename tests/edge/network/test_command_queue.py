@@ -38,7 +38,7 @@ class Served:
         self.queue.work(self._do)
 
     def _do(self, command: Command) -> None:
-        name = command.request.character  # type: ignore[union-attr]
+        name = command.request.character
         until = time.perf_counter() + (0.1 if name == "slow" else 0.0)
         while time.perf_counter() < until:
             pass

@@ -125,7 +125,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
 
 
 def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
-    heard = session.live.feed.heard  # type: ignore[union-attr]
+    heard = session.live.feed.heard
 
     def called(word: str) -> None:
         heard(CALLS, CallMessage(word, "left pedal"))

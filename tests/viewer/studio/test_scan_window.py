@@ -56,7 +56,7 @@ def message(**given: object) -> ScanMessage:
     """Returns a scan's message at 1.3 m, with the camera at +z looking at the middle."""
     camera = [1.0, 0, 0, 0.0, 0, -1.0, 0, 0.8, 0, 0, -1.0, 1.3]
     usual: dict[str, object] = {"number": 1, "phase": "scanning", "tracking": "scanning"}
-    return ScanMessage(**{**usual, "stage_from_camera": camera, **given})  # type: ignore[arg-type]
+    return ScanMessage(**{**usual, "stage_from_camera": camera, **given})
 
 
 def view(angle: float, up: float = 0.8) -> list[float]:

@@ -329,7 +329,7 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor.advance(10.0)
     workspace.edit_pose(0)
     editor.advance(10.0)
-    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]  # type: ignore[union-attr]
+    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

@@ -64,7 +64,7 @@ def test_a_mesh_in_millimetres_gets_its_size_in_metres_with_a_note(workspace: Wo
     save_mesh(Mesh(1000.0 * star().vertices, star().faces, "star"), tmp_path / "star.ply")
     workspace.open(tmp_path / "star.ply")
     tall = np.ptp(star().vertices[:, 1])
-    assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(tall)  # type: ignore[union-attr]
+    assert np.ptp(workspace.puppets.puppet.mesh.vertices[:, 1]) == pytest.approx(tall)
     assert "read as millimetres" in said(workspace)
 
 

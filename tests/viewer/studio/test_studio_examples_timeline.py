@@ -162,7 +162,7 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     assert switches() == [(0, "contact"), (59, "flight"), (60, "contact")], "it stops at the next one"
     workspace.editor.undo()
     assert timeline.double(*at(0.5))
-    assert switches() is not None and (15, "flight") in switches() and len(switches()) == 5  # type: ignore[operator, arg-type]
+    assert switches() is not None and (15, "flight") in switches() and len(switches()) == 5
     timeline.press(*at(0.5))
     timeline.release(at(0.5)[0])
     assert workspace.input.key("delete") and switches() == [(0, "contact"), (45, "flight"), (60, "contact")]

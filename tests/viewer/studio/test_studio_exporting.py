@@ -69,7 +69,7 @@ def test_a_range_without_a_picture_and_no_character_are_refused_before_any_work(
 def test_a_film_has_its_size_rate_and_range_and_reports_how_far_it_is(workspace, tmp_path, gl) -> None:
     path, progress, shares = tmp_path / "out.mp4", WorkProgress(), []
     report = progress.report
-    progress.report = lambda share: (shares.append(share), report(share))  # type: ignore[method-assign]
+    progress.report = lambda share: (shares.append(share), report(share))
     written(workspace, path, progress, first=0.5, last=1.5, rate=12, size="160x90", look="night")
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
@@ -95,7 +95,7 @@ def test_cancelled_export_keeps_only_the_older_file(workspace, tmp_path, gl, nam
         progress.cancelled = share >= 0.4
         report(share)
 
-    progress.report = cancel_at_half  # type: ignore[method-assign]
+    progress.report = cancel_at_half
     with pytest.raises(Cancelled):
         written(workspace, path, progress, rate=12, size="160x90")
     assert path.read_bytes() == b"older"

@@ -175,7 +175,7 @@ def test_a_chain_that_is_clicked_from_its_end_runs_outwards(workspace: Workspace
 def test_matches_are_offered_and_one_is_accepted(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take curl")), Click(Widget("find matches")))
     mapping = workspace.input.tools["map"]
-    scores = [offer.score for offer in mapping.offered]  # type: ignore[attr-defined]
+    scores = [offer.score for offer in mapping.offered]
     assert scores and scores == sorted(scores, reverse=True)
     do(workspace, Click(Widget("match 0")))
     assert workspace.editor.history.names == ("map curl",)

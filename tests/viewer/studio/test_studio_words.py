@@ -82,7 +82,7 @@ def quality(**changes: object) -> MotionQuality:
     """Returns a motion of good quality, with changes."""
     fields = {name: () for name in MotionQuality.__dataclass_fields__}
     good = {"stretch": 1.1, "sunk": 0.0, "afloat": 0.0, "slide": 0.0, "through": 0.0, "joints": ("knee",)}
-    return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})  # type: ignore[arg-type]
+    return MotionQuality(**{**fields, **good, "parts": ("arm", "belly"), **changes})
 
 
 class _Plan:
@@ -93,10 +93,10 @@ class _Plan:
 
 def test_motion_quality_is_worded_with_the_place() -> None:
     arm = LimbError(**{**dict.fromkeys(LimbError.__dataclass_fields__, 0.0), "limb": "left arm"})
-    good = motion_words(_Plan(), quality(limbs=(arm,)))  # type: ignore[arg-type]
+    good = motion_words(_Plan(), quality(limbs=(arm,)))
     assert good == ["Limbs point as the performer's do", "The surface stretches little"]
     bad = motion_words(
-        _Plan(),  # type: ignore[arg-type]
+        _Plan(),
         quality(
             limbs=(replace(arm, median=40.0, p90=50.0),),
             stretch=2 * BOUND,

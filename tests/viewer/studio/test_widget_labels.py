@@ -78,9 +78,9 @@ def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
             if "###" in piece.value:
                 return True
             named = named or "##" in piece.value
-        elif piece.format_spec is not None:  # type: ignore[attr-defined]
+        elif piece.format_spec is not None:
             before = False  # a number that is a part of the id, unless the mark comes after it
-        elif not (is_constant(piece.value) or is_name(piece.value, items)):  # type: ignore[attr-defined]
+        elif not (is_constant(piece.value) or is_name(piece.value, items)):
             before = before and named
     return before
 

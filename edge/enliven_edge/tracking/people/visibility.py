@@ -1,4 +1,4 @@
-"""The visibility of a body: its fractions occluded, outside the image, and on a person's pixels."""
+"""The visibility of a body: its fractions under occlusion, outside the image, and on a person's pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Segmentation: assigns each candidate pixel to a person if it lies on the person's predicted body.
+"""Segmentation: assigns each foreground pixel to a person if it lies on the person's predicted body.
 
 The other pixels are grouped into connected components in three dimensions. A small group that touches a
 person is assigned to that person, because an arm that the fit lost is still connected to its body. A large

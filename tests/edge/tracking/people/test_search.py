@@ -159,7 +159,7 @@ def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
     """Returns a person that the network confirmed in each frame."""
     view, mask = scene
     someone = Person(1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), Looks(), 0)
-    someone.follower.follow = lambda *_: good  # type: ignore[method-assign]
+    someone.follower.follow = lambda *_: good
     someone.follower.confidence = np.ones(20)
     for probability in probabilities:
         someone.follower.person_probability = probability

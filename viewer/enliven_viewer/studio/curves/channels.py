@@ -1,4 +1,4 @@
-"""The curves of the selection: groups of channels with a common unit, sampled at regular times."""
+"""The curves of the selection (F-curves): groups of channels with a common unit, sampled at regular times."""
 
 from __future__ import annotations
 

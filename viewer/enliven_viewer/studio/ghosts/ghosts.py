@@ -1,4 +1,4 @@
-"""Ghosts and trails of an editor's characters, with one switch; computed in the background."""
+"""Ghosts and motion trails of an editor's characters, with one switch; computed in the background."""
 
 from __future__ import annotations
 
