@@ -35,7 +35,7 @@ PATCHES = {
         ("@njit(cache=True, nogil=True)\ndef assemble(", KERNEL.lstrip()),
         ("    energy += above_floor(", CALL),
     ],
-    "tracking/settings.py": [('    temporal: float = setting(1.2, "Weight of staying near', WEIGHT)],
+    "tracking/settings.py": [("    temporal: float = setting(", WEIGHT)],
 }
 """By file: a text to find, and the text to insert before it."""
 FIT = """
