@@ -1,5 +1,5 @@
-"""Mapping: which limb of a take drives which limb of a skeleton, found by geometry alone or read from a
-file.
+"""Retargeting: maps the limbs of a take to the limbs of a skeleton, by geometry and joint names or from a
+mapping file.
 """
 
 import lazy_loader

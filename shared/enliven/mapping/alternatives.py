@@ -1,4 +1,4 @@
-"""Another mapping, offered where the one that was found does what is seen: judged by all that is measured."""
+"""Searches for a better mapping than the one in use. Candidates are compared by all measures of quality."""
 
 from __future__ import annotations
 
@@ -13,17 +13,19 @@ from enliven.mapping.quality import MotionQuality, quality_of
 from enliven.mapping.softening import softened
 
 _BETTER = 0.8
-"""Share of the faults that another mapping has at most, to be worth offering."""
+"""Another mapping is offered only if its faults are at most this fraction of the current mapping's."""
 _GENTLE = 0.6
-"""Weight of limbs that are moved less so that they keep out of one another."""
+"""Factor on the weight of limbs in the candidate that moves them less, so that they collide less."""
 
 
 @dataclass(frozen=True)
 class NextBest:
-    """Another mapping of a take to a shape.
+    """An alternative mapping of a take to a shape.
 
     Attributes:
-        how: it differs, in words of the command line.
+        how: how it differs from the current mapping, with the options of the command line.
+        plan: the mapping.
+        quality: its measures.
     """
 
     how: str
@@ -32,11 +34,14 @@ class NextBest:
 
 
 def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBest | None:
-    """The mapping with the least faults of those that differ in one thing from what was made; None where
-    nothing of that is beyond its bound, or none has clearly less of it.
+    """Returns the best mapping that differs from the current one in one choice.
+
+    Returns None if the current mapping is within all bounds, or if no alternative is clearly better.
 
     Args:
-        quality: of what was made.
+        made: the retargeted shape with its current mapping.
+        shape: the shape at rest.
+        quality: the measures of ``made``.
     """
     if quality.beyond == 0.0:
         return None
@@ -51,7 +56,7 @@ def _measured(made: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
 
 
 def _others(made: Retargeted, shape: Shape) -> Iterator[tuple[str, Plan]]:
-    """Mappings that differ in one thing, and how."""
+    """Yields each mapping that differs from the current one in one choice, after a description of how."""
     plan, clip = made.plan, made.clip
     soft = softened(plan, clip, shape)
     if soft != plan:

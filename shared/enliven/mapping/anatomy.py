@@ -3,11 +3,11 @@
 An upright skeleton with the joint names of a person (:mod:`enliven.mapping.human_names`) is divided by
 its names: weapons, hair, capes and twist bones are not limbs. Every other skeleton is divided by geometry.
 
-By geometry, small branches are left out (fingers, ears, a jaw): at a fork, a branch with such a name, or one
-that is short compared with the whole, or with the path from the root to the fork. The rest falls into chains
-between forks and ends. Chains between forks are trunk, chains to an end are limbs. Two limbs that mirror one
-another are a pair. Of the others, the one that goes most ahead and up is the head, and the one that goes most
-back and down the tail.
+Division by geometry first ignores small branches such as fingers, ears and a jaw. A branch at a fork is small
+if it has such a name. It is also small if it is short compared with the whole skeleton, or with the path from
+the root to the fork. The remaining joints form chains between forks and ends. Chains between forks are the
+trunk, chains to an end are limbs. Two limbs that mirror each other are a pair. Of the unpaired limbs, the one
+that leads most forward and up is the head, and the one that leads most backward and down is the tail.
 """
 
 from __future__ import annotations
@@ -27,50 +27,57 @@ _TWIGS = re.compile(
     r"s?(?![a-z])",
     re.IGNORECASE,
 )
-"""What parts of a face or a hand are called in the names of joints."""
+"""Words in joint names that mean a part of a face or a hand."""
 _SAME_PLACE = 0.02
-"""Share of the size by which two joints are off one another's mirror image and still are partners."""
+"""Two joints are partners if each is at most this far from the other's mirror image, as a fraction of the
+skeleton's size."""
 _SHORT = 0.15
-"""Share of the longest branch below which a branch is a twig, not a limb."""
+"""A branch shorter than this fraction of the longest branch is a twig, not a limb."""
 _TWIG = 0.5
-"""Share of the path from the root to its fork below which a branch is a twig; also share of its length by
-which a branch leads off the middle plane."""
+"""A branch shorter than this fraction of the path from the root to its fork is a twig.
+
+A branch leads off the middle plane if its end is farther from it than its fork, by more than this fraction of
+its length."""
 _SIDE_TWIG = 0.6
-"""The same, for a branch that leads off the middle plane: a big ear is longer than other twigs."""
+"""The first limit of ``_TWIG`` for a branch that leads off the middle plane. Big ears are longer than other
+twigs."""
 _MANY = 5
-"""Branches of a fork, other than the root, that make a face or a hand of it."""
+"""Minimum number of branches with which a fork is a face or a hand. The root is exempt."""
 _PALM = 0.02
-"""Share of the longest branch that the way to the first joint of a finger has at least, to be a palm."""
+"""Minimum length of the bone to the first joint of a finger, as a fraction of the longest branch, with which
+that bone is a palm."""
 _ASIDE = 0.15
-"""Share of the longest branch that a fork is off the middle plane by to be a hand: its longest goes on."""
+"""A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb goes on
+along its longest branch only."""
 _ALIKE = 0.15
-"""Share of their length that two limbs of a pair differ by at most."""
+"""Maximum relative difference in length of the two limbs of a pair."""
 _APART = 0.1
-"""Share of their length that two limbs of a pair are apart at least."""
+"""Minimum lateral distance between the two limbs of a pair, as a fraction of their length."""
 _MIDDLE = 0.03
-"""Share of a limb that a bone begins off the middle plane by, to be part of the limb proper."""
+"""A bone of the limb proper begins farther from the middle plane than this fraction of the limb's length."""
 _SIDEWAYS = 0.8
-"""Share of its length by which a girdle bone (collar bone, hip) leads sideways."""
+"""Minimum lateral extent of a girdle bone (collar bone, hip), as a fraction of its length."""
 _ONWARD = 0.5
-"""Cosine between a girdle bone and the next below which the limb bends there: 60 degrees."""
+"""The limb bends after a girdle bone if the cosine between it and the rest is below this: 60 degrees."""
 _GIRDLE = 0.6
-"""Share of a limb that is girdle at most; more would leave too little limb."""
+"""Maximum length of the girdle as a fraction of the limb's. A longer girdle would leave too little limb."""
 _KNEED = 3
-"""Joints that a leg proper has at least: with fewer it could not bend."""
+"""Minimum number of joints of a leg proper. With fewer it could not bend."""
 _THICK = 0.7
-"""Share of the limb's second longest bone that the first bone of the limb proper has at least."""
+"""Minimum length of the first bone of the limb proper, as a fraction of the limb's second longest bone."""
 _FLOOR = 0.15
-"""Share of the height within which a leg ends above the floor: an ankle does."""
+"""Maximum height of a leg's end above the floor, as a fraction of body height. The end may be an ankle."""
 _DROP = 0.12
-"""Share of the height that a leg goes down at least: a low tail goes down less."""
+"""Minimum descent of a leg from its highest joint, as a fraction of body height. A low tail descends less."""
 _HAND = 0.45
-"""Largest share of a limb's length that is a hand: an arm has two segments before it."""
+"""Maximum length of a hand as a fraction of the limb's. An arm has two segments before its hand."""
 _WRIST = 0.6
-"""Share of a limb after which a segment of it is a hand or a foot."""
+"""A segment that begins beyond this fraction of the limb's length is a hand or a foot."""
 _FINGERS = 3
-"""Bones that begin at a wrist at least: a joint with two may carry a twist bone."""
+"""Minimum number of bones that begin at a wrist. A joint with two may carry a twist bone."""
 _UPRIGHT = np.cos(np.radians(45.0))
-"""Least cosine between the vertical and a person's line from hips to chest: animals may have human names."""
+"""Minimum cosine between the vertical and the line from hips to chest with which joint names of a person
+are trusted. Animals may have them too."""
 
 
 @dataclass(frozen=True)
@@ -78,13 +85,14 @@ class SkeletonLimb:
     """A chain of joints from a fork to an end.
 
     Attributes:
-        chain: from the fork on.
-        start: where in the chain the limb proper begins; before it is the girdle (collar bone, hip).
-        grounded: it stands on the floor.
-        end: (3,) metres, where it ends, with the front at +Z and the left at +X.
-        stop: where in the chain its hand or foot begins (wrist, ankle); None if it has none of its own.
-        knots: where in the chain its segments begin and the last one ends, if names say so: shoulder, elbow
-            and wrist, or hip, knee and ankle; of a head the neck and the head. Else empty.
+        chain: its joints, beginning with the fork.
+        start: index in the chain at which the limb proper begins. The girdle (collar bone, hip) is before it.
+        grounded: True if it stands on the floor.
+        end: (3,) metres, the position of its end. The front of the body is at +Z, its left at +X.
+        stop: index in the chain at which its hand or foot begins (wrist, ankle). None without a separate one.
+        knots: indices in the chain at which segments begin and the last one ends, by joint names. For an arm:
+            shoulder, elbow, wrist. For a leg: hip, knee, ankle. For a head: neck and head, or the head alone.
+            Empty if the names give none.
     """
 
     chain: tuple[int, ...]
@@ -101,7 +109,7 @@ class SkeletonLimb:
 
     @property
     def girdle(self) -> tuple[int, ...]:
-        """The joints from the fork to where the limb proper begins, both included."""
+        """The joints from the fork to the beginning of the limb proper, both included."""
         return self.chain[: self.start + 1]
 
     @property
@@ -111,12 +119,12 @@ class SkeletonLimb:
 
     @property
     def tip(self) -> tuple[int, ...]:
-        """The first bone of its hand or foot, from the wrist or ankle; empty if it has none of its own."""
+        """The joints of the first bone of its hand or foot. Empty if it has no separate hand or foot."""
         return () if self.stop is None else self.chain[self.stop : self.stop + 2]
 
 
 Pair = tuple[SkeletonLimb, SkeletonLimb]
-"""The left limb and the right."""
+"""The left limb and the right limb."""
 
 
 @dataclass(frozen=True)
@@ -124,10 +132,10 @@ class Anatomy:
     """The parts of a skeleton.
 
     Attributes:
-        facing: radians that its front is turned about +Y from +Z.
-        trunk: from the root, or the hips below it, to the last fork; the root alone where there is one fork
-            at most.
-        pairs: (left, right), the foremost and uppermost first.
+        facing: angle of its front about +Y from +Z, in radians.
+        trunk: the joints from the root, or from the hips below it, to the last fork. It is the root alone if
+            there is at most one fork.
+        pairs: pairs of limbs (left, right), the foremost and uppermost first.
         head, tail: chains on the middle plane, or None.
     """
 
@@ -144,12 +152,15 @@ class Anatomy:
 
     @property
     def arms(self) -> tuple[Pair, ...]:
-        """The pairs that do not, the uppermost first."""
+        """The pairs that do not stand on the floor, the uppermost first."""
         return tuple(pair for pair in self.pairs if not pair[0].grounded)
 
 
 def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
-    """Whether a hand or foot begins at a joint, in a limb that has none of its own by name or fingers."""
+    """Returns True if a hand or foot begins at a joint, by length.
+
+    It is for limbs whose hand or foot is given neither by joint names nor by fingers.
+    """
     if limb.tip or limb.knots or joint not in limb.main[1:-1]:
         return False
     number, bones = limb.main.index(joint), skeleton.lengths[list(limb.main[1:])]
@@ -157,10 +168,11 @@ def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
 
 
 def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
-    """The parts of a skeleton at rest.
+    """Returns the parts of a skeleton at rest.
 
     Args:
-        facing: radians that its front is turned about +Y from +Z; None finds it.
+        skeleton: the skeleton.
+        facing: angle of its front about +Y from +Z, in radians. If None, it is detected.
     """
     facing = facing_of(skeleton) if facing is None else facing
     at = _evened(turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing))
@@ -180,19 +192,19 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
 
 
 def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
-    """Where the two legs of a person begin."""
+    """Returns the two joints at which the legs of a person begin."""
     return tuple(leg.knots[0] for leg in human.legs)
 
 
 def _is_upright(way: Float) -> bool:
-    """Whether a way (3,) leads up."""
+    """Returns True if a vector (3,) points up."""
     return bool(float(way[1]) > _UPRIGHT * float(np.linalg.norm(way)))
 
 
 def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
-    """The anatomy of a person from the names of the joints; ``at`` (N, 3) has the front at +Z."""
+    """Returns the anatomy of a person from the joint names. The front is at +Z in ``at`` (N, 3)."""
     path = skeleton.path(human.hips, human.chest)
-    # A root may lie on the floor or in the belly: the trunk begins at the joint that is nearest to the hips.
+    # The root may lie on the floor or in the belly, so the trunk begins at the joint nearest to the hips.
     middle = at[list(_hip_joints(human))].mean(0)
     first = min(range(max(len(path) - 1, 1)), key=lambda k: float(np.linalg.norm(at[path[k]] - middle)))
     arms, legs = (
@@ -210,7 +222,7 @@ def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Fl
 
 
 def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, at: Float) -> SkeletonLimb:
-    """An arm or leg from the joint where both of a pair meet to the end of its hand or foot."""
+    """Returns an arm or leg: the chain from the joint that the pair shares to the end of its hand or foot."""
     path = skeleton.path(fork, limb.knots[-1])
     chain = path if limb.tip < 0 else (*path, *longest_branch(skeleton, limb.tip))
     knots = tuple(path.index(joint) for joint in limb.knots)
@@ -223,9 +235,9 @@ def _point(place: Float) -> tuple[float, float, float]:
 
 
 def _evened(at: Float) -> Float:
-    """(N, 3) the joints, each in the middle between its place and its partner's in the mirror.
+    """Returns symmetric joint positions (N, 3): the mean of each joint and its partner's mirror image.
 
-    So what is decided by lengths is decided alike on both sides.
+    So decisions that depend on lengths are the same on both sides.
     """
     seen = at * [-1.0, 1.0, 1.0]
     apart = np.linalg.norm(at[:, None] - seen, axis=2)
@@ -236,7 +248,7 @@ def _evened(at: Float) -> Float:
 
 
 def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
-    """The children of each joint that are no twigs; a limb ends with the first joint of a finger."""
+    """Returns the children of each joint that are not twigs. A limb ends at the first joint of a finger."""
     count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
     lengths = np.linalg.norm(at - at[parents], axis=1)
     named = [bool(_TWIGS.search(spaced(name))) for name in skeleton.names]
@@ -264,7 +276,7 @@ def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
 
 
 def _chains(below: list[list[int]]) -> list[tuple[int, ...]]:
-    """From the root and every fork to the next fork or end."""
+    """Returns the chains from the root and every fork to the next fork or end."""
     chains, waiting = list[tuple[int, ...]](), [0]
     while waiting:
         fork = waiting.pop(0)
@@ -279,7 +291,7 @@ def _chains(below: list[list[int]]) -> list[tuple[int, ...]]:
 
 
 def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
-    """The longest way from the root along chains that end in a fork."""
+    """Returns the longest path from the root along chains that end in a fork."""
     best: tuple[int, ...] = (0,)
     ways: dict[int, tuple[int, ...]] = {0: (0,)}
     for chain in chains:
@@ -293,14 +305,18 @@ def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
 
 
 def _turns_back(points: Float) -> bool:
-    """Whether the first bone of a chain leads away from where the rest goes: from a belly to the hips."""
+    """Returns True if the first bone of a chain points away from the rest, as from a belly to the hips."""
     return bool((points[1] - points[0]) @ (points[-1] - points[1]) < 0.0)
 
 
 def _with_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
-    """The trunk, pairs and head, where the trunk ends in a fork of pairs (ears) beyond the arms: a head."""
+    """Returns the trunk, pairs and head after a head with paired branches (ears) is separated.
+
+    If the trunk ends in a fork with pairs that are not legs, beyond another such fork (the arms), the part
+    after the arms is the head. Otherwise trunk and pairs are unchanged and the head is None.
+    """
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
     ]
@@ -316,7 +332,7 @@ def _length(chain: tuple[int, ...], at: Float) -> float:
 
 
 def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
-    """A chain with its girdle told from the limb proper."""
+    """Returns a chain as a limb, with its girdle separated from the limb proper."""
     length = _length(chain, at)
     bones = np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1)
     aside = np.abs(at[list(chain[:-1]), 0]) > _MIDDLE * length
@@ -335,7 +351,7 @@ def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
 
 
 def _with_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
-    """The limb with its hand told from its arm: what lies beyond a late joint from which fingers spread."""
+    """Returns the limb with its hand separated: the part beyond a late joint from which fingers spread."""
     proper = limb.proper
     if limb.grounded or len(proper) < _KNEED + 1:
         return limb
@@ -348,7 +364,7 @@ def _with_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLim
 
 
 def _sideways(points: Float) -> Bool:
-    """(K - 1,) which bones of a chain lead sideways, while what follows turns off (a hip)."""
+    """Returns (K - 1,) True for bones of a chain that lead sideways before the chain bends, as at a hip."""
     bones, rest = np.diff(points, axis=0), points[-1] - points[1:]
     lengths = np.linalg.norm(bones, axis=1) * np.maximum(np.linalg.norm(rest, axis=1), 1e-9)
     along = np.einsum("kc,kc->k", bones, rest) / np.maximum(lengths, 1e-12)
@@ -359,9 +375,10 @@ def _sideways(points: Float) -> Bool:
 def _paired(
     limbs: list[SkeletonLimb], at: Float, names: tuple[str, ...]
 ) -> tuple[list[Pair], list[SkeletonLimb]]:
-    """Pairs (left, right), ordered, and the limbs that have no partner.
+    """Returns the pairs (left, right) from front and top to back and bottom, and the unpaired limbs.
 
-    Two limbs of a pair are of one length; how a performer holds them says less.
+    The two limbs of a pair have the same length. Their positions count less, since a performer may hold them
+    in different ways.
     """
     costs = []
     for a, left in enumerate(limbs):
@@ -382,7 +399,7 @@ def _paired(
 
 
 def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
-    """Whether one limb is on the left and the other on the right, by name or by place."""
+    """Returns True if the first limb is on the left and the second on the right, by name or position."""
     sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
         return sides == [1, -1]
@@ -391,21 +408,21 @@ def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[s
 
 
 def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
-    """Metres that the ends of a limb are away from where the other's are in the mirror."""
+    """Returns the sum of distances in metres of both ends of a limb from the other limb's mirror image."""
     mirror = np.array([-1.0, 1.0, 1.0])
     off = np.linalg.norm(at[left.chain[0]] * mirror - at[right.chain[0]])
     return float(off + np.linalg.norm(np.array(left.end) * mirror - right.end))
 
 
 def _ahead(pair: Pair, at: Float) -> float:
-    """Metres ahead and up where a pair begins, or ends for those that begin at one place."""
+    """Returns how far forward and up a pair begins, in metres. The ends decide between equal beginnings."""
     starts = np.mean([at[limb.proper[0]] for limb in pair], axis=0)
     ends = np.mean([limb.end for limb in pair], axis=0)
     return float(starts[2] + starts[1] + 0.1 * (ends[2] + ends[1]))
 
 
 def _ends(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
-    """Head and tail of the limbs that have no partner: the one goes up and ahead, the other back."""
+    """Returns the head and the tail among unpaired limbs. The head leads up and forward, the tail back."""
     ways = {limb: np.array(limb.end) - at[0] for limb in single}
     scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))
     head = scored[-1] if scored and ways[scored[-1]][1:].sum() > 0 else None

@@ -1,8 +1,8 @@
-"""A mapping applied: rest poses are chosen, each chain gets a basis, and layers are bound.
+"""Applies a mapping: chooses rest poses, gives each chain a basis, and binds layers.
 
 Motion is relative to a rest pose of the take, and any pose can be one. For chains of mode "pose" it is the
-pose in which the performer's bones point as the model's do at rest: then they always do. For chains of mode
-"move" it is the mean pose of the take, and the model moves about its own rest pose.
+pose in which the performer's bones point as the model's bones do at rest. Then they point alike at all times.
+For chains of mode "move" it is the mean pose of the take, and the model moves about its own rest pose.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
 _OPPOSITE = -0.94
-"""Cosine below which two ways count as opposite."""
+"""Cosine below which two directions count as opposite."""
 _MIDDLE = 0.1
-"""Share of its length by which a spine or a neck is off the middle plane at most."""
+"""Maximum distance of a spine or a neck from the middle plane, as a fraction of its length."""
 _ANKLE = 0.15
-"""Share of the height within which a foot lies above the lowest joint."""
+"""Maximum height of a foot's joints above the lowest joint, as a fraction of body height."""
 _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def source_anatomy(clip: Clip) -> Anatomy:
-    """The parts of the performer, looking where they head at first.
+    """Returns the anatomy of the performer, with their heading in the first frames as its facing.
 
-    At rest, or in the pose that the take moves about, whichever says more.
+    It is found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
     """
     at_rest = anatomy_of(clip.skeleton)
     amid = anatomy_of(posed(clip.skeleton, mean_pose(clip)))
@@ -55,7 +55,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
 
 
 def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
-    """Radians about +Y from +Z: where the performer looks at first, and the model."""
+    """Returns the initial facing of the performer and that of the model, in radians about +Y from +Z."""
     first, ours = plan.take_facing, plan.model_facing
     theirs = source_anatomy(clip).facing if first is None else math.radians(first)
     return theirs, anatomy_of(shape.skeleton).facing if ours is None else math.radians(ours)
@@ -63,7 +63,7 @@ def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A chain of the plan with its joints, in the take and in the model."""
+    """A chain of the plan with its joints in the take (``mine``) and in the model (``theirs``)."""
 
     plan: ChainPlan
     mine: tuple[int, ...]
@@ -71,15 +71,15 @@ class _Line:
 
     @property
     def bones(self) -> set[int]:
-        """The bones of the take with turns that the line plays."""
+        """The bones of the take with the rotations that the model's chain plays."""
         return set(self.mine[1:] or self.mine)
 
 
 class _Turns:
-    """The turns from the performer's axes to the model's, plain or mirrored.
+    """The rotations from the performer's axes to the model's, for plain and mirrored chains.
 
-    A layer mirrors in the plane x = 0 of the take; with a turn of twice the performer's facing before it,
-    that is the plane that parts their left from their right.
+    A layer mirrors in the plane x = 0 of the take. A rotation by twice the performer's facing makes that the
+    plane between their left and right.
     """
 
     def __init__(self, theirs: float, ours: float) -> None:
@@ -88,29 +88,29 @@ class _Turns:
         self._side = rotate(_level(theirs), np.array([1.0, 0.0, 0.0]))
 
     def middle(self, source: Skeleton, line: _Line) -> bool:
-        """Whether a chain of the take lies in the plane that parts the performer's left from their right."""
+        """Returns True if a chain of the take lies in the plane between the performer's left and right."""
         off = (source.positions[list(line.mine)] - source.positions[0]) @ self._side
         return bool(np.abs(off).max() < _MIDDLE * source.lengths[list(line.mine[1:])].sum())
 
     def of(self, line: _Line) -> Float:
-        """(4,) model_from_take of a chain, after its mirror."""
+        """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
         return self.mirrored if line.plan.mirrored else self.plain
 
     def forth(self, line: _Line, ways: Float) -> Float:
-        """(..., 3) directions of the take in the model's axes."""
+        """Returns directions (..., 3) of the take in the model's axes."""
         return rotate(self.of(line), ways * _MIRROR if line.plan.mirrored else ways)
 
     def back(self, line: _Line, ways: Float) -> Float:
-        """(..., 3) directions of the model in the take's axes."""
+        """Returns directions (..., 3) of the model in the take's axes."""
         ways = rotate(conjugate(self.of(line)), ways)
         return ways * _MIRROR if line.plan.mirrored else ways
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
-    """A project in which the shape moves by the take, as a mapping says; and the take against its rest pose.
+    """Returns a project in which the take moves the shape, and the take relative to its new rest pose.
 
     Raises:
-        InputError: where the mapping names a joint that is not there, with those that are.
+        InputError: if the mapping names a joint that does not exist. The message lists the joints.
     """
     source, target = clip.skeleton, shape.skeleton
     lines = [
@@ -139,10 +139,10 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
 def _rests(
     lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
 ) -> list[tuple[Float, list[_Line]]]:
-    """Rest poses (N, 4) of the take, and the chains that are counted from each.
+    """Returns the rest poses (N, 4) of the take, each with the chains that are relative to it.
 
-    One does for all, unless a bone of the performer is to rest in two ways at once: a leg that drives two
-    legs. Then the take is in the project again, against another rest pose.
+    One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
+    project contains the take again, relative to another rest pose.
     """
     plain = _rest(clip, rest)
     since, claimed = plain.copy(), set[int]()
@@ -160,10 +160,10 @@ def _rests(
         if line.plan.mode != "move" or arm is None:
             continue
         if _on_floor(target, line.theirs):
-            # A foot rests flat, however its shin slopes.
+            # The foot is flat in the rest pose, at any slope of the shin.
             since[list(line.mine[1:])] = standing_turns(clip, line.mine)
         else:
-            # A hand rests in its forearm as it does in the take.
+            # The hand keeps its rotation relative to the forearm from the take's rest pose.
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     made = [(since, [line for line in lines if line in group])]
@@ -178,7 +178,7 @@ def _rests(
 
 
 def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
-    """The bone of the take that a chain hangs on and that is posed as the performer's; None for none."""
+    """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
     way = source.path(0, line.mine[0])
     above = [
         one.mine[-1] for one in lines if one.plan.mode == "pose" and one.mine[-1] in way and one is not line
@@ -187,10 +187,10 @@ def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | Non
 
 
 def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
-    """A project in which bones that begin at a joint of a chain move as the chain's bone from there does.
+    """Returns a project in which the sibling bones of a chain's bones copy their motion.
 
-    A joint of a rig turns all that hangs on it: fingers with a hand, hair with a head, a twist bone with its
-    forearm. Bones that move already, or carry one that does, stay as they are.
+    A joint of a rig rotates all of its children: fingers with a hand, hair with a head, a twist bone with its
+    forearm. Bones that move already, or have a descendant that moves, are not changed.
     """
     shape = project.shape(shape_id)
     skeleton, spans = shape.skeleton, list(shape.spans)
@@ -203,7 +203,7 @@ def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) ->
 
 
 def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
-    """Whether a chain lies along the floor at rest, as a foot does."""
+    """Returns True if a chain lies along the floor at rest, as a foot does."""
     height = skeleton.positions[:, 1]
     return bool(height[list(chain)].max() < height.min() + _ANKLE * np.ptp(height))
 
@@ -229,7 +229,7 @@ def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float
 
 
 def _rest(clip: Clip, rest: Rest | float) -> Float:
-    """(N, 4) world turns of the pose that movement is counted from."""
+    """Returns the world rotations (N, 4) of the reference pose that motion is relative to."""
     if rest == "zero":
         return np.tile(IDENTITY, (len(clip.skeleton), 1))
     if rest == "first":
@@ -247,12 +247,12 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
 def _pose_like(
     since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
 ) -> None:
-    """Sets the rest turns of a source chain, in ``since`` (N, 4), so that its bones point as the target's do.
+    """Sets the rest rotations of a source chain so that its bones point as the target's; see ``since`` (N, 4).
 
-    The take's own zero pose, turned to its heading, is bent by the least turns that make it point the same
-    way, so twist about a bone stays the performer's. A limb is bent bone by bone from its root on, and each
-    bone takes the next along: a forearm that is bent at rest is stretched about its elbow. A spine or a neck
-    is turned as one: its curve is the model's own.
+    The pose starts from the take's zero pose in its first heading. Each bone gets the smallest rotation that
+    makes it point in the target's direction, so the twist about a bone remains the performer's. A limb is
+    bent bone by bone from its root, and each bone carries the next one. So a forearm that is bent at rest is
+    straightened at the elbow. A spine or a neck is rotated as a whole and keeps the model's own curve.
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     since[list(line.bones)] = heading
@@ -279,14 +279,15 @@ def _pose_like(
 
 
 def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
-    """(4,) target_from_source of a chain's layer."""
+    """Returns the rotation target_from_source (4,) of a chain's layer."""
     basis = turns.of(line)
     if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
         mine, theirs = _whole(lines, line)
         way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
-        # On a body that is posed as the performer's, turns have the same axes: others would add up to another
-        # pose of what hangs on the chain. But a tail, which points the other way, is not a spine.
+        # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
+        # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
+        # so it gets axes of its own.
         carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
         same = carries and _posed_above(lines, line, source) is not None
         basis = basis if same else multiply(_between(way, wanted, turns.across), basis)
@@ -294,16 +295,16 @@ def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, 
 
 
 def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
-    """Whether a chain carries one that is posed: a girdle carries its limb."""
+    """Returns True if a chain of mode "pose" continues this one, as a limb continues its girdle."""
     after = [one for one in lines if _follows(line, one)]
     return any(one.plan.mode == "pose" or _leads_to_posed(lines, one) for one in after)
 
 
 def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First and last joint, in take and model, of all chains of a limb that go on from one another.
+    """Returns the first and last joint, in take and model, of a limb's consecutive chains of mode "move".
 
-    A limb that is driven in pieces is one limb: a thigh and a shin that point two ways at rest must not turn
-    about two sets of axes.
+    A limb that is driven in pieces has one set of axes, even if its thigh and shin point in different
+    directions at rest.
     """
     role = line.plan.role
     alike = [one for one in lines if one.plan.role == role and one.plan.mode == "move"]
@@ -316,15 +317,15 @@ def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int,
 
 
 def _follows(one: _Line, other: _Line) -> bool:
-    """Whether the second goes on where the first ends, in the take and in the model."""
+    """Returns True if the second chain begins where the first ends, in the take and in the model."""
     return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
 
 
 def _between(way: Float, wanted: Float, across: Float) -> Float:
-    """(4,) the least turn from one way (3,) to another; between opposite ones about an axis of the body.
+    """Returns the smallest rotation (4,) from one direction (3,) to another.
 
-    That is the axis across it (a limb that hangs to one that rises), or the upright one for limbs that lie
-    along that.
+    Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
+    from a hanging limb to a raised one. For limbs that lie along that axis it is the vertical one.
     """
     lengths = float(np.linalg.norm(way)), float(np.linalg.norm(wanted))
     if min(lengths) < 1e-6:
@@ -338,18 +339,18 @@ def _between(way: Float, wanted: Float, across: Float) -> Float:
 
 
 def _half_turn(target: Skeleton, chain: tuple[int, ...]) -> Float:
-    """(4,) half a turn about the first bone of a chain."""
+    """Returns half a turn (4,) about the first bone of a chain."""
     along = target.positions[chain[min(1, len(chain) - 1)]] - target.positions[chain[0]]
     return normalized(np.concatenate([[0.0], along]))
 
 
 def _level(angle: float) -> Float:
-    """(4,) a turn by radians about +Y."""
+    """Returns the rotation (4,) by an angle in radians about +Y."""
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
 def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
-    """The project with the shape's root going where the take's goes."""
+    """Returns the project with the shape's root following the path of the take's root."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))
@@ -358,7 +359,7 @@ def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stri
 
 
 def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:
-    """The joints of a chain that is given by its ends, or in full."""
+    """Returns the joints of a chain that is given by its ends or by all of its joints."""
     if not names:
         raise InputError(f"a chain of {what} names no joint", where="mapping", mend=_known(skeleton))
     unknown = [name for name in names if name not in skeleton.names]

@@ -1,15 +1,16 @@
-"""Which limb of a source drives which limb of a target: legs to legs, arms to arms, wings or forelegs.
+"""Assigns limbs of a source to limbs of a target: legs to legs, arms to arms, wings or forelegs.
 
-A limb is given the source limb of its kind, in the order from front and top to back and bottom:
+Each limb is driven by a source limb of its kind, in the order from front and top to back and bottom:
 
-- pairs that stand on the floor get pairs that do, the rearmost first; of those that are left over, the
-  foremost gets the arms (a horse's forelegs), the others the same legs again with the sides exchanged, seen
-  in a mirror, so that neighbours step in turn, as insects do;
-- other pairs (arms, wings, flippers) get arms, or where the source has none, its foremost legs;
-- the head gets the head, with the trunk before it where only one of the two skeletons has a trunk;
-- a tail gets the tail, else the spine; what has no legs (a snake) is moved at its tail by one.
+- Pairs that stand on the floor are driven by such pairs, the rearmost first. Of the remaining pairs, the
+  foremost is driven by the arms (a horse's forelegs). The others are driven by the same legs again, with the
+  sides exchanged and mirrored. So neighbouring legs step in turn, as those of insects do.
+- Other pairs (arms, wings, flippers) are driven by arms, or by the foremost legs if the source has no arms.
+- The head drives the head, together with the trunk if only one of the two skeletons has a trunk.
+- A tail is driven by the tail, or by the spine if the source has none. The tail of a target without limbs (a
+  snake) is driven by a leg.
 
-Left goes to left; where all of a kind are in one pair's charge, sides alternate from pair to pair.
+Left drives left. If one source pair drives several target pairs, sides alternate from pair to pair.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ from itertools import pairwise
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
 _NEAR = 0.21
-"""Arc length within which two joints of limbs with different numbers of segments count as the same."""
+"""Maximum difference in arc length (0 to 1) of two joints that correspond, if limbs differ in segments."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """One chain of the source and the one of the target that it drives.
+    """A chain of the source and the chain of the target that it drives.
 
     Attributes:
-        source, target: joints, from the one that stays.
+        source, target: joints, beginning with the one that stays in place.
         role: the limb's name in the mapping file, for the reader only.
-        lead: joints of the source before ``source``; the target's first piece plays their turns too.
-        mirrored: the source is of the other side, and taken as seen in a mirror.
-        knots: (source, target) joints inside the two chains that are the same by their names.
+        lead: joints of the source before ``source``. The target's first piece plays their rotations too.
+        mirrored: True if the source is a limb of the other side and its motion is mirrored.
+        knots: pairs (source joint, target joint) inside the two chains that correspond by their names.
     """
 
     source: tuple[int, ...]
@@ -45,7 +46,7 @@ class Drive:
 
 
 def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
-    """The drives of a whole body; the turn of the whole is not among them."""
+    """Returns the drives of a whole body, without the one that rotates the body as a whole."""
     drives: list[Drive] = []
     lent = _lent_legs(source, target)
     for (left, right), (from_left, from_right), role in _pairs(source, target, lent):
@@ -59,13 +60,13 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
-    """The source's legs that stand in for missing arms."""
+    """Returns the source's legs that replace missing arms."""
     spare = len(source.legs) - max(len(target.legs), 1)
     return source.legs[: max(spare, 0)] or source.legs[:1]
 
 
 def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
-    """(target pair, source pair, role) of all the pairs of the target that can be driven."""
+    """Returns (target pair, source pair, role) for every pair of the target that can be driven."""
     made: list[tuple[Pair, Pair, str]] = []
     arms = source.arms or lent
     legs = source.legs or source.arms
@@ -90,15 +91,15 @@ def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tup
 
 
 def _exchanged(pair: Pair, times: int) -> Pair:
-    """The pair with its sides exchanged so many times."""
+    """Returns the pair with its sides exchanged ``times`` times."""
     return (pair[1], pair[0]) if times % 2 else pair
 
 
 def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[Drive]:
-    """Girdle, limb, and hand or foot, each if both have one.
+    """Returns the drives of the girdle, the limb, and the hand or foot, each if source and target have one.
 
-    A girdle that only the source has turns the limb along. An animal's leg has no foot of its own: it is
-    driven by a leg together with its foot.
+    If only the source has a girdle, its rotations are added to the limb's. An animal's leg has no separate
+    foot, so a leg together with its foot drives it.
     """
     girdles = len(source.girdle) > 1 and len(target.girdle) > 1
     arms = not target.grounded and len(source.main) == len(target.main)
@@ -112,7 +113,7 @@ def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[
 
 
 def _shared_knots(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
-    """(source, target) joints inside two limbs that are the same by their names: elbows, knees, heads."""
+    """Returns pairs (source, target) of joints in two limbs that correspond by name, such as elbows."""
     if not source.knots or len(source.knots) != len(target.knots):
         return ()
     both = zip(source.knots, target.knots, strict=True)
@@ -120,7 +121,7 @@ def _shared_knots(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int
 
 
 def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
-    """Trunk and head."""
+    """Returns the drives of the trunk and the head."""
     head = source.head.chain if source.head else ()
     if len(target.trunk) > 1 and target.head and target.head.chain[0] == target.trunk[-1]:
         if len(source.trunk) > 1 and head and head[0] == source.trunk[-1]:
@@ -142,7 +143,7 @@ def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def _joined(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
-    """Trunk and head as one chain, where one goes on from the other."""
+    """Returns trunk and head as one chain if the head continues the trunk. Otherwise one of the two."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
     return head or trunk
@@ -161,12 +162,13 @@ def _tail(source: Anatomy, target: Anatomy) -> list[Drive]:
 
 
 def split(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
-    """A drive in pieces, cut at inner joints that correspond, so that an elbow drives an elbow.
+    """Returns a drive in pieces, cut at corresponding inner joints, so that an elbow drives an elbow.
 
-    Within a piece arc length alone decides, as in AniMesh (section 5.1).
+    Within a piece, points correspond by arc length alone, as in AniMesh (section 5.1).
 
     Args:
-        cuts: numbers (in ``source``, in ``target``) of joints that correspond, both ascending.
+        drive: the drive.
+        cuts: indices (in ``source``, in ``target``) of corresponding joints, both ascending.
     """
     ends = [(0, 0), *cuts, (len(drive.source) - 1, len(drive.target) - 1)]
     pieces = [
@@ -178,12 +180,13 @@ def split(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
 
 
 def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[float]) -> list[tuple[int, int]]:
-    """Numbers (in the source, in the target) of the inner joints of a drive that correspond, ascending.
+    """Returns indices (in the source, in the target) of corresponding inner joints of a drive, ascending.
 
-    Joints with the names of the same human joint correspond. Else, two limbs of as many segments correspond
-    joint by joint, and others at the joints of nearly the same arc length.
+    Joints with the names of the same human joint correspond. Without such names, two limbs with the same
+    number of segments correspond joint by joint. Other limbs correspond at joints of similar arc length.
 
     Args:
+        drive: the drive.
         source_arc, target_arc: arc length 0..1 at the joints of the chains.
     """
     if drive.knots:
@@ -195,11 +198,14 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
 
 
 def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:
-    """Numbers of inner joints at nearly one arc length: the most pairs in order, and of those the nearest.
+    """Returns pairs of indices of inner joints at nearly the same arc length, ascending.
+
+    It is the set with the most pairs. Among equal numbers, it is the one with the smallest distances. It is
+    found by dynamic programming.
 
     Args:
         one, other: arc length 0..1 at the joints of two chains.
-        near: how far apart two joints may be and still be the same.
+        near: maximum difference in arc length of two joints that correspond.
     """
     rows, columns = len(one) - 2, len(other) - 2
     best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}

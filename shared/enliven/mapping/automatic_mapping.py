@@ -1,4 +1,4 @@
-"""A mapping found automatically, and a shape that moves by it."""
+"""Automatic retargeting: finds a mapping from a take to a shape, and applies it."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ from enliven.rotation import conjugate, multiply
 
 @dataclass(frozen=True, eq=False)
 class Retargeted:
-    """A shape that moves by a take.
+    """A shape that a take moves: the result of retargeting.
 
     Attributes:
-        project: with the shape, the take against its new rest pose, and the layers between them.
-        shape_id: of the shape.
-        clip: the take as it was given.
+        project: contains the shape, the take relative to its new rest pose, and the layers between them.
+        shape_id: ID of the shape.
+        clip: the original take.
         plan: the mapping that was used.
         duration: seconds from the start to the end of the last chain's movement.
         model_facing, take_facing: radians about +Y from +Z, of the model and of the performer's first frame.
-        clips: the model's own, which its joint limits were taken from.
-        limited: the joints that were beyond their limits, by name.
+        clips: the model's own clips, which define its joint limits.
+        limited: names of the joints that exceeded their limits and were corrected.
     """
 
     project: Project
@@ -64,20 +64,20 @@ class Retargeted:
 
 
 _ALIKE = np.radians(50.0)
-"""How far the trunks of two bodies may point apart and the bodies still be posed alike."""
+"""Maximum angle (radians) between the trunks of two bodies with which the model gets the performer's pose."""
 _TWINS = 0.02
-"""Share of the size by which joints of twins are apart at most."""
+"""Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
 _BENDS = np.radians(5.0)
-"""Radians that a finger turns from its mean at least, to count as moving."""
+"""Minimum rotation (radians) of a finger from its mean with which it counts as moving."""
 _STANDS = np.radians(45.0)
-"""Radians from the vertical to the line from root to head within which a body counts as upright."""
+"""Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
 
 def automatic(clip: Clip, shape: Shape) -> Plan:
-    """The mapping of a whole body.
+    """Returns the automatic mapping of a whole body.
 
-    Upright bodies of one build (as many pairs of legs and of arms) are posed alike; others keep their own
-    rest pose and are moved from it.
+    If both bodies are upright and have the same numbers of leg and arm pairs, the model gets the performer's
+    pose (mode "pose"). Other models keep their own rest pose and move from it (mode "move").
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
@@ -86,8 +86,8 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     chains = _whole(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assigned(source, target)
     for drive in drives:
-        # Where a shoulder or a hip sits is the model's own affair: pointed like the performer's, it would
-        # come off the trunk. So is how a hand or a foot sits.
+        # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
+        # leave the trunk. Hands and feet keep their own rest rotation too.
         own = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _pieces(drive, drives, clip.skeleton, shape.skeleton):
             moved = own or (not twins and _is_end(piece, drive, target, shape.skeleton))
@@ -107,7 +107,10 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
 
 
 def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> list[ChainPlan]:
-    """The chains of the fingers that move in a take and have names on both sides; others follow the hand."""
+    """Returns the chains of fingers that move in the take and have names in take and model.
+
+    Other fingers follow the hand.
+    """
     made, source = list[ChainPlan](), clip.skeleton
     for side, by, limb in _named_arms(theirs, ours):
         wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
@@ -116,7 +119,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
                 continue
             pairs = zip(pairwise(chain), pairwise(hand[finger]), strict=False)
             for number, (mine, other) in enumerate(pairs):
-                # The first link of a finger lies in the palm, which sits in the model's own way.
+                # The first bone of a finger lies in the palm, which keeps the model's own rest rotation.
                 how: Mode = "pose" if number else "move"
                 names = _named(source, mine), _named(target, other)
                 made.append(ChainPlan(*names, f"{side} {finger}", how))
@@ -124,7 +127,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
 
 
 def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
-    """Yields the side and the arms, of take and model, of each side if both are known by name."""
+    """Yields (side, arm of the take, arm of the model) for each side on which both are known by name."""
     for by, pair in zip(theirs.arms[:1], ours.arms[:1], strict=False):
         for side, arm, limb in zip(("left", "right"), by, pair, strict=True):
             if arm.knots and limb.knots:
@@ -132,7 +135,7 @@ def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonL
 
 
 def _bends(clip: Clip, finger: Sequence[int]) -> bool:
-    """Whether a finger moves against its hand; many takes have fingers that never do."""
+    """Returns True if a finger moves relative to its hand. In many takes fingers never do."""
     if len(finger) < 3:
         return False
     local = multiply(conjugate(clip.turns[:, finger[1]]), clip.turns[:, finger[2]])
@@ -141,7 +144,7 @@ def _bends(clip: Clip, finger: Sequence[int]) -> bool:
 
 
 def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
-    """The performer's arms and legs that drive nothing, such as "left arm"."""
+    """Returns the names of the performer's arms and legs that drive nothing, such as "left arm"."""
     skeleton, moving = clip.skeleton, set[int]()
     for chain in plan.chains:
         ends = [skeleton.index(name) for name in chain.source]
@@ -156,11 +159,11 @@ def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
 
 
 def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool) -> list[ChainPlan]:
-    """The chain that turns the whole body: the performer's pelvis.
+    """Returns the chains that rotate the whole body, driven by the performer's pelvis.
 
-    A walker's pelvis and chest turn to and fro against one another; between them is where the body goes. What
-    is of another build, with its trunk level, would swing it about with the pelvis alone: it takes half of
-    the turn from pelvis to chest as well. What stands on four legs and more heads there and stays level.
+    In a walk, pelvis and chest rotate in opposite directions, and the heading of the body is between them. A
+    model of another build would sway if the pelvis alone drove it. So it also gets half of the rotation from
+    pelvis to chest. A model on four or more legs (``level``) follows that mean heading and stays level.
     """
     root, hips = (target.names[0],), (source.names[0],)
     chains = [ChainPlan(hips, root, "whole", mode)]
@@ -172,14 +175,14 @@ def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, leve
 def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:
     same = len(theirs.legs) == len(ours.legs) and len(theirs.arms) == len(ours.arms) and bool(ours.pairs)
     a, b = _upright(source, theirs), _upright(target, ours)
-    # People stand alike. Two that go on all fours differ in where their spines begin and how they slope: to
-    # point one's bones as the other's do would crush it, unless they are twins.
+    # All upright people stand alike. Animals on four legs differ in the beginning and slope of their spines.
+    # Copying the directions of bones would crush the model, unless the skeletons are identical.
     alike = min(a[1], b[1]) > np.cos(_STANDS) or _twins(source, target)
     return "pose" if same and alike and float(a @ b) > np.cos(_ALIKE) else "move"
 
 
 def _twins(source: Skeleton, target: Skeleton) -> bool:
-    """Whether two skeletons are one but for their size, place and heading."""
+    """Returns True if two skeletons are identical except for size, position and heading."""
     if source.names != target.names or (source.parents != target.parents).any():
         return False
     a, b = (np.linalg.norm(s.positions[:, None] - s.positions, axis=2) for s in (source, target))
@@ -188,7 +191,10 @@ def _twins(source: Skeleton, target: Skeleton) -> bool:
 
 
 def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
-    """(3,) from the root to the end of the head, seen with the front at +Z; zero where there is none."""
+    """Returns the unit vector (3,) from the root to the end of the head or trunk, with the front at +Z.
+
+    It is zero if both ends coincide.
+    """
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
     way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
@@ -202,17 +208,20 @@ def with_feet_pinned(
     above: bool = False,
     without: Collection[SkeletonLimb] = (),
 ) -> Project:
-    """The project with the last joint but one of every leg, where its foot begins, held while it stands.
+    """Returns the project with feet locked while they stand (foot lock).
 
-    Legs that step reach the floor already: the body does not come down for them.
+    The locked joint is the one at which the foot begins. Legs that step reach the floor already, so the body
+    is not lowered for them.
 
     Args:
-        steps: the legs that step, and metres that tell how large their steps are: a foot counts as lifted,
-            or on its way, in this measure and not in its leg's length. See :func:`step_sizes`.
-        level: the shape is kept on the floor. Feet keep their height and are held in their place along the
-            floor only: an ankle sinks as its foot rolls, and a foot that were held above would be off it.
-        above: feet that would go below the floor are brought up to it.
-        without: legs that are not held by their feet.
+        project: contains the shape.
+        shape: the shape.
+        steps: the legs that step, each with its step size in metres. The thresholds for a lifted or moving
+            foot are relative to this size instead of the leg's length. See :func:`step_sizes`.
+        level: True if the shape is kept on the floor. Then feet are locked horizontally only. An ankle sinks
+            as its foot rolls, so locking its height would lift the foot off the floor.
+        above: True to raise feet that would go below the floor.
+        without: legs with feet that are not locked.
     """
     steps, usual = steps or {}, ContactSettings(sink=float(level), above=above)
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
@@ -226,13 +235,16 @@ def with_feet_pinned(
 def _short_steps(
     usual: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
-    """When a foot stands that steps as a leg of ``size`` metres does; the body does not come down for it."""
+    """Returns contact settings for a foot with steps of a leg of ``size`` metres.
+
+    The body is not lowered for it.
+    """
     share = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
     return replace(usual, drop=0.0, height=share * usual.height, speed=share * usual.speed)
 
 
 def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
-    """A limb cut where its joints correspond, on both sides at the same ones; a spine stays whole."""
+    """Returns a limb cut at corresponding joints, the same on both sides. A spine stays whole."""
     if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
     there = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
@@ -245,26 +257,28 @@ def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleto
     pieces = split(drive, matching_joints(drive, mine, theirs))
     if not drive.knots or drive.role == "head":
         return pieces
-    # A segment of several bones (Rigify splits them for their twist) is straight: its first bone turns it.
+    # A segment of several bones is straight (Rigify splits bones for twist), so its first bone rotates it.
     return [replace(piece, target=piece.target[:2]) for piece in pieces]
 
 
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
-    """Whether a piece of a limb is its hand or foot, in a limb that has none of its own."""
+    """Returns True if a piece is the hand or foot of a limb that has no separate one."""
     limb = next((limb for pair in body.pairs for limb in pair if limb.main == drive.target), None)
     return limb is not None and begins_tip(target, limb, piece.target[0])
 
 
 def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
-    """First and last, which is enough where the chain is the way between them."""
+    """Returns the names of the first and last joint, which is enough for a chain that is a path."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
 def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> Retargeted:
-    """A shape that plays a take of its own, joint by joint and wherever the take goes.
+    """Returns a shape that plays one of its own takes joint by joint, including travel through the world.
 
     Args:
-        project: where the shape is; None for one of its own.
+        shape: the shape.
+        clip: a take of the shape's own skeleton.
+        project: contains the shape. If None, a new project is made.
 
     Raises:
         InputError: if the take was made for another skeleton; see :func:`is_own_take`.
@@ -284,22 +298,24 @@ def retarget(
     project: Project | None = None,
     clips: Sequence[Clip] = (),
 ) -> Retargeted:
-    """A shape that moves by a take.
+    """Returns a shape that a take moves.
 
     Args:
-        plan: None finds one.
-        project: where the shape is, with what moves it already; None for one of its own.
-        clips: the model's own, which show how far its joints go.
+        shape: the shape.
+        clip: the take.
+        plan: the mapping. If None, it is found automatically.
+        project: contains the shape and the takes that move it already. If None, a new project is made.
+        clips: the model's own clips, which show the ranges of its joints.
 
     Raises:
-        InputError: as :func:`apply_plan`, or where nothing of the shape can be driven.
+        InputError: see :func:`apply_plan`; also if no part of the shape can be driven.
     """
     plan = automatic(clip, shape) if plan is None else plan
     if not plan.chains:
         mend = "Write a mapping: --write-map gives one to begin with."
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
-    # A body with the performer's skeleton moves exactly as the take does, unless its feet are to be planted.
+    # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
     itself = plan.travel and not posed and _twins(clip.skeleton, shape.skeleton)
     upright = stands(shape) and not itself
     level = plan.floor and upright
@@ -307,7 +323,7 @@ def retarget(
     if posed and plan.travel:
         scale = step_scale(shape, clip, based, plan)
         project = set_travel(project, shape.id, project.shape(shape.id).travel, scale)
-    # What begins again at its end has none of its own: it plays as long as the take.
+    # A looping layer has no end, so its duration is that of the take.
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
     stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()

@@ -1,4 +1,4 @@
-"""The facing of a skeleton: its upright plane of symmetry, and the side of its front."""
+"""The facing of a skeleton: its vertical plane of symmetry, and the side of its front."""
 
 from __future__ import annotations
 
@@ -12,52 +12,52 @@ from enliven.document import Skeleton
 _LEFT = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
 _RIGHT = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
 _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
-"""Where one word of a name ends and the next begins without a sign between them."""
+"""Boundaries between the words of a camel-case name."""
 _SURE = 0.03
-"""Share of the size that feet must point ahead by, all together, to say where the front is."""
+"""Minimum length by which the feet together point forward to decide the front, as a fraction of the size."""
 _NARROW = 0.01
-"""Share of the size that the sides are apart by at least, to say which way is left."""
+"""Minimum distance between the left and right joints to decide which side is left, as a fraction of size."""
 _LOW = 0.12
-"""Share of the height that a foot is above the floor at most."""
+"""Maximum height of a foot above the floor, as a fraction of the skeleton's height."""
 
 
 def facing_of(skeleton: Skeleton) -> float:
-    """Radians that the skeleton's front is turned about +Y from +Z, at rest.
+    """Returns the angle of the skeleton's front about +Y from +Z at rest, in radians.
 
-    Names that differ in left and right only say it; else the plane in which the joints mirror one another
-    best does, and on which side the toes point. Where nothing says, it is +Z, as glTF has it.
+    It is found from pairs of joint names that differ only in left and right. Without such names, it is found
+    from the best plane of mirror symmetry and the direction of the toes. Otherwise it is 0 (+Z), as in glTF.
     """
     left = _named_left(skeleton)
     if left is None:
         left = _mirrored_left(skeleton)
-    # The left hand of what faces +Z is at +X.
+    # A body that faces +Z has its left hand at +X.
     return float(np.arctan2(-left[2], left[0]))
 
 
 def turned_about_y(vectors: Float, angles: Float | float) -> Float:
-    """Vectors (..., 3) turned about +Y by angles (...,) that broadcast to them."""
+    """Returns vectors (..., 3) rotated about +Y by angles (...,) in radians that broadcast to them."""
     cos, sin = np.cos(angles), np.sin(angles)
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     return np.stack(np.broadcast_arrays(cos * x + sin * z, y, cos * z - sin * x), axis=-1)
 
 
 def side_of(name: str) -> int:
-    """1 for the name of a left joint, -1 of a right one, 0 of others."""
+    """Returns 1 for the name of a left joint, -1 for that of a right joint, and 0 for other names."""
     plain = spaced(name)
     left, right = bool(_LEFT.search(plain)), bool(_RIGHT.search(plain))
     return int(left) - int(right)
 
 
 def spaced(name: str) -> str:
-    """A joint's name with a space between its words."""
+    """Returns a joint's name with a space between its words."""
     return _WORDS.sub(" ", name)
 
 
 def _named_left(skeleton: Skeleton) -> Float | None:
-    """(3,) horizontal, towards the left, by the names of joints; None where they do not say.
+    """Returns the horizontal direction (3,) to the left by joint names, or None if they do not give it.
 
-    Hips and shoulders say it, two joints that hang on one; hands and feet do where there are none: they may
-    be anywhere in a file that rests in mid-stride.
+    Pairs of joints with the same parent, such as hips and shoulders, decide it. Other pairs, such as hands
+    and feet, count only without those. They may be anywhere in a file with a rest pose in mid-stride.
     """
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
@@ -80,14 +80,14 @@ def _named_left(skeleton: Skeleton) -> Float | None:
 
 
 def _mirrored_left(skeleton: Skeleton) -> Float:
-    """(3,) horizontal, towards the left, by symmetry and by the toes."""
+    """Returns the horizontal direction (3,) to the left by mirror symmetry and by the toes."""
     at = skeleton.positions - skeleton.positions[0]
     angles = np.arange(0.0, 180.0, 5.0)
     costs = [_off_mirror(at, angle) for angle in angles]
     best = angles[int(np.argmin(costs))]
     finer = best + np.arange(-4.0, 4.5, 0.5)
     angle = finer[int(np.argmin([_off_mirror(at, one) for one in finer]))]
-    # +X across is what glTF has; another plane must be clearly better.
+    # In glTF the left is at +X, so another plane must be clearly better.
     if costs[0] <= 1.2 * min(costs) + 1e-3 * _size(skeleton):
         angle = 0.0
     angle = np.radians(angle)
@@ -98,7 +98,10 @@ def _mirrored_left(skeleton: Skeleton) -> Float:
 
 
 def _off_mirror(at: Float, degrees: float) -> float:
-    """Metres that joints (N, 3) about the root are off their mirror images, across an axis in the level."""
+    """Returns the mean distance in metres between joints (N, 3) and their mirror images.
+
+    The mirror plane is vertical and contains the origin. Its normal is +X rotated by ``degrees`` about +Y.
+    """
     across = np.array([np.cos(np.radians(degrees)), 0.0, -np.sin(np.radians(degrees))])
     seen = at - 2.0 * (at @ across)[:, None] * across
     apart = np.linalg.norm(seen[:, None] - at[None], axis=2)
@@ -106,7 +109,7 @@ def _off_mirror(at: Float, degrees: float) -> float:
 
 
 def _toes(skeleton: Skeleton, left: Float) -> Float:
-    """(3,) the sum of the last bones of what stands on the floor, left and right of the middle."""
+    """Returns the sum (3,) of the end bones near the floor on the left and right of the middle, in metres."""
     height = skeleton.positions[:, 1]
     floor, tall = height.min(), float(np.ptp(height))
     aside = np.abs((skeleton.positions - skeleton.positions[0]) @ left) > _SURE * _size(skeleton)

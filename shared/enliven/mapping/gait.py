@@ -27,19 +27,19 @@ from enliven.rotation import IDENTITY, conjugate, multiply, rotate
 STRIDE_S = 1.0
 """Seconds of a stride: the heading of a body is the mean over one."""
 _MIN_BELOW_RAISED = 0.0
-"""Fraction of the arm's length: a hand less far below the shoulder makes the arm a raised one."""
+"""The arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
 _MIN_BELOW_HANGING = 0.4
-"""Fraction of the arm's length that a hand is below the shoulder while the arm hangs."""
+"""The arm hangs if its hand is at least this fraction of the arm's length below the shoulder."""
 _MAX_SHUFFLE = 0.1
-"""Leg lengths a second: feet that pass one another more slowly belong to a performer who stands."""
+"""Maximum speed of the feet relative to each other while the performer stands, in leg lengths a second."""
 _MIN_WALK = 0.4
-"""Leg lengths a second: feet that pass one another faster belong to a performer who walks."""
+"""Minimum speed of the feet relative to each other in a full walk, in leg lengths a second."""
 _WALK_BLEND_S = 0.3
 """Seconds over which a foreleg changes from the performer's arm to the steps."""
 _FOOT_HEIGHT = 0.15
 """Fraction of the performer's height within which a joint of a leg is part of the foot."""
 _STANDING_PERCENT = 25.0
-"""Per cent of a take in which a foot stands at least. The joint of it that is slowest then is its place."""
+"""Minimum time that a foot stands, in per cent of a take. Its slowest joint then gives its position."""
 _LOWEST_PERCENT = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
 
@@ -52,7 +52,7 @@ class LegStep:
         limb: the model's leg.
         by: the performer's leg that it follows.
         arm: the performer's arm that drives it while they stand or raise that arm, or None.
-        posed: it keeps the performer's pose, as far as its foot allows.
+        posed: True if it keeps the performer's pose as far as its foot allows.
         leg: the joints of ``limb`` down to where the foot begins.
         by_leg: the joints of ``by`` down to where the foot begins.
     """
@@ -105,7 +105,7 @@ def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[Skelet
 
 
 def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
-    """Returns the distance in metres that a foot of a shape goes for one metre of the performer's.
+    """Returns the distance in metres that a foot of the shape moves when the performer's moves one metre.
 
     For posed legs it is the ratio of leg lengths, which keeps the performer's angles.
     """
@@ -195,21 +195,21 @@ def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
 
 
 def on_feet(clip: Clip) -> Float:
-    """Returns (F,) 1 while the performer is on their feet, 0 while they are on knees, hands or else."""
+    """Returns (F,) 1 while the performer is on their feet, and 0 while on knees, hands or other parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
     return standing_on_feet(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
 
 
 class PerformerGait:
-    """A performer at the times of the model, in the model's axes.
+    """The performer's motion, sampled at the times of the model, in the model's axes.
 
     Attributes:
         skeleton: the performer's, at rest.
-        posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's.
+        posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's do.
         beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the turning of the
             whole body is left out.
         tall: (T,) metres from the floor up to the root.
-        scale: metres that the model goes for one metre of the performer's.
+        scale: distance in metres that the model moves when the performer moves one metre.
         step: seconds between two times.
     """
 
@@ -246,9 +246,9 @@ class PerformerGait:
         return parts[int(np.percentile(still, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
     def home(self, foot: int, heading: Float) -> Float:
-        """Returns the place (3,) of a standing foot in metres from the root, for a body that heads to +Z.
+        """Returns the position (3,) of a standing foot in metres from the root, for a body that faces +Z.
 
-        It is the place in the pose that movement is counted from, or the median over the take.
+        It is the position in the reference pose of the motion, or the median over the take.
 
         Args:
             foot: a joint of the performer.

@@ -34,11 +34,11 @@ _TOUCH = 0.01
 _SHORTEST = 0.1
 """Smallest factor for a stride: a shape that shuffles still goes."""
 _LONGEST = 1.5
-"""Largest factor for a stride, for feet that skate."""
+"""Largest factor for a stride. Feet that slide ahead would give a larger one."""
 _HAND = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
 _UPSIDE = 0.2
-"""Length of the upright part of a turn below which it has no heading: upside down."""
+"""Norm of the vertical (twist) part of a rotation below which it has no heading: the body is upside down."""
 
 
 def body_points(shape: Shape) -> Bool:
@@ -50,7 +50,7 @@ def body_points(shape: Shape) -> Bool:
     """
     skeleton, arms = shape.skeleton, [arm for pair in anatomy_of(shape.skeleton).arms for arm in pair]
     named = np.array([bool(arms) and names_object(name) for name in skeleton.names])
-    # A bone is named after the joint at its end. What hangs on a weapon's joint is the weapon.
+    # A bone is named after the joint at its end. All bones below a weapon's joint belong to the weapon.
     objects = np.array([any(named[j] for j in skeleton.path(0, bone)) for bone in range(len(skeleton))])
     at, leader = skeleton.positions, np.arange(len(skeleton))
     if shape.mesh is not None:
@@ -97,7 +97,7 @@ def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float
 
 
 def clearance(clip: Clip) -> Float:
-    """Returns the height (F,) in metres of a performer above the floor: 0 while any part stands."""
+    """Returns the height (F,) in metres of a performer above the floor, 0 while any part touches it."""
     height = joint_places(clip)[..., 1]
     low = height.min(1)
     roll = _ROLL * float(np.ptp(height, axis=1).max())
@@ -119,14 +119,16 @@ def kept_on_floor(
     Args:
         clip: the performer's.
         duration: seconds of the project that are used.
-        own_stride: go as far as the shape's legs carry it, instead of as far as the performer in its size.
-        on_feet: (F,) for each frame of the take, how far the performer is on feet that were planted already.
+        own_stride: True to scale the path to the strides of the shape's legs. Otherwise the path is the
+            performer's, scaled to the shape's size.
+        on_feet: (F,) 0 to 1 for each frame of the take: 1 while the performer is on their feet, if the feet
+            were planted already. None if they were not.
     """
     shape = project.shape(shape_id)
     watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
     body = body_points(shape)
     low, steps = _watched((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
-    # The path is as fine as the take: standing feet would tremble against a coarser one.
+    # The path has the take's frame rate. With a coarser path standing feet would tremble.
     times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
     up = np.interp(times, watched, floor_of(shape) - low)
@@ -148,7 +150,7 @@ def kept_on_floor(
 
 
 def along_way(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
-    """Returns a project in which the root of a shape goes along ``root`` (F, 3), ``step`` seconds apart.
+    """Returns a project in which the root of a shape follows ``root`` (F, 3), ``step`` seconds apart.
 
     The path becomes a take of its own, of one joint, named after the take ``name``.
     """
@@ -161,7 +163,7 @@ def along_way(project: Project, shape_id: str, name: str, root: Float, step: flo
 
 
 def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
-    """Returns (F,) 1 while the lowest joint of a performer is a foot, 0 while it is another, smoothly."""
+    """Returns (F,) 1 while the lowest joint is a foot, 0 while it is another, with smooth transitions."""
     height = joint_places(clip)[..., 1]
     others = [j for j in range(height.shape[1]) if j not in feet]
     lead = height[:, others].min(1) - height[:, list(feet)].min(1)
@@ -169,7 +171,7 @@ def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
 
 
 def moments_of(duration: float, rate: float) -> Float:
-    """Returns (T,) seconds from 0 to the end of a duration, at a rate (Hz) or a little more."""
+    """Returns times (T,) in seconds from 0 to ``duration``, at ``rate`` Hz or slightly more."""
     return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
 
@@ -186,10 +188,11 @@ def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
 
 
 def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
-    """Returns the factor for a root's path (F - 1, 2) with which the part that stands stays.
+    """Returns the factor for a root's path (F - 1, 2) with which the standing part does not slide.
 
-    A model's legs swing less far than the performer's, or have another build, so its stride is its own. The
-    factor is the median over the path. A part that moves ahead of the root is a foot that scuffs.
+    A model's legs swing less far than the performer's, or have another build, so its stride differs. The
+    factor is the median over the path. Moments at which the lowest part moves ahead of the root are ignored:
+    a swinging foot touches the floor.
     """
     far = np.linalg.norm(ways, axis=1)
     far[leaping[:-1]] = 0.0

@@ -1,6 +1,6 @@
 """Finds the limbs of a human skeleton from the names of its joints.
 
-    joints = human_joints(skeleton)      # None where the names follow no known convention
+    joints = human_joints(skeleton)      # None if the names follow no known convention
     joints.arms[0].knots                 # left shoulder, elbow and wrist
 
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
@@ -34,7 +34,7 @@ _HEAD = (("head",),)
 _NECK = (("neck",),)
 """Names of the joint where a neck begins."""
 _FINGERS = ("thumb", "index", "middle", "mid", "ring", "pinky", "little")
-"""First words of the names of fingers; those of one finger share a word."""
+"""First words of the names of fingers. The joints of one finger share a word."""
 _TOES = ("toe", "toes", "toebase", "ball")
 """Names of the joint where toes begin."""
 _TIP = ("end", "tip", "nub", "top", "site")
@@ -42,12 +42,12 @@ _TIP = ("end", "tip", "nub", "top", "site")
 _EXPORTERS = ("armature", "base", "bip", "bone", "cc", "character", "def", "org", "rig", "root", "valvebiped")
 _LETTERS = ("b", "bn", "c", "d", "f", "j", "jnt", "joint", "s", "sk", "skel", "valve")
 _FILLERS = frozenset((*_EXPORTERS, *_LETTERS))
-"""Words that say nothing about a joint: prefixes of exporters and rigs."""
+"""Words that do not identify a joint: prefixes of exporters and rigs."""
 _HELPERS = re.compile(
     r"(?<![a-z])(twist|roll|ik|fk|pole|target|ctrl|control|helper|tweak|mch|vis|adj|sec|corrective|share|"
     r"weapon|sword|gun|prop|attach|socket|slot)(?![a-z])"
 )
-"""Words in the names of joints that are no limb's own: twist and roll bones, controllers, weapons."""
+"""Words in the names of joints that do not belong to a limb: twist and roll bones, controllers, weapons."""
 _OBJECTS = frozenset(
     (
         *("axe", "blade", "bow", "dagger", "gun", "hammer", "knife", "mace", "pistol", "prop", "rifle"),
@@ -56,9 +56,9 @@ _OBJECTS = frozenset(
 )
 """Words in the names of joints that move an object which a hand carries."""
 _SIDES = {"left": 1, "l": 1, "right": -1, "r": -1}
-"""The side that a word says: 1 for the left."""
+"""The side that a word means: 1 for left, -1 for right."""
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-"""The words of a name: camel case, or parted by anything that is not a letter."""
+"""The words of a name, separated by camel case or by any character that is not a letter."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,10 @@ class HumanLimb:
     """An arm or a leg of a human skeleton.
 
     Attributes:
-        knots: the joints where the upper segment, the lower segment and the hand or foot begin. Without a
-            joint for the last, the end of the lower segment.
-        tip: the joint where the hand or foot ends: the middle finger's knuckle, or the toes; -1 if unknown.
+        knots: the joints at which the upper segment, the lower segment and the hand or foot begin. If the
+            hand or foot has no joint, the third is the end of the lower segment.
+        tip: the joint at which the hand or foot ends: the middle finger's knuckle, or the toes; -1 if
+            unknown.
     """
 
     knots: tuple[int, int, int]
@@ -77,15 +78,16 @@ class HumanLimb:
 
 @dataclass(frozen=True)
 class HumanJoints:
-    """The joints of a human skeleton that its names give.
+    """The joints of a human skeleton, found by their names.
 
     Attributes:
-        hips: where the legs meet.
-        chest: where the arms meet.
-        arms, legs: the left one and the right one.
-        head: from the chest to the end of the head; empty if no name says head.
-        head_knots: joints of ``head`` where the neck and the head begin.
-        tail: from the joint at or above the hips that it hangs on to its end; empty if no name says tail.
+        hips: the joint that the legs share.
+        chest: the joint that the arms share.
+        arms, legs: (left, right).
+        head: the joints from the chest to the end of the head. Empty if no joint is named head.
+        head_knots: joints of ``head`` at which the neck and the head begin.
+        tail: the joints of the tail, after the joint at or above the hips that it is attached to. That joint
+            is the first. Empty if no joint is named tail.
     """
 
     hips: int
@@ -98,7 +100,7 @@ class HumanJoints:
 
 
 def human_joints(skeleton: Skeleton) -> HumanJoints | None:
-    """Returns the joints of a person by name, or None if two arms and two legs cannot be told by names."""
+    """Returns the joints of a person by name, or None if names do not identify two arms and two legs."""
     words = [_words_of(name) for name in skeleton.names]
     arms = [_limb(skeleton, words, side, _SHOULDER, _ELBOW, _WRIST) for side in (1, -1)]
     legs = [_limb(skeleton, words, side, _HIP, _KNEE, _ANKLE) for side in (1, -1)]
@@ -128,7 +130,7 @@ def names_object(name: str) -> bool:
 
 
 def _finger(word: str) -> str:
-    """Returns which finger a joint's word names, in one spelling; empty for none."""
+    """Returns the finger that a joint's word names, in one spelling. Empty if it names none."""
     bare = word.removeprefix("hand").removesuffix("finger")
     bare = bare.removeprefix("finger")
     named = next((finger for finger in _FINGERS if bare.startswith(finger)), "")
@@ -136,9 +138,9 @@ def _finger(word: str) -> str:
 
 
 def _words_of(name: str) -> tuple[int, str]:
-    """Returns the side of a name (1 left, -1 right, 0 none) and its other words in one, in small letters.
+    """Returns the side of a name (1 left, -1 right, 0 none) and its other words, joined and in lower case.
 
-    Helpers get an empty word: they are never a limb.
+    Helper joints get an empty word, since they never belong to a limb.
     """
     bare = re.sub(r"^.*[:|]", "", name)
     side, kept = 0, list[str]()
@@ -159,7 +161,7 @@ def _words_of(name: str) -> tuple[int, str]:
 _LIMB_WORDS = frozenset(
     word for tiers in (_ELBOW, _SHOULDER, _WRIST, _KNEE, _HIP, _ANKLE) for tier in tiers for word in tier
 )
-"""Every word for a joint of a limb: "lknee" is a left knee, "lower" is no "ower"."""
+"""Every word for a joint of a limb. So "lknee" is a left knee, but "lower" is not a left "ower"."""
 
 
 def _limb(
@@ -170,7 +172,7 @@ def _limb(
     middles: Sequence[Sequence[str]],
     ends: Sequence[Sequence[str]],
 ) -> HumanLimb | None:
-    """Returns the limb of a side with these joint names, or None."""
+    """Returns the limb of a side by the names of its joints, or None if they are not found."""
     for names in middles:
         middle = _first(range(len(words)), words, side, (names,))
         above = skeleton.path(0, middle)[:-1] if middle >= 0 else ()
@@ -191,7 +193,7 @@ def _limb(
 def _first(
     joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
 ) -> int:
-    """Returns the first of the joints that has a name of the clearest tier that any has; -1 for none."""
+    """Returns the first joint with a name from the clearest tier that any joint matches; -1 if none does."""
     joints = tuple(joints)
     for names in tiers:
         for joint in joints:
@@ -201,7 +203,10 @@ def _first(
 
 
 def _tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
-    """Returns where a hand or foot ends: at the middle finger's knuckle, the toes, or its longest branch."""
+    """Returns the joint at which a hand or foot ends: the middle finger's knuckle or the toes.
+
+    Without such names, it is the first joint of the longest branch that is not a thumb or a helper.
+    """
     children = skeleton.children[end]
     named = [
         c for c in children if words[c][1] and (words[c][1] in _TOES or _finger(words[c][1]) == "middle")
@@ -214,7 +219,7 @@ def _tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
 def _head(
     skeleton: Skeleton, words: Sequence[tuple[int, str]], chest: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Returns the chain from the chest to the end of the head, and where its neck and head begin."""
+    """Returns the chain from the chest to the end of the head, and the joints that begin neck and head."""
     below = skeleton.below(chest)[1:]
     head = _first(below, words, 0, _HEAD)
     if head < 0:
@@ -228,7 +233,7 @@ def _head(
 
 
 def _tail(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int) -> tuple[int, ...]:
-    """Returns the chain of a tail that hangs on the hips or above them, along its longest branch."""
+    """Returns the chain of a tail that is attached to the hips or above, along its longest branch."""
     near = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
     tails = [joint for joint in near if words[joint][0] == 0 and words[joint][1].startswith("tail")]
     return (int(skeleton.parents[tails[0]]), *longest_branch(skeleton, tails[0])) if tails else ()
@@ -243,7 +248,7 @@ def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
 
 
 def _meeting(skeleton: Skeleton, one: int, other: int) -> int:
-    """Returns the joint that two joints both hang on and that is nearest to them."""
+    """Returns the nearest common ancestor of two joints."""
     return min(skeleton.path(one, other))
 
 
@@ -253,6 +258,6 @@ def _longest(skeleton: Skeleton, joint: int) -> int:
 
 
 def _reach(skeleton: Skeleton, joint: int) -> float:
-    """Returns the metres from a joint's parent along its longest branch."""
+    """Returns the length in metres of the longest branch of a joint, measured from its parent."""
     beyond = max((_reach(skeleton, child) for child in skeleton.children[joint]), default=0.0)
     return float(skeleton.lengths[joint]) + beyond
