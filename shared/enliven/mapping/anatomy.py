@@ -159,7 +159,7 @@ class Anatomy:
 def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
     """Returns True if a hand or foot begins at a joint, by length.
 
-    It is for limbs whose hand or foot is given neither by joint names nor by fingers.
+    It is False for limbs with a hand or foot that joint names or fingers give.
     """
     if limb.tip or limb.knots or joint not in limb.main[1:-1]:
         return False

@@ -247,7 +247,7 @@ def _rest(clip: Clip, rest: Rest | float) -> Float:
 def _pose_like(
     since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
 ) -> None:
-    """Sets the rest rotations of a source chain so that its bones point as the target's; see ``since`` (N, 4).
+    """Sets rest rotations of a source chain, in ``since`` (N, 4), so that its bones point as the target's.
 
     The pose starts from the take's zero pose in its first heading. Each bone gets the smallest rotation that
     makes it point in the target's direction, so the twist about a bone remains the performer's. A limb is

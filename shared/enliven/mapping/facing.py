@@ -14,7 +14,7 @@ _RIGHT = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
 _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 """Boundaries between the words of a camel-case name."""
 _SURE = 0.03
-"""Minimum length by which the feet together point forward to decide the front, as a fraction of the size."""
+"""Minimum forward length of the feet together to decide the front, as a fraction of the size."""
 _NARROW = 0.01
 """Minimum distance between the left and right joints to decide which side is left, as a fraction of size."""
 _LOW = 0.12

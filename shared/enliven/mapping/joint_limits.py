@@ -1,11 +1,11 @@
 """Joint limits: the limbs of a model that is not a person stay within what its body can do.
 
-limited(project, shape_id, clip, plan, clips)      # bones that bend too far bend less; and which joints do
+limited(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
 
 A performer's arm swings by half a turn; a horse's foreleg does not. The range of each joint is what the
-model's own clips show of it and a free angle around that, or a wide cone around the rest pose if there are no
-clips (:mod:`enliven.motion.kinematics.ranges`). A body of which any bone points as the performer's does
-(mode "pose") is not limited: it is built as they are.
+model's own clips show, plus a free angle. Without clips it is a wide cone around the rest pose. See
+:mod:`enliven.motion.kinematics.ranges`. A body with any chain of mode "pose" is not limited, since it is
+built like the performer.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from enliven.motion.layers import Player, bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, multiply
 
 _RATE = 60.0
-"""Moments a second at most at which limits are applied: the rate of common displays."""
+"""Maximum number of moments a second at which limits are applied: the rate of common displays."""
 _CLIP_FRAMES = 120
-"""Frames of a clip at most that count for the range of a joint: extremes of clips last longer."""
+"""Maximum number of frames of a clip that define a joint's range. Extreme poses last several frames."""
 _LIMITED = np.radians(1.0)
-"""Smallest change of a joint, radians, that a limit applies and reports: a smaller one is not seen."""
+"""Minimum change of a joint (radians) that is applied and reported. Smaller changes are not visible."""
 _LEAST_SHARE = 0.05
-"""Share of the free angle that a bone of a chain has at least: a short bone is not stiff."""
+"""Minimum fraction of the free angle for each bone of a chain, so that short bones are not stiff."""
 _POINT = 1e-6
-"""Share of the size below which a bone has no direction."""
+"""Bones shorter than this fraction of the skeleton's size have no direction."""
 
 
 def limited(
@@ -45,14 +45,16 @@ def limited(
     clips: Sequence[Clip] = (),
     without: Collection[int] = (),
 ) -> tuple[Project, tuple[str, ...]]:
-    """Returns the project with joints of a shape kept in their ranges, and the names of those that were not.
+    """Returns the project with a shape's joints kept in their ranges, and the names of the corrected joints.
 
-    Bones that change play a take of their own. People, and takes of the shape's own skeleton, do not change.
+    Bones that change play a new take. People, and takes of the shape's own skeleton, do not change.
 
     Args:
-        project: in which the shape moves as the plan says.
-        clip: the performer's.
-        clips: the model's own; takes of other skeletons among them do not count.
+        project: contains the shape, moved by the plan.
+        shape_id: ID of the shape.
+        clip: the performer's take.
+        plan: the mapping.
+        clips: the model's own clips. Takes of other skeletons among them are ignored.
         without: bones that are not limited.
     """
     shape = project.shape(shape_id)
@@ -81,11 +83,14 @@ def limited(
 def joint_ranges(
     skeleton: Skeleton, clips: Sequence[Clip], shares: Mapping[int, float]
 ) -> dict[int, JointRange]:
-    """Returns the range of each bone that has a direction; both of a pair have what clips show of either.
+    """Returns the range of each bone that has a direction.
+
+    Both bones of a left and right pair get the combined motion of both.
 
     Args:
-        clips: takes of this very skeleton.
-        shares: by bone, its share of the free angle of its chain: the bones of a spine bend together.
+        skeleton: the skeleton.
+        clips: takes of the same skeleton.
+        shares: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
     """
     known = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
     local = _local(skeleton, np.concatenate(known)) if known else None
@@ -104,14 +109,15 @@ def joint_ranges(
 def limit_pose(
     skeleton: Skeleton, turns: Float, ranges: dict[int, JointRange], followers: dict[int, int]
 ) -> tuple[Float, set[int]]:
-    """Returns (T, N, 4) world turns with each bone in its range, and the bones that were beyond.
+    """Returns world rotations (T, N, 4) with each bone in its range, and the bones that were outside.
 
-    What hangs on a bone moves with it: its own turn against that bone stays.
+    The descendants of a bone move with it: their rotations relative to it do not change.
 
     Args:
-        turns: (T, N, 4) world turns.
-        ranges: by bone.
-        followers: bones that turn as another does, and which.
+        skeleton: the skeleton.
+        turns: (T, N, 4) world rotations.
+        ranges: the range of each bone.
+        followers: by bone that copies another bone's rotation, that other bone.
     """
     local, made, beyond = _local(skeleton, turns), turns.copy(), set[int]()
     for j, joint in ranges.items():
@@ -129,9 +135,10 @@ def limit_pose(
 
 
 def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
-    """Returns the bones that may be limited, and of each its share of the length of its chain.
+    """Returns the bones that may be limited, each with its fraction of its chain's length.
 
-    These are the bones that chains of the mode "move" move at the take's own pace.
+    These are the bones that chains of mode "move" move at the take's own speed. It is empty for people, for
+    bodies with a chain of mode "pose", and if limits do not apply.
     """
     stretched = plan.stretch and bool(clip.tracks)
     if not plan.limits or stretched or (shape.modeling != IDENTITY).any() or is_own_take(clip, shape):
@@ -153,17 +160,20 @@ def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int,
 
 
 def _is_person(skeleton: Skeleton) -> bool:
-    """Returns True if a skeleton is divided by the names of a person's joints."""
+    """Returns True if the anatomy of a skeleton was found by the joint names of a person."""
     return any(limb.knots for pair in anatomy_of(skeleton).pairs for limb in pair)
 
 
 def _is_plain(layer: Layer) -> bool:
-    """Returns True if a layer plays its take once, at the take's own pace."""
+    """Returns True if a layer plays its take once, at the take's own speed."""
     return (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False)
 
 
 def _followers(shape: Shape, bones: Collection[int]) -> dict[int, int]:
-    """Returns the bones that begin where one of ``bones`` does and move as it does, such as twist bones."""
+    """Returns other bones that share a parent and the motion with one of ``bones``, such as twist bones.
+
+    Each is mapped to the bone that it copies.
+    """
     made, parents = dict[int, int](), shape.skeleton.parents
     for j in bones:
         for other in shape.skeleton.children[int(parents[j])]:
@@ -183,13 +193,13 @@ def _partners(skeleton: Skeleton) -> dict[int, int]:
 
 
 def _mirrored(turns: Float, facing: float) -> Float:
-    """Returns (T, 4) turns as seen in the mirror that parts left from right of a body that faces so."""
+    """Returns rotations (T, 4) mirrored in the plane between left and right of a body with that facing."""
     ahead = turned_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
     return np.concatenate([turns[:, :1], turned_about_y(ahead, facing)], axis=1)
 
 
 def _local(skeleton: Skeleton, turns: Float) -> Float:
-    """Returns (T, N, 4) turns of bones against the bone above, from world turns (T, N, 4)."""
+    """Returns rotations (T, N, 4) of bones relative to their parents, from world rotations (T, N, 4)."""
     above = turns[:, np.maximum(skeleton.parents, 0)]
     made = multiply(conjugate(above), turns)
     made[:, 0] = turns[:, 0]
@@ -197,13 +207,13 @@ def _local(skeleton: Skeleton, turns: Float) -> Float:
 
 
 def _differ(one: Float, other: Float) -> bool:
-    """Returns True if turns (T, 4) are apart by an angle that is seen, at any moment."""
+    """Returns True if rotations (T, 4) differ by a visible angle at any moment."""
     cosine = np.abs(np.sum(one * other, axis=-1)).min()
     return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _LIMITED)
 
 
 def _chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
-    """Returns bones joined to chains of joints, each from the joint that stays."""
+    """Returns bones joined to chains of joints, each beginning with the joint that stays in place."""
     made, left = list[tuple[int, ...]](), sorted(bones)
     while left:
         chain = [int(skeleton.parents[left[0]]), left[0]]

@@ -1,8 +1,8 @@
-"""The clips that came with a model: which of a project's takes they are, and the one that a shape plays.
+"""The clips that came with a model: finds them among a project's takes, and plays one on a shape.
 
-own_clips(project, shape)                    # the names of the takes that were made for this very skeleton
-clip_to_open(shape, clips)                   # the one that a model plays when it is opened
-play_own_clip(project, shape_id, name)       # in the place of the shape's other takes; None stops it
+own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
+clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
+play_own_clip(project, shape_id, name)       # replaces the shape's other takes; None stops playback
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from enliven.errors import InputError
 from enliven.formats.rig import playing
 
 _SAME = 1e-6
-"""Share of the size by which joints of one skeleton are apart at most: the rounding of files."""
+"""Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
 _STILL = 1e-3
-"""Share of the size that joints move by at most in a clip that is a pose, or where a loop is closed."""
+"""Maximum motion of joints in a clip that is a still pose, or at a loop's seam, as a fraction of the size."""
 _SEAM_FRAMES = 1.5
-"""Frames of movement between the last pose and the first of a loop: not all files repeat the frame."""
+"""Maximum step from the last pose of a loop to its first, in median frame steps. Not all files repeat the
+first frame at the end."""
 
 
 def is_own_take(clip: Clip, shape: Shape) -> bool:
-    """Whether a take was made for this very skeleton: the same joints, in the same places at rest."""
+    """Returns True if a take has the shape's own skeleton: the same joints at the same rest positions."""
     return _is_same(clip.skeleton, shape.skeleton)
 
 
 def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
-    """Whether two skeletons have the same joints, in the same places around their roots."""
+    """Returns True if two skeletons have the same joints at the same positions relative to their roots."""
     if mine is theirs:
         return True
     if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
@@ -41,10 +42,10 @@ def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
-    """The names of the takes that a shape can play joint by joint: those of its own skeleton.
+    """Returns the names of the takes that a shape can play joint by joint: those of its own skeleton.
 
-    A shape that plays one may have been turned, moved and scaled since it was opened. Takes that retargeting
-    made from another, such as "walk: steps", are not clips of the model.
+    A shape that plays such a take may have been rotated, moved and scaled since it was opened. Takes that
+    retargeting derived from another take, such as "walk: steps", are not clips of the model.
     """
     played, takes = _joint_layers(project, shape), project.takes
     skeleton = takes[played[0].take].skeleton if played else shape.skeleton
@@ -56,13 +57,13 @@ def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
 
 
 def played_clip(project: Project, shape: Shape) -> str | None:
-    """The name of the own clip that moves a shape, apart from keys; None without one."""
+    """Returns the name of the own clip that moves a shape (keys are ignored), or None."""
     played = _joint_layers(project, shape)
     return played[0].take if played and not played[0].muted else None
 
 
 def is_looping(clip: Clip) -> bool:
-    """Whether a clip ends in the pose in which it began, wherever it went over the ground."""
+    """Returns True if a clip ends in its first pose. Travel over the ground is ignored."""
     places = _poses(clip)
     if len(places) < 2:
         return False
@@ -72,9 +73,9 @@ def is_looping(clip: Clip) -> bool:
 
 
 def clip_to_open(shape: Shape, clips: Sequence[Clip]) -> Clip | None:
-    """The clip that a model plays when it is opened, of those that move; None without one.
+    """Returns the clip that a model plays when it is opened, or None if no clip moves.
 
-    One that is named as idle is taken first, then one that loops.
+    A looping clip with "idle" in its name is preferred, then any looping clip, then any moving clip.
     """
     moving = [clip for clip in clips if is_own_take(clip, shape) and _is_moving(clip)]
     looping = [clip for clip in moving if is_looping(clip)]
@@ -83,12 +84,12 @@ def clip_to_open(shape: Shape, clips: Sequence[Clip]) -> Clip | None:
 
 
 def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
-    """A project in which a shape plays one of its own clips in the place of its other takes, or nothing.
+    """Returns a project in which a shape plays one of its own clips instead of its other takes, or none.
 
-    A clip that ends in its first pose begins again at its end. Keys stay, pinned feet are let go.
+    A clip that ends in its first pose loops. Keys are kept, and pins of feet are removed.
 
     Raises:
-        InputError: if the take is not there, or was made for another skeleton.
+        InputError: if the take does not exist, or has another skeleton.
     """
     shape = project.shape(shape_id)
     known, played = own_clips(project, shape), _joint_layers(project, shape)
@@ -106,7 +107,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
 
 
 def _relabelled(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
-    """A project in which the layers of a shape that plays a clip play another one, or are muted."""
+    """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
     others = [layer for layer in shape.layers if layer not in played]
     made = [replace(layer, muted=True) for layer in played]
     if name is not None:
@@ -117,9 +118,9 @@ def _relabelled(project: Project, shape: Shape, played: Sequence[Layer], name: s
 
 
 def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
-    """The layers by which a shape plays a clip of its own, joint by joint; none if it does not.
+    """Returns the layers that play a shape's own clip joint by joint; empty if it plays none.
 
-    What was turned as a whole has another one for the way of its root.
+    If the shape was rotated as a whole, one more of them plays the path of its root.
     """
     layers = tuple(layer for layer in shape.layers if not project.takes[layer.take].keys)
     parents = shape.skeleton.parents
@@ -131,7 +132,7 @@ def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
 
 
 def stilled(project: Project, shape_id: str) -> Project:
-    """A project in which no take moves a shape, apart from keys."""
+    """Returns a project in which no take moves a shape. Keys are kept."""
     shape = project.shape(shape_id)
     kept = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
     spans = tuple(
@@ -143,14 +144,14 @@ def stilled(project: Project, shape_id: str) -> Project:
 
 
 def looped(project: Project, shape_id: str) -> Project:
-    """A project in which every take that moves a shape begins again at its end; keys do not."""
+    """Returns a project in which every take that moves a shape loops. Keys do not loop."""
     shape = project.shape(shape_id)
     layers = (one if project.takes[one.take].keys else replace(one, loop=True) for one in shape.layers)
     return project.with_characters(shape.with_changes(layers=tuple(layers)))
 
 
 def _poses(clip: Clip) -> Float:
-    """(F, N, 3) metres, the joints over the place on the floor where the root is."""
+    """Returns joint positions (F, N, 3) in metres relative to the point on the floor below the root."""
     return np.asarray(joint_places(clip) - clip.root[:, None] * [1.0, 0.0, 1.0])
 
 
@@ -159,6 +160,6 @@ def _size(clip: Clip) -> float:
 
 
 def _is_moving(clip: Clip) -> bool:
-    """Whether any joint moves more than a file's rounding."""
+    """Returns True if any joint moves by more than the rounding of files."""
     places = joint_places(clip)
     return bool(np.ptp(places, axis=0).max() > _STILL * _size(clip))

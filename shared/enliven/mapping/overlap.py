@@ -1,13 +1,14 @@
-"""How much of a moved surface is inside another part of the body, and which parts these are.
+"""Self-intersection: how much of a posed surface is inside another part of the body, and in which part.
 
-    overlap = Overlap(shape)                       # once: what is inside at rest does not count
+    overlap = Overlap(shape)                       # once: faces that are inside at rest do not count
     overlap.at(vertices) -> (share, parts)         # of a pose, vertices (V, 3) in metres
 
-A face is inside where the winding number of the surface about a point just outside of it is 1 or more. Along
-a ray that number is the count of the faces it leaves by less those that it enters by (Nooruddin and Turk,
-"Simplification and repair of polygonal models using volumetric techniques", 2003); rays along the three axes
-vote, so that open borders of game models decide nothing. The part that it is in has the surface that its rays
-reach first. A fold at a joint is not another part: bones that share a joint are let into one another.
+A face is inside if the winding number of the surface about a point just outside the face is 1 or more. Along
+a ray that number is the count of faces that the ray leaves by, minus the count of faces that it enters by
+(Nooruddin and Turk, "Simplification and repair of polygonal models using volumetric techniques", 2003). Rays
+along the three axes vote, so that the open borders of game models do not decide. The face is inside the part
+with the surface that its rays reach first. A fold at a joint does not count: bones that share a joint may
+overlap.
 """
 
 from __future__ import annotations
@@ -19,19 +20,20 @@ from enliven.document import Shape
 from enliven.kernels import njit
 
 _FACES = 3000
-"""Faces that are looked at, evenly over the list of all: within half a per cent of the share of all."""
+"""Approximate number of faces that are tested, evenly spaced in the list of faces. The measured fraction of
+the surface is then within half a per cent of that for all faces."""
 _OFF = 1e-4
-"""Share of the size by which a point stands off its face: more than rounding, less than any limb is thick."""
+"""Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
 _IN_A_CELL = 4.0
-"""Faces for a cell of the grid that rays go through, on average: then a ray passes some twenty."""
+"""Average number of faces per cell of the ray grid. A ray then tests about twenty faces."""
 _DOUBT = 1e6
-"""Metres, more than any model has, that are added to the way of a ray that went through other parts first."""
+"""Metres added to the exit distance of a ray that passed through other parts first: larger than any model."""
 _MOST_CELLS = 256
-"""Cells along a side of that grid at most: 512 KB of places in it."""
+"""Maximum number of cells along a side of that grid, which is 512 KB of indices."""
 
 
 class Overlap:
-    """The faces of a shape that are looked at, and where they are inside at rest."""
+    """The tested faces of a shape, and which of them are inside another part at rest."""
 
     def __init__(self, shape: Shape) -> None:
         assert shape.mesh is not None and shape.skin is not None
@@ -43,7 +45,7 @@ class Overlap:
         self._rest = self._inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
-        """The share of the surface that is inside another part, and that of each (bone, bone it is in)."""
+        """Returns the fraction of the surface inside other parts, in all and by (bone, bone around it)."""
         inside, hit = self._inside(vertices)
         new = np.flatnonzero(inside & ~self._rest)
         whole = max(float(self.area.sum()), 1e-300)
@@ -54,7 +56,7 @@ class Overlap:
         return sum(parts.values()), parts
 
     def _inside(self, vertices: Float) -> tuple[Bool, Int]:
-        """(K,) which of the faces that are looked at are in another part, and (K,) the face before them."""
+        """Returns (K,) True for tested faces inside another part, and (K,) the face at which a ray exits."""
         corners = np.ascontiguousarray(vertices[self.faces], np.float64)
         some = corners[self.looked]
         normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
@@ -77,7 +79,7 @@ def _areas(corners: Float) -> Float:
 
 
 def _bones(shape: Shape) -> Int:
-    """(F,) the bone that the corners of each face follow most."""
+    """Returns (F,) the bone with the largest total weight on the corners of each face."""
     assert shape.mesh is not None and shape.skin is not None
     indices, weights = (np.asarray(of)[shape.mesh.faces].reshape(-1, 12) for of in _skin(shape))
     total = np.where(indices[:, :, None] == indices[:, None], weights[:, None], 0.0).sum(2)
@@ -90,7 +92,7 @@ def _skin(shape: Shape) -> tuple[Int, Float]:
 
 
 def _touching(shape: Shape) -> Bool:
-    """(N, N) which bones are one, or share a joint: those that are folded there."""
+    """Returns (N, N) True for bones that are the same or share a joint, at which their surfaces fold."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
     ends = np.zeros((count, count), bool)
     ends[np.arange(count), np.arange(count)] = True
@@ -100,16 +102,21 @@ def _touching(shape: Shape) -> Bool:
 
 @njit(cache=True, nogil=True)
 def wind(points, corners, bones, axis, cells, numbers, exits, ways):
-    """Kernel: winding numbers (P,) of faces about points (P, 3), counted along an axis.
-
-    ``exits`` (P,) takes the face by which the ray, or the one the other way, leaves what the point is in,
-    where that is nearer than ``ways`` (P,) metres.
+    """Kernel: computes winding numbers of faces about points, along rays parallel to an axis.
 
     Args:
-        corners: (F, 3, 3) metres; bones: (F,) the part that each is of.
-        axis: 0, 1 or 2, the direction of the rays; across it are ``cells`` by ``cells`` cells.
+        points: (P, 3) metres, the test points.
+        corners: (F, 3, 3) metres, the corners of all faces.
+        bones: (F,) the part that each face belongs to.
+        axis: 0, 1 or 2, the direction of the rays.
+        cells: number of grid cells along each of the two other axes.
+        numbers: (P,) receives the winding numbers.
+        exits: (P,) receives the face at which the ray in either direction leaves the part around the point,
+            if that face is nearer than ``ways``.
+        ways: (P,) metres, the distances to ``exits``. They are updated together.
     """
     one, two = (axis + 1) % 3, (axis + 2) % 3
+    # Build the grid across the axis: the first pass counts the faces of each cell, the second stores them.
     low, high = np.empty(2), np.empty(2)
     for k in range(2):
         side = one if k == 0 else two
@@ -132,7 +139,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         if fill == 0:
             first = np.cumsum(first)
             held = np.empty(first[-1], np.int64)
-            # Filled from behind: each cell's end comes down to its begin.
+            # Each cell is filled from its end, so that its index counts down to its beginning.
             first[:-1] = first[1:]
     most = np.diff(first).max()
     met, sides, faces = np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64)
@@ -142,6 +149,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         x, y, z = points[p, one], points[p, two], points[p, axis]
         if x < low[0] or x > high[0] or y < low[1] or y > high[1]:
             continue
+        # Intersect the ray with the faces of its cell, and sort the hits along the axis.
         cell = min(int((x - low[0]) * per[0]), cells - 1) * cells + min(int((y - low[1]) * per[1]), cells - 1)
         count = 0
         for i in range(first[cell], first[cell + 1]):
@@ -153,13 +161,15 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                     k -= 1
                 met[k], sides[k], faces[k] = at, side, held[i]
                 count += 1
+        # The winding number is the sum of the sides of all hits beyond the point.
         above = 0
         while above < count and met[above] <= z:
             above += 1
         for k in range(above, count):
             numbers[p] += sides[k]
         for way in (1, -1):
-            # What the ray enters on its way it leaves again: the way out is where it leaves something else.
+            # Find the exit in each direction. The ray leaves every part that it enters. The first face at
+            # which it leaves a part that it did not enter belongs to the part around the point.
             count_in, k = 0, above if way > 0 else above - 1
             while 0 <= k < count:
                 part, again = bones[faces[k]], -1
@@ -170,7 +180,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                 elif again >= 0:
                     entered[again], count_in = entered[count_in - 1], count_in - 1
                 else:
-                    # A ray that met nothing before is believed more than one that went through other parts.
+                    # A ray that reaches this face first is more reliable than one that met other parts.
                     far = way * (met[k] - z) + (0.0 if k == (above if way > 0 else above - 1) else _DOUBT)
                     if far < ways[p]:
                         ways[p], exits[p] = far, faces[k]
@@ -180,7 +190,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
 
 @njit(cache=True, nogil=True)
 def _span(values, low, per, cells):
-    """Kernel: the first and the last cell that three numbers lie in."""
+    """Kernel: returns the first and the last cell that contain three numbers."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
     return min(max(a, 0), cells - 1), min(max(b, 0), cells - 1)
@@ -188,10 +198,11 @@ def _span(values, low, per, cells):
 
 @njit(cache=True, nogil=True)
 def _met(corners, x, y, one, two, axis):
-    """Kernel: whether the line through (x, y) along an axis meets a face, and where on the axis.
+    """Kernel: intersects a face with the line through (x, y) along an axis.
 
-    1 where the face looks along the axis, -1 against it, 0 where it is missed. An edge belongs to one of the
-    faces beside it: it is looked at from the same end for both.
+    Returns the side and the coordinate of the hit on the axis. The side is 1 if the face looks along the
+    axis, -1 if it looks against it, and 0 if the line misses it. An edge belongs to exactly one of its two
+    faces, since both compute it from the same end.
     """
     inside = False
     for k in range(3):

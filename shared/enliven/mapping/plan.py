@@ -1,4 +1,4 @@
-"""A mapping: which chains of a take drive which chains of a shape, and how; by names, so that it can be kept.
+"""A mapping: which chains of a take drive which chains of a shape, and how. Joint names make it storable.
 
 plan = automatic(clip, shape)                  # whole body
 plan = read_plan("horse.toml") ... write_plan(plan, path)

@@ -1,4 +1,4 @@
-"""Mapping files: TOML, made to be read and changed by hand.
+"""Mapping files: TOML that people can read and edit.
 
     rest = "auto"
     travel = false
@@ -9,8 +9,8 @@
     target = "UpperLeg.L .. LowerLeg.L"
     mode = "pose"
 
-A chain is given by its first and last joint with two points between, by all of its joints in an array, or by
-one joint, for its own turn. Missing keys have the defaults of :mod:`enliven.mapping.plan`.
+A chain is given by its first and last joint, separated by two points, or by an array of all of its joints. A
+single joint stands for its own rotation. Missing keys have the defaults of :mod:`enliven.mapping.plan`.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _HEAD = """# What of the performer drives what of the model. Change what you lik
 
 
 def read_plan(path: Path | str) -> Plan:
-    """A mapping from a file.
+    """Reads a mapping from a file.
 
     Raises:
-        InputError: for an unreadable file, or with the chain and the key that is wrong.
+        InputError: if the file is unreadable or a key is wrong. The message names the chain and the key.
     """
     path = Path(path)
     found = read_toml(path)
@@ -65,18 +65,22 @@ def read_plan(path: Path | str) -> Plan:
 
 
 def write_plan(plan: Plan, path: Path | str) -> None:
-    """Write a mapping, to be read by :func:`read_plan`.
+    """Writes a mapping file, which :func:`read_plan` reads.
 
     Raises:
-        InputError: if the file is of a later version; it stays.
-        ResourceError: where the file cannot be written.
+        InputError: if a file of a later version exists at the path. That file is kept.
+        ResourceError: if the file cannot be written.
     """
     refuse_later_toml(Path(path))
     write_file(Path(path), plan_text(plan), "Choose another place with --write-map.")
 
 
 def plan_text(plan: Plan) -> str:
-    """The text of a mapping file, without values that are the default, but for the ones often changed."""
+    """Returns the text of a mapping file.
+
+    It contains all values of the plan that are not None. Of each chain it contains source, target and mode,
+    and the other values that differ from their defaults.
+    """
     lines = [_HEAD]
     for field in dataclasses.fields(Plan):
         value = getattr(plan, field.name)
@@ -95,7 +99,7 @@ def plan_text(plan: Plan) -> str:
 
 
 def _joints(value: Any) -> Any:
-    """The joints that a text or an array names; what is neither is left for the settings to refuse."""
+    """Returns the joints that a text or an array names. Other values are returned for settings to refuse."""
     if not isinstance(value, str):
         return value
     parts = value.split(" .. ") if " .. " in value else value.split("..")
@@ -107,5 +111,5 @@ def _plain(names: tuple[str, ...]) -> bool:
 
 
 def _toml(value: Any) -> str:
-    """A value as TOML: its basic strings, numbers, booleans and arrays are written as JSON writes them."""
+    """Returns a value as TOML. Strings, numbers, booleans and arrays have the same syntax in JSON."""
     return json.dumps(value, ensure_ascii=False)

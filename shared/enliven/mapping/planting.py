@@ -1,15 +1,16 @@
-"""Planted feet of a body that is posed as its performer: the body moves so that its feet do not slide.
+"""Foot planting (foot lock) for a body in its performer's pose: the body moves so that feet do not slide.
 
     spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
     turns = unspun(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
     planted(legs, root, step, floor)                     # the root's path, and the offset of each foot
 
-A model of other proportions that keeps its performer's pose would slide: its strides have another length,
-and its feet roll about other points. So the root gives way. Along the floor it moves so that the touching
-points of the standing foot do not move. Up and down it moves so that the sole of that foot is on the floor.
-The root's path stays smooth. The legs bend for the rest, and if two standing feet need different paths. In
-the air the root follows the performer's, and rises if a foot would be too low.
+The feet of a model with other proportions would slide in its performer's pose, because its strides have
+another length and its feet roll about other points. So the path of the root is corrected. Horizontally it
+moves so that the touching points of the standing foot do not move. Vertically it moves so that the sole of
+that foot is on the floor. The root's path stays smooth. The legs bend to close the remaining distance, also
+if two standing feet need different paths. In the air the root follows the performer's, and rises if a foot
+would be too low.
 
 Feet of captured performers often turn on the spot while they stand. A sole that did so would slide, so each
 foot keeps one heading in a contact.
@@ -29,12 +30,12 @@ from enliven.motion.contact import runs_of, touching
 from enliven.rotation import conjugate, multiply, rotate
 
 Spans = tuple[tuple[int, int], ...]
-"""The first and the last moment of every contact."""
+"""The first and the last frame of every contact of a foot with the floor."""
 
 _HEIGHT = 0.1
 """Largest height of a standing foot above its lowest, in leg lengths. Floors of captures drift."""
 _SPEED = 0.4
-"""Largest speed of a standing foot while the body stays, in leg lengths a second. Captured feet creep."""
+"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet creep."""
 _PACE = 0.3
 """Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
 _PACE_S = 0.4
@@ -42,29 +43,31 @@ _PACE_S = 0.4
 _SHORTEST_S = 0.05
 """Shortest contact in seconds. Those of a sprint last 80 ms."""
 _RELEASE = 1.3
-"""Factor on height and speed at which a contact ends: beyond it, the toes have left."""
+"""Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
 _LOWEST = 5.0
 """Per cent of a take in which a foot is as low as when it stands."""
 _BLEND_S = 0.1
 """Seconds over which a foot goes from its performer's path to its place on the floor, and back."""
 _SMOOTH_S = 0.05
-"""Seconds over which the root's speed and height give way. Shorter jerks, longer bends the legs."""
+"""Time in seconds over which the root's speed and height are smoothed. A shorter one makes the root jerk, a
+longer one bends the legs more."""
 _CLEAR = 0.7
 """Smallest height of a foot in the air, as a fraction of the performer's, so that it does not scuff."""
 _SCUFF = 0.03
-"""Smallest height of a swinging foot in leg lengths, if the performer's is as high: 25 mm on an adult."""
+"""Smallest height of a swinging foot in leg lengths, unless the performer's is lower: 25 mm on an adult."""
 _PATCH = 0.006
-"""Height above the lowest point of a foot, in leg lengths, over which it touches: 5 mm on an adult."""
+"""Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
-"""Smallest weight on the foot's bones with which a vertex belongs to the foot."""
+"""Minimum total skin weight on the foot's bones with which a vertex belongs to the foot."""
 _DIRECTIONS = 128
 """Number of directions, spread evenly, in which the outermost points of a foot are searched."""
 _BLOCK = 2048
-"""Number of moments that are in memory together with all points of a foot."""
+"""Number of frames that are processed at a time, to bound the memory for all points of a foot."""
 _TINY = 1e-9
 """Weight of the performer's own height while no foot stands."""
 _MAX_UNSPIN = np.radians(30.0)
-"""Largest angle (radians) between a standing foot's heading and the performer's: what ankle and hip give."""
+"""Largest angle (radians) between the headings of a standing foot and the performer's: ankle and hip allow
+it."""
 _FREE = 0.01
 """Weight of the performer's path for the root, compared with a standing foot."""
 
@@ -77,9 +80,9 @@ class PosedLeg:
         rolled: (T, 2) metres along x and z that the touching part of the sole has moved relative to the root;
             see :func:`rolling`.
         sole: (T,) metres from the root up to the lowest point of the foot.
-        clear: (T,) metres of the performer's foot above the floor, in the size of the body.
-        length: of the leg in metres.
-        spans: when the foot stands.
+        clear: (T,) height in metres of the performer's foot above the floor, scaled to the body's size.
+        length: length of the leg in metres.
+        spans: the contacts of the foot with the floor.
     """
 
     rolled: Float
@@ -97,7 +100,7 @@ def rolling(points: Float, length: float) -> tuple[Float, Float]:
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
-        length: of the leg in metres.
+        length: length of the leg in metres.
 
     Returns:
         (T, 2) metres along x and z that the touching points have moved relative to the root since the first
@@ -114,13 +117,15 @@ def rolling(points: Float, length: float) -> tuple[Float, Float]:
 
 
 def standing_spans(foot: Float, root: Float, step: float, length: float) -> Spans:
-    """Returns when a foot stands: one of its joints is low and, compared with the body, slow.
+    """Returns the contacts of a foot: the spans in which one of its joints is low and slow.
+
+    The limit of speed rises with the speed of the body.
 
     Args:
-        foot: (T, J, 3) metres, the joints on which the foot rolls, such as ankle, ball and tip.
-        root: (T, 3) metres, the place of the body.
-        step: seconds between two moments.
-        length: metres of the leg.
+        foot: (T, J, 3) metres, the joints about which the foot rolls, such as ankle, ball and tip.
+        root: (T, 3) metres, the position of the body.
+        step: seconds between two frames.
+        length: length of the leg in metres.
     """
     if len(foot) < 2:
         return ((0, len(foot) - 1),)
@@ -171,7 +176,7 @@ class Sole:
         return made
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
-        """Returns :func:`rolling` of the points, with joints (T, N, 3) in metres from the root."""
+        """Returns :func:`rolling` of the points, for joints (T, N, 3) in metres relative to the root."""
         rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _BLOCK):
             part = slice(start, start + _BLOCK + 1)
@@ -181,7 +186,7 @@ class Sole:
         return np.concatenate(rolled), np.concatenate(low)
 
     def spin(self, turns: Float, joints: Float, length: float) -> Float:
-        """Returns the angle (T,) in radians about +Y by which the touching part has turned.
+        """Returns the accumulated rotation (T,) of the touching part about +Y, in radians.
 
         A foot that rolls turns about level axes only. Any other turn drags its sole over the floor.
         """
@@ -206,7 +211,7 @@ class Sole:
         return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
 
     def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """Returns the metres (T,) from a joint up to the lowest point if all points turn about it."""
+        """Returns the metres (T,) from a joint up to the lowest point after all points rotate about it."""
         low = list[Float]()
         for start in range(0, len(turns), _BLOCK):
             part = slice(start, start + _BLOCK)
@@ -227,10 +232,10 @@ def _outermost(points: Float) -> Int:
 
 
 def unspun(spin: Float, spans: Spans, step: float) -> Float:
-    """Returns the turns about +Y, (T,) radians, that keep a foot from spinning while it stands.
+    """Returns the rotations about +Y, (T,) radians, that keep a foot from spinning while it stands.
 
-    The foot keeps the median heading of each contact. If the performer's foot turns farther than ankle and
-    hip give, as in a pirouette, the foot follows it. The turn fades before and after a contact.
+    The foot keeps the median heading of each contact. If the performer's foot rotates farther than ankle and
+    hip allow, as in a pirouette, the foot follows it. The correction fades before and after a contact.
 
     Args:
         spin: (T,) radians that the touching part has turned about +Y.
@@ -265,9 +270,9 @@ def _joined(spans: Spans, gap: int) -> Spans:
 
 
 def clearance_of(heights: Float, spans: Spans) -> Float:
-    """Returns the metres (T,) by which a foot has risen since it stood: of its joint that rose least.
+    """Returns the height (T,) in metres of a foot above its contacts: that of the joint that rose least.
 
-    Floors of captures drift, so it is compared with the contacts before and after.
+    Floors of captures drift, so the reference is interpolated between the contacts before and after.
 
     Args:
         heights: (T, J) metres of the joints of a foot.
@@ -284,10 +289,11 @@ def clearance_of(heights: Float, spans: Spans) -> Float:
 
 
 def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
-    """Returns the root's path, and how far each foot is off its performer's pose then.
+    """Returns the corrected path of the root, and the remaining offset of each foot.
 
     Args:
-        root: (T, 3) metres, the performer's path in the size of the body.
+        legs: the legs of the body.
+        root: (T, 3) metres, the performer's path scaled to the body's size.
         step: seconds between two moments.
         floor: metres, the height of the floor.
 
@@ -314,7 +320,10 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
 
 
 def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
-    """Returns the x (T,) with the least sum of w (x - wanted)^2 over all, smooth (x' - x)^2, and free x^2."""
+    """Returns the x (T,) that minimises the sum of w (x - wanted)^2, smooth (x' - x)^2 and free x^2.
+
+    The first term is summed over all pairs of ``weights`` and ``wanted``. x' is the next value of x.
+    """
     total = np.sum(weights, axis=0)
     count = len(total)
     bands = np.zeros((2, count))
@@ -344,7 +353,7 @@ def _flying(stands: Sequence[Float], step: float) -> Float:
 
 
 def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
-    """Returns the offset (T, 3) in metres of a foot to its place; it fades before and after a contact."""
+    """Returns the offset (T, 3) in metres of a foot to its planted position, faded around each contact."""
     above, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
     foot = np.stack([root[:, 0] + leg.rolled[:, 0], above, root[:, 2] + leg.rolled[:, 1]], axis=1)
     offsets = np.zeros_like(foot)
@@ -366,7 +375,7 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
 def _clearance(leg: PosedLeg, flies: Float) -> Float:
     """Returns the smallest height (T,) in metres of a foot above the floor while it swings.
 
-    In the air that is the performer's. Otherwise the foot clears the floor by a little.
+    While the body is in the air, it is most of the performer's. Otherwise the foot just clears the floor.
     """
     clear = _CLEAR * leg.clear
     return np.asarray(np.maximum(flies * clear, np.minimum(clear, _SCUFF * leg.length)))

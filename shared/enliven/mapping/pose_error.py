@@ -1,12 +1,12 @@
-"""How far the limbs of a shape point away from the performer's.
+"""Pose error: the angles between the limbs of a shape and the performer's.
 
     limb_errors(project, shape_id, clip, plan, duration) -> (LimbError("left shin", median=0.4, p90=1.2), ...)
 
 For each segment of a limb that a chain of the take drives, the direction from its first joint to its last is
-compared with the performer's, in the shape's axes. A chain of the mode "pose" should match it. A chain of the
-mode "move" should turn from the shape's own rest pose as the performer turns from theirs: its expected
-direction is the rest direction, turned by the least turn between the performer's two. Both are one formula,
-since the performer of a posed chain rests as the shape does.
+compared with the performer's, in the shape's axes. A chain of mode "pose" should match it. A chain of mode
+"move" should rotate from the shape's own rest pose as the performer rotates from theirs. Its expected
+direction is the rest direction, rotated by the smallest rotation between the performer's rest direction and
+current direction. One formula serves both modes: with mode "pose" the two rest directions are equal.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
 _MOMENTS = 120
-"""Frames of a motion that are compared at most: the 90th percentile of a limb is then of a dozen."""
+"""Maximum number of frames that are compared. A dozen of them are then above a limb's 90th percentile."""
 _SEGMENTS = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of the segments of a limb, by whether it stands on the floor and how many it has."""
 
@@ -36,8 +36,8 @@ class LimbError:
     """The angle between a limb segment and the performer's, in degrees over the motion.
 
     Attributes:
-        limb: its name: "left forearm".
-        median, p90: of the angle.
+        limb: name of the segment, such as "left forearm".
+        median, p90: median and 90th percentile of the angle, in degrees.
     """
 
     limb: str
@@ -48,23 +48,25 @@ class LimbError:
 def limb_errors(
     project: Project, shape_id: str, clip: Clip, plan: Plan, duration: float
 ) -> tuple[LimbError, ...]:
-    """Returns the errors of all limb segments that the take drives by itself, at its own pace.
+    """Returns the errors of all limb segments that only the take drives, at its own speed.
 
     Legs that step without the performer's pose are left out: they do not follow the performer's angles.
 
     Args:
-        project: in which the shape moves as the plan says.
-        clip: the performer's.
+        project: contains the shape, moved by the plan.
+        shape_id: ID of the shape.
+        clip: the performer's take.
         plan: the mapping.
-        duration: seconds that are compared.
+        duration: duration in seconds that is compared.
     """
     moved = project.shape(shape_id)
     posed = posed_legs_that_step(moved, clip, plan)
     stepping = {limb.proper for limb in legs_that_step(moved, clip, plan) if limb not in posed}
-    # What the plan asks for, before legs step and feet are held.
+    # The expected motion is that of the plan alone, before legs step and feet are locked.
     asked, _ = apply_plan(Project(), moved.at_rest(moved.mesh)[0], clip, plan)
     shape = asked.shape(shape_id)
-    # At frames of the take: between two, directions and turns do not mix alike.
+    # Compare at frames of the take only. Between frames, interpolated directions differ from those of
+    # interpolated rotations.
     last = min(round(duration / clip.step), len(clip.turns) - 1)
     times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MOMENTS, last + 1))))
     joints = Player(project, shape_id).sample(times)[1]
@@ -98,7 +100,7 @@ def _driven_segments(
                 layer = shape.layer(name)
                 chain = shape.skeleton.path(int(shape.skeleton.parents[bones[0]]), bones[-1])
                 if begins_tip(shape.skeleton, limb, chain[0]):
-                    continue  # A hand or foot rests in the model's own way.
+                    continue  # A hand or foot keeps the model's own rest rotation.
                 yield f"{side} {_segment_name(limb, number, k, len(segments))}", layer, chain
 
 
@@ -112,7 +114,7 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
 
 
 def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
-    """Returns for each bone of a chain the one layer that plays the performer on it; None for others."""
+    """Returns for each bone of a chain the layer of the take that alone moves it, or None."""
     made = list[Layer | None]()
     for bone in chain[1:]:
         named = {ref.layer for span in shape.spans[bone] for ref in span.refs}
@@ -123,7 +125,7 @@ def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, 
 
 
 def _plays_plainly(project: Project, layer: Layer, clip: Clip) -> bool:
-    """Returns whether a layer plays the performer's take at its own pace."""
+    """Returns True if a layer plays the performer's take at its own speed."""
     own = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
     return own and project.takes[layer.take].skeleton.names == clip.skeleton.names
 
@@ -134,7 +136,12 @@ def _expected(
     """Returns (T, 3) directions that a chain of the shape should point in, in the shape's axes.
 
     Args:
-        starts: joints where limbs of the performer begin; a girdle that a limb takes along is no part of it.
+        take: the take.
+        layer: the layer that plays the take on the chain.
+        starts: joints at which limbs of the performer begin. A girdle before them is not compared.
+        shape: the shape.
+        chain: joints of the shape's segment.
+        times: (T,) seconds.
     """
     first = next((joint for joint in layer.chain[:-1] if joint in starts), layer.chain[0])
     last = layer.chain[-1]

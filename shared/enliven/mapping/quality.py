@@ -27,39 +27,41 @@ from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers import Player, travel_scale
 
 BOUND = 1.4
-"""Largest stretch at the 99th percentile: hands look like sheets above. Makers' runs have 1.1 to 1.5."""
+"""Largest stretch at the 99th percentile. Above it hands look like sheets. The runs that come with models
+have 1.1 to 1.5."""
 THROUGH = 0.03
-"""Largest fraction of a surface inside other parts: makers' own clips have up to this."""
+"""Largest fraction of a surface inside other parts. The clips that come with models reach it."""
 LEVEL = 0.03
 """Largest distance of the lowest point from the floor, as a fraction of the height: beyond it feet hover."""
 SLIDE = 20.0
-"""Largest slide of standing feet in cm/s: half of the data's pairs have up to 8."""
+"""Largest slide of standing feet in cm/s. Half of the test data's pairs of take and model have at most 8."""
 POSE = 8.0
-"""Largest median angle (degrees) between a limb and the performer's at which the pose is still theirs."""
+"""Largest median angle (degrees) between a limb and the performer's. Within it the pose looks the same."""
 POSE_P90 = 15.0
 """Largest 90th percentile of that angle (degrees)."""
 _MOMENTS = 24
-"""Number of moments of a motion that are measured. A pose that lasts a twentieth of it is among them."""
+"""Number of moments at which a motion is measured. A pose that lasts a twentieth of it is not missed."""
 _SLIVER = 1e-3
 """Length of an edge, as a fraction of the size, below which its stretch is not visible."""
 _THIN = 0.02
-"""Height over length below which a triangle is a sliver: a line on the screen."""
+"""Ratio of height to length below which a triangle is a sliver, which looks like a line on the screen."""
 _CRUMB = 1e-4
 """Fraction of the surface below which a separate part of the mesh is a crumb that modelling left behind."""
 _SAME = 1e-5
-"""Distance, as a fraction of the size, within which vertices are at one place."""
+"""Distance, as a fraction of the size, within which vertices count as one."""
 _TOUCH = 0.03
 """Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
 _IN_AIR = 0.005
 """Height of the lowest point in a leap, as a fraction of the shape's: 8 mm on an adult."""
 _APART = 1.0 / 60.0
-"""Seconds between the two moments of a slide: a frame of common displays."""
+"""Seconds between the two moments that are compared for a slide: a frame of common displays."""
 _STANDING = 10.0
-"""Per cent of the vertices at the floor that stand at least, while a swinging foot may be as low."""
+"""Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
+swinging foot."""
 _WITHIN = 0.05
 """Weight of a measure within its bound, compared with one beyond it."""
 _NAMED = 4
-"""Number of joints that are named for stretch, and of pairs of parts that go through one another."""
+"""Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +71,19 @@ class MotionQuality:
     Attributes:
         limbs: the pose error of each limb segment that the take drives; see
             :func:`enliven.mapping.pose_error.limb_errors`.
-        stretch: of the edges, at the 99th percentile of all edges and moments.
-        stretch_most: of the edge that is stretched most.
+        stretch: 99th percentile of stretch over all edges and moments.
+        stretch_most: stretch of the edge that is stretched most.
         joints: the joints with most edges stretched beyond the bound, the worst first.
         sunk: largest depth of the body's lowest point below the floor, in heights of the shape; None if the
             shape flies.
-        afloat: largest height of that point above the floor while the performer stands, in heights.
-        slide: speed in cm/s of standing feet over the floor, in the performer's size; None in place or
-            without legs.
-        through: largest fraction of the surface that is inside another part of the body, but not at rest.
-        parts: the pairs of parts inside one another then, by the joints at which their bones begin, the
-            largest first.
+        afloat: largest height of that point above the floor while the performer stands, in heights of the
+            shape; None if the shape flies.
+        slide: speed in cm/s of standing feet over the floor, scaled to the performer's size; None if the
+            shape does not travel or has no legs.
+        through: largest fraction of the surface inside another part of the body. Faces that are inside at
+            rest do not count.
+        parts: the pairs of parts that intersect at that moment, named by the joints at which their bones
+            begin, the largest first.
         feet: the joints of the bones that carry the lowest point when it is farthest from the floor.
     """
 
@@ -102,17 +106,17 @@ class MotionQuality:
 
     @property
     def beyond(self) -> float:
-        """Sum of all measures beyond their bounds, in bounds; 0 if none is."""
+        """Sum of the relative excess of all measures over their bounds; 0 if all are within."""
         return sum(max(ratio - 1.0, 0.0) for ratio in self._ratios)
 
     @property
     def faults(self) -> float:
-        """``beyond``, and a little for measures within their bounds; less is better."""
+        """``beyond``, plus a small amount for measures within their bounds. Less is better."""
         return self.beyond + _WITHIN * sum(min(ratio, 1.0) for ratio in self._ratios)
 
     @property
     def _ratios(self) -> tuple[float, ...]:
-        """Each measure over its bound: pose, stretch, floor, slide, and the fraction in other parts."""
+        """Each measure divided by its bound: pose, stretch, floor, slide, and self-intersection."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (BOUND - 1.0)
         pose = max((max(limb.median / POSE, limb.p90 / POSE_P90) for limb in self.limbs), default=0.0)
@@ -190,7 +194,7 @@ def quality_of(
     Args:
         clip: the performer's.
         duration: seconds.
-        plan: the mapping by which the shape moves. Without one, the pose is not compared.
+        plan: the mapping that moves the shape. Without one, the pose is not compared.
     """
     shape = project.shape(shape_id)
     edges, stretch = stretches(project, shape_id, duration)
@@ -225,7 +229,7 @@ def quality_of(
 
 
 def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
-    """Returns the largest fraction of a surface in other parts, and which part is in which then."""
+    """Returns the largest fraction of a surface inside other parts, and the pairs of parts at that moment."""
     overlap = Overlap(shape)
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
     names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
@@ -265,7 +269,7 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
 
 
 def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
-    """Returns the mean speed in cm/s of the slower part of the body that touches the floor: it stands."""
+    """Returns the mean speed in cm/s of the slowest vertices near the floor: those of standing feet."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_of(shape), body_points(shape), []
     before = surfaces(project, shape.id, times[:-1])

@@ -1,8 +1,8 @@
-"""Rest poses of a take: the pose that its turns are relative to; any pose can be one.
+"""Rest poses of a take: the pose that its rotations are relative to. Any pose can be one.
 
-mean_pose(clip)            # (N, 4) the mean pose of the take, its heading the first
-hanging_pose(clip, limbs)  # (N, 4) the mean of those frames in which the limbs hang most
-rebased(clip, since)       # the take against another rest pose
+mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
+hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
+rebased(clip, since)       # the take relative to another rest pose
 """
 
 from __future__ import annotations
@@ -17,48 +17,52 @@ from enliven.document import Clip, Skeleton, joint_places
 from enliven.rotation import conjugate, multiply, normalized, rotate, turned_strain
 
 _STRIDE = 1.0
-"""Seconds of a stride: the mean heading over one does not sway with the hips."""
+"""Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
 _HANGING = 0.12
-"""Share of a take's frames, an eighth, that the hanging pose is the mean of."""
+"""Fraction of a take's frames, about an eighth, that are averaged for the hanging pose."""
 _STANDING = 0.25
-"""Share of a take's frames in which a foot stands at least."""
+"""Minimum fraction of a take's frames in which a foot stands."""
 
 
 def heading_of(turns: Float) -> Float:
-    """(..., 4) the part of turns (..., 4) that is about +Y: swing and twist, the twist."""
+    """Returns the twist (..., 4) about +Y of rotations (..., 4), by swing-twist decomposition."""
     twist = np.asarray(turns, np.float64).copy()
     twist[..., 1] = twist[..., 3] = 0.0
     return normalized(twist)
 
 
 def mean_turn(turns: Float) -> Float:
-    """(4,) the mean of rotations (F, 4): the largest eigenvector of sum q q^T (Markley et al. 2007)."""
+    """Returns the mean (4,) of rotations (F, 4).
+
+    It is the eigenvector of sum q q^T with the largest eigenvalue (Markley et al. 2007).
+    """
     _, vectors = np.linalg.eigh(turns.T @ turns)
     mean = vectors[:, -1]
     return np.asarray(mean if mean[0] >= 0 else -mean)
 
 
 def first_heading(clip: Clip) -> Float:
-    """(4,) about +Y: where the performer heads at first, the mean of a second, which is a stride."""
+    """Returns the performer's initial heading (4,) about +Y: the mean of the first second, a stride."""
     frames = max(round(_STRIDE / clip.step), 1)
     return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
 
 
 def mean_pose(clip: Clip) -> Float:
-    """(N, 4) world turns of a take's mean pose: the mean turn of each bone relative to its parent.
+    """Returns the world rotations (N, 4) of a take's mean pose: the mean of each bone relative to its parent.
 
-    The heading is the first frame's: a body that turns round in a take has no mean heading.
+    The heading is that of the take's first second. A body that turns around in a take has no mean heading.
     """
     return _mean_pose(clip, np.ones(len(clip.turns), bool))
 
 
 def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
-    """(N, 4) world turns of an upright body with hanging arms and legs, from a take's own frames.
+    """Returns the world rotations (N, 4) of an upright body with hanging arms and legs, from a take's frames.
 
-    The mean pose of a performer who waves all the time has raised arms. This is the mean of the eighth of the
-    frames in which the bones of the limbs point down most. Its heading is the first frame's.
+    If a performer waves all the time, the mean pose has raised arms. So this is the mean of the eighth of the
+    frames in which the bones of the limbs point down most. Its heading is that of the take's first second.
 
     Args:
+        clip: the take.
         limbs: chains of joints.
     """
     bones = [joint for limb in limbs for joint in limb[1:]]
@@ -67,13 +71,14 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 
 
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
-    """(K, 4) mean world turns of a foot's bones over the frames in which it stands flat.
+    """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
-    The pose in which limbs hang most has feet that point down. A foot stands in the frames in which its
-    joints are slow and low, compared with the rest of the take. Its heading is the first frame's.
+    In the pose in which limbs hang most, feet point down. A foot stands in the frames in which its joints are
+    slow and low, compared with the rest of the take. Its heading is that of the take's first second.
 
     Args:
-        foot: joints from the ankle to the end of the foot; K is one less.
+        clip: the take.
+        foot: K + 1 joints from the ankle to the end of the foot.
     """
     places = joint_places(clip, foot)[:, list(foot)]
     speed = np.linalg.norm(np.gradient(places, axis=0), axis=2).max(1) if len(places) > 1 else np.zeros(1)
@@ -86,7 +91,10 @@ def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
 
 
 def _mean_pose(clip: Clip, frames: Bool) -> Float:
-    """(N, 4) of each bone the mean turn in the one before, over the (F,) frames."""
+    """Returns world rotations (N, 4) from each bone's mean rotation relative to its parent.
+
+    Only frames with True in ``frames`` (F,) count.
+    """
     parents, turns = clip.skeleton.parents, clip.turns[frames]
     heading = heading_of(turns[:, 0])
     since = np.empty((len(parents), 4))
@@ -98,13 +106,13 @@ def _mean_pose(clip: Clip, frames: Bool) -> Float:
 
 
 def at_moment(clip: Clip, seconds: float) -> Float:
-    """(N, 4) world turns of the pose at a time of the take."""
+    """Returns the world rotations (N, 4) of the pose at a time of the take."""
     frame = int(np.clip(round(seconds / clip.step), 0, len(clip.turns) - 1))
     return np.asarray(clip.turns[frame])
 
 
 def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
-    """The skeleton in a pose of world turns (N, 4), its root where it is."""
+    """Returns the skeleton in a pose of world rotations (N, 4). Its root stays in place."""
     at = skeleton.positions.copy()
     vectors = rotate(turns, skeleton.vectors)
     for j in range(1, len(skeleton)):
@@ -113,7 +121,10 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
 
 
 def rebased(clip: Clip, since: Float) -> Clip:
-    """The same motion against another rest pose, of world turns ``since`` (N, 4) from the present one."""
+    """Returns the same motion relative to another rest pose.
+
+    ``since`` (N, 4) contains that pose's world rotations relative to the present rest pose.
+    """
     turns = multiply(clip.turns, conjugate(since))
     moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns, fine=None)
     if clip.offsets is not None:

@@ -1,7 +1,8 @@
-"""A mapping made gentler where the surface would stretch: the limbs that stretch it are moved by less.
+"""Softens a mapping: reduces the movement of limbs that stretch the surface too much.
 
-A performer's arms reach farther than a fox's forelegs were made to. The surface itself says how far a joint
-may turn: movements are weighted down, both sides alike, until stretch is within the bound.
+A performer's arms swing farther than a fox's forelegs can. How far a joint may rotate is found from the
+stretch of the surface. Weights of limbs are reduced, the same on both sides, until stretch is within its
+bound.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from enliven.mapping.quality import BOUND, stretches
 from enliven.mapping.steps import stepped
 
 _AIM = 0.97
-"""Share of the bound that is aimed at: other moments than those looked at stretch a little more."""
+"""Target stretch as a fraction of the bound. Moments that are not measured stretch slightly more."""
 _LESS = 0.85
-"""Factor by which the movement of a limb is weighted down at a time."""
+"""Factor on the weight of a limb in each round."""
 _LEAST = 0.4
-"""Weight below which a limb's movement is not brought: less is no movement of the performer's."""
+"""Minimum weight of a limb. With less, the performer's movement would not be recognisable."""
 _BLAMED = 0.4
-"""Share of the most blamed limb's blame from which others are weighted down with it."""
+"""Limbs with at least this fraction of the worst limb's overstretched edges are reduced together with it."""
 _ROUNDS = 12
-"""Times that the mapping is changed at most."""
+"""Maximum number of times that the mapping is changed."""
 
 
 def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
-    """The mapping with less movement in the limbs that would stretch the surface beyond the bound."""
-    # What stretches because the take does is meant to.
+    """Returns the mapping with less movement in limbs that would stretch the surface beyond the bound."""
+    # Stretch that the take itself contains is intended, so it is not measured.
     bare = replace(plan, travel=False, stretch=False)
     best, least, striding = plan, np.inf, _striding(plan, clip, shape)
     for _ in range(_ROUNDS):
@@ -55,13 +56,13 @@ def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
 
 
 def limb_of(chain: ChainPlan) -> str:
-    """The role of a chain without its side: what both sides have in common."""
+    """Returns the role of a chain without its side and "girdle", which is the same for both sides."""
     words = [word for word in chain.role.split() if word not in ("left", "right", "girdle")]
     return " ".join(words)
 
 
 def _striding(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
-    """The roles of the chains of legs that step: how far they do is weighted down as well."""
+    """Returns the roles of the chains of legs that step. Their stride is reduced as well."""
     legs = {joint for limb in legs_that_step(shape, clip, plan) for joint in limb.proper[1:]}
     return {limb_of(c) for c in plan.chains if shape.skeleton.index(c.target[-1]) in legs}
 
@@ -75,7 +76,7 @@ def _weight(plan: Plan, role: str) -> float:
 
 
 def _blame(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> dict[str, float]:
-    """How many torn edges (T, E) there are at the bones of each limb."""
+    """Returns the number of overstretched edges at the bones of each limb, from ``torn`` (T, E)."""
     skeleton, skin = shape.skeleton, shape.skin
     if skin is None:
         return {}

@@ -1,14 +1,15 @@
-"""Steps: the feet of a model go where the performer's feet go, in the model's own size.
+"""Steps: the feet of a model follow the performer's feet, scaled to the model's size.
 
 stepped(project, shape_id, clip, based, plan)      # a project with a take that plays the legs
 
 A leg of another build that copies a performer's angles neither reaches the floor nor stays on it. So its foot
-goes where the performer's foot goes, relative to their hips, and stands while theirs stands. An animal with
-more legs than the performer uses theirs again, each pair in turn with the one behind it. A foreleg that the
-performer's arm drives steps while they walk with hanging arms, and follows the arm otherwise.
+follows the performer's foot relative to the hips, and stands while the performer's stands. On an animal with
+more legs than the performer, the performer's legs drive several pairs. Neighbouring pairs step alternately. A
+foreleg that the performer's arm drives steps while the performer walks with hanging arms. Otherwise it
+follows the arm.
 
-The legs of a person are posed as the performer's. With ``pin`` their feet step too: each leg keeps its pose,
-and bends as far as its foot needs to stand still. So feet stand still at any proportions.
+The legs of a person have the performer's pose. With ``pin`` their feet step too: each leg keeps its pose, and
+bends as far as its foot needs to stand still. So feet stand still at any proportions.
 """
 
 from __future__ import annotations
@@ -33,17 +34,18 @@ from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, s
 _RATE = 60.0
 """Largest number of moments a second at which steps are computed: the rate of common displays."""
 _TILT = np.radians(30.0)
-"""Largest angle (radians) by which a foot tilts to clear the floor. An ankle has 20 to 50 degrees."""
+"""Largest tilt of a foot (radians) to clear the floor. An ankle allows 20 to 50 degrees."""
 _TRIED = 7
 """Number of angles from 0 to ``_TILT`` that are tried."""
 _POINTS = 0.1
 """Smallest distance of the toes ahead of the ankle, as a fraction of the foot, with which a foot can tilt."""
 _STRETCHED = 0.99
-"""Largest stretch of a leg beyond its pose, as a fraction of its length. A knee that locks jerks."""
+"""Largest distance from hip to ankle as a fraction of the leg's length, unless the pose itself has more. A
+fully stretched knee would jerk."""
 _LOWERED = 0.15
-"""Largest distance by which the body comes down so that feet reach the floor, as a fraction of a leg."""
+"""Maximum distance that the body is lowered so that feet reach the floor, as a fraction of a leg."""
 _EASING = 0.05
-"""Seconds over which the body comes down before a foot that would not reach the floor."""
+"""Time in seconds over which the body is lowered before a foot that would not reach the floor."""
 _LIFTS = 3
 """Largest number of passes that lift a foreleg. Its lowest point changes as it bends."""
 
@@ -52,8 +54,11 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
     """Returns a project in which the legs of a shape step as the performer's do; see the module.
 
     Args:
-        clip: the take as it was given.
-        based: the take against the rest pose that the shape moves by.
+        project: contains the shape, moved by the plan.
+        shape_id: ID of the shape.
+        clip: the original take.
+        based: the take relative to the rest pose that the mapping uses.
+        plan: the mapping.
     """
     shape = project.shape(shape_id)
     steps, duration = steps_of(shape, clip, plan), clip.duration
@@ -90,7 +95,7 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
 
 
 def _carried_along(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
-    """Yields (bone of a chain, other bone) for other bones that move as the first, such as twist bones."""
+    """Yields (bone of a chain, other bone) for sibling bones that copy the first, such as twist bones."""
     driven = {bone for chain in chains for bone in chain}
     for bone in (bone for chain in chains for bone in chain[1:]):
         for other in shape.skeleton.children[int(shape.skeleton.parents[bone])]:
@@ -100,7 +105,7 @@ def _carried_along(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tu
 
 
 def _played(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]:
-    """Returns the chains that hold the turns of a leg: the leg, and each other toe of its foot."""
+    """Returns the chains that play the rotations of a leg: the leg itself, and each other toe."""
     foot, proper = step.leg[-1], step.limb.proper
     return [proper, *((foot, toe) for toe in skeleton.children[foot] if toe not in proper)]
 
@@ -114,7 +119,7 @@ def _planted(
         For each leg, the offset (T, 3) in metres that remains for its foot.
     """
     root, floor = joints[:, 0].copy(), floor_of(shape)
-    # If no foot ever stands, the performer's floor is the floor.
+    # Begin with the performer's floor at the model's floor. It remains if no foot ever stands.
     way = root.copy()
     way[:, 1] += floor - np.median(performer.floor(shape, root[:, 1]))
     soles = [_sole(shape, step) for step in steps]
@@ -130,14 +135,14 @@ def _planted(
     joints += (way - root)[:, None]
     goals = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
     drops = [_out_of_reach(shape.skeleton, step, at, joints) for step, at in zip(steps, goals, strict=True)]
-    # The body comes down to feet that it would not reach, and what swings stays where it was.
+    # Lower the body for feet that would not reach the floor. Swinging feet keep their positions.
     down = _evenly(np.max(drops, axis=0), performer.step)[:, None] * [0.0, 1.0, 0.0]
     joints -= down[:, None]
     return [offset + down for offset in offsets]
 
 
 def _sole(shape: Shape, step: LegStep) -> Sole:
-    """Returns the part of a leg that may touch the floor: its foot, or the end of its shin without one."""
+    """Returns the part of a leg that may touch the floor: its foot, or without one the end of its shin."""
     return Sole(shape, shape.skeleton.below(step.leg[-1])[1:] or [step.leg[-1]])
 
 
@@ -158,7 +163,7 @@ def _leg_in_pose(
 
 
 def _spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
-    """Returns when the performer's foot of a step stands, for a root of the body at (T, 3) metres."""
+    """Returns the contacts of the performer's foot of a step, for a root of the body at (T, 3) metres."""
     # A model without toes leaves the floor together with the ball of the performer's foot.
     ball, *tip = step.by_toes or step.by.chain[-1:]
     rolls_on = [step.by_leg[-1], ball, *tip] if step.toes else [ball]
@@ -185,7 +190,7 @@ def _hold_heading(
 
 
 def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
-    """Turns all bones below an ankle about it by (T, 4); changes turns and joints in place."""
+    """Rotates all bones below an ankle about it by ``turning`` (T, 4); changes turns and joints in place."""
     for j in skeleton.below(ankle)[1:]:
         turns[:, j] = multiply(turning, turns[:, j])
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
@@ -194,9 +199,9 @@ def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joi
 def _tilt_foot(
     skeleton: Skeleton, step: LegStep, sole: Sole, lift: Float, pace: float, turns: Float, joints: Float
 ) -> None:
-    """Turns a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as it can.
+    """Rotates a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as it can.
 
-    Changes turns (T, N, 4) and joints (T, N, 3) in place. The leg bends for the rest.
+    Changes turns (T, N, 4) and joints (T, N, 3) in place. Any remaining lift is left to the leg.
 
     Args:
         pace: seconds between two moments.
@@ -207,7 +212,7 @@ def _tilt_foot(
     if not (len(low) and np.linalg.norm(across) > _POINTS * np.linalg.norm(ahead)):
         return
     axes = rotate(turns[:, step.toes[0]], across / np.linalg.norm(across))
-    # If a foot points down, its toes are lowest and rise as it turns up. Otherwise its heel is lowest.
+    # If a foot points down, its toes are lowest and rise as it tilts up. Otherwise its heel is lowest.
     up = np.where(rotate(turns[:, step.toes[0]], ahead)[:, 1] < ahead[1], 1.0, -1.0)
     tried, angles = np.linspace(0.0, _TILT, _TRIED), np.zeros(len(turns))
     risen = np.stack(
@@ -225,7 +230,7 @@ def _tilt_foot(
 
 
 def _goals(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, joints: Float) -> Float:
-    """Returns the places (T, 3) in metres that the end of a leg is to reach, for the pose of the model."""
+    """Returns the target positions (T, 3) in metres for the end of a leg, for the pose of the model."""
     skeleton, ankle, foot = shape.skeleton, step.leg[-1], performer.foot(step.by)
     heading, scale = heading_of(turns[:, 0]), performer.scale
     home = performer.home(foot, heading)
@@ -235,7 +240,7 @@ def _goals(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, 
 
 
 def _out_of_reach(skeleton: Skeleton, step: LegStep, goals: Float, joints: Float) -> Float:
-    """Returns the metres (T,) by which the body comes down so that a leg reaches its goals (T, 3)."""
+    """Returns the distance (T,) in metres to lower the body so that a leg reaches its goals (T, 3)."""
     chain = step.leg
     hip, whole = joints[:, chain[0]], leg_length(skeleton, chain)
     far = np.maximum(np.linalg.norm(joints[:, chain[-1]] - hip, axis=1), _STRETCHED * whole)
@@ -248,7 +253,7 @@ def _out_of_reach(skeleton: Skeleton, step: LegStep, goals: Float, joints: Float
 def _bend(
     skeleton: Skeleton, step: LegStep, performer: PerformerGait, goals: Float, turns: Float, joints: Float
 ) -> None:
-    """Bends a leg to its goals (T, 3); changes turns (T, N, 4) and joints (T, N, 3) in place."""
+    """Bends a leg so that its end reaches ``goals`` (T, 3); changes turns and joints in place."""
     chain, heading = step.leg, heading_of(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walks(step.arm)
     moved = {bone for path in _played(skeleton, step) for bone in path[1:]}
@@ -327,7 +332,7 @@ def _floor_under_feet(
 
 
 def _evenly(drops: Float, step: float) -> Float:
-    """Returns drops (T,) that are smooth and at no moment smaller than the given ones."""
+    """Returns smooth drops (T,) in metres that are never smaller than the given ones."""
     wide = max(round(_EASING / step), 1)
     widest = scipy.ndimage.maximum_filter1d(drops, 2 * wide + 1, mode="nearest")
     return np.asarray(scipy.ndimage.uniform_filter1d(widest, 2 * wide + 1, mode="nearest"))
