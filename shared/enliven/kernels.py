@@ -1,4 +1,4 @@
-"""What compiled kernels have in common: how they are compiled, arguments that stay, and copies by loops."""
+"""Shared tools for compiled kernels: the compiler decorator, held arguments, and copies by loops."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ listen_to_compiler()
 
 
 def njit(*, cache: bool = False, **options: Any) -> Any:
-    """``numba.njit`` without the second entry that lets C call a kernel: nothing does.
+    """Compiles like ``numba.njit``, without the unused entry point for C.
 
-    The entry is compiled with every kernel, and took a tenth of the time.
+    That entry point would be compiled with every kernel and took a tenth of the time.
 
     Args:
-        cache: keep the machine code on disk, see :mod:`enliven.kernel_cache`.
-        options: of ``numba.njit``.
+        cache: True to keep the machine code on disk; see :mod:`enliven.kernel_cache`.
+        options: options of ``numba.njit``.
     """
     compiled = numba.njit(no_cfunc_wrapper=True, **options)
     return (lambda kernel: keep(compiled(kernel))) if cache else compiled
@@ -31,11 +31,14 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
 
 @structref.register
 class HeldType(types.StructRef):  # type: ignore[misc]
-    """The type of held arguments in a kernel; ``values``, its one field, is what :func:`hold` was given."""
+    """The type of held arguments in a kernel. Its one field ``values`` contains them; see :func:`hold`."""
 
 
 class Held(structref.StructRefProxy):  # type: ignore[misc]
-    """A pointer to arguments that stay, made by :func:`hold`: a kernel reads its ``values``."""
+    """A pointer to arguments that stay the same over many calls, made by :func:`hold`.
+
+    A kernel reads its ``values``.
+    """
 
     __slots__ = ()
 
@@ -44,13 +47,13 @@ structref.define_boxing(HeldType, Held)
 
 
 def _held(values: tuple[Any, ...]) -> SimpleNamespace:
-    """Holds values where nothing is compiled; kernels compile the following in its place."""
+    """Holds values if compilation is disabled. Kernels compile the overload below instead."""
     return SimpleNamespace(values=values)
 
 
 @overload(_held)
 def _held_in_kernels(values):
-    """Returns how a kernel makes a structure of values of these types."""
+    """Returns the function with which a kernel makes a structure of values of these types."""
     kind = HeldType((("values", types.unliteral(values)),))
 
     def make(values):
@@ -65,19 +68,19 @@ def _held_in_kernels(values):
 def hold(values):
     """Returns a :class:`Held` of arrays, numbers, and tuples and named tuples of them.
 
-    Numba looks at every array of a call, 0.15 microseconds each. A kernel that takes many of them call after
-    call, 53 in a frame of a deformation graph, takes a pointer to all of them in the time of one. The arrays
-    are not copied: what is written into one is seen by the kernel. Numbers stay as they were.
+    Numba inspects every array argument of a call, which takes 0.15 microseconds each. The kernels of a
+    deformation graph take 53 arrays in each frame. A pointer to all of them takes the time of one. The arrays
+    are not copied, so kernels see later changes to them. Numbers are copied and do not change.
     """
     return _held(values)
 
 
 @njit(cache=True, nogil=True)
 def copy_row(target: Any, source: Any) -> None:
-    """Writes (N,) into (N,); the lengths are not checked.
+    """Copies (N,) into (N,) without checking the lengths.
 
-    ``target[:] = source`` checks them, and Numba compiles the text of that error, joined strings, into the
-    kernel and again into each one that calls it: a quarter of the time that the tracker's kernels took.
+    ``target[:] = source`` checks them. Numba compiles the code that builds the error message into the kernel
+    and into each kernel that calls it. That was a quarter of the compile time of the tracker's kernels.
     """
     for i in range(target.shape[0]):
         target[i] = source[i]
@@ -85,7 +88,7 @@ def copy_row(target: Any, source: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def copy_rows(target: Any, source: Any) -> None:
-    """Writes (N, M) into (N, M) as :func:`copy_row` does."""
+    """Copies (N, M) into (N, M) without checking the shapes; see :func:`copy_row`."""
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = source[i, j]
@@ -93,7 +96,7 @@ def copy_rows(target: Any, source: Any) -> None:
 
 @njit(cache=True, nogil=True)
 def quantile(ordered, share):
-    """The number below which a share in [0, 1] of (N,) rising values is, between two of them linearly."""
+    """Returns the quantile of sorted values (N,) at a fraction in [0, 1], with linear interpolation."""
     at = share * (len(ordered) - 1)
     low = int(at)
     high = min(low + 1, len(ordered) - 1)

@@ -1,4 +1,4 @@
-"""Prepares the edge before its first frame, and shows the step under way on a terminal."""
+"""Prepares the edge before its first frame, and shows the current step on a terminal."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[list[Actor], dict[str, str]]:
-    """Returns the actors with every kernel compiled, and by id the parts that take hold of each.
+    """Returns the actors with every kernel compiled, and by actor ID the body parts that may possess it.
 
-    On a machine that lacks the kernels it takes a minute on two cores, later a second.
+    If the machine has no compiled kernels, this takes a minute on two cores. Later starts take a second.
     """
     actors: dict[str, Actor] = {}
     parts: dict[str, str] = {}
@@ -46,7 +46,7 @@ def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[l
 
 
 def _cast(one: CharacterSettings, name: str, taken: Mapping[str, object], chosen: EdgeSettings) -> Actor:
-    """Returns the actor that was asked for, its id not taken; only the modules that it needs are loaded."""
+    """Returns the actor for the settings, with an unused ID. Only the modules that it needs are imported."""
     if is_puppet(one.mesh):
         from enliven_edge.stage.puppet import cast_puppet
 
@@ -62,8 +62,8 @@ def _cast(one: CharacterSettings, name: str, taken: Mapping[str, object], chosen
 class TrackerCompilation:
     """A process that compiles the tracker's kernels while this one prepares the characters.
 
-    It is started when this process compiles its first kernel: then the machine lacks the tracker's too. Its
-    results reach this process through the folder of kernels. Use it as a context manager.
+    It is started when this process compiles its first kernel, since the tracker's kernels are then missing,
+    too. Its results reach this process through the folder of compiled kernels. Use it as a context manager.
     """
 
     def __init__(self) -> None:
@@ -98,7 +98,7 @@ class TrackerCompilation:
 def _steps(first: str, total: int) -> Iterator[Callable[[str], None]]:
     """Yields a function that names the next step.
 
-    A terminal shows the step under way and the number of compiled kernels. Other outputs get one line at the
+    A terminal shows the current step and the number of compiled kernels. Other outputs get one line at the
     first compiled kernel, so that a log explains the wait.
     """
     if not sys.stderr.isatty():

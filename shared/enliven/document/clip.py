@@ -1,7 +1,7 @@
 """A clip: the motion of a skeleton over time, as world rotations of its bones relative to the rest pose.
 
-It is a performance, or it is made from keys. A clip of keys has one bone, and its frames are computed from
-the keys.
+A clip is a recorded or imported performance, or it is made from keys. A clip of keys has one bone, and its
+frames are computed from the keys.
 
     keyed_clip("arm keys", "arm", [MotionKey(0.5, (0.0, 40.0, 0.0)), MotionKey(1.0, ease="linear")])
 """
@@ -20,9 +20,9 @@ from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_of
 
 _SAME_KEY = 1e-6
-"""Seconds within which two keys are one: rounding of float32 over a minute."""
+"""Seconds within which two keys count as one: rounding of float32 over a minute."""
 _PIECE = 1 / 120
-"""Seconds between the keys of a piece of a cubic that is cut: the curve through them is off by under 1e-6."""
+"""Seconds between the new keys of a cut piece of a cubic curve. The error of the curve is then below 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class FineFrames:
     """A clip's motion at uneven times, for clips in which even frames would lose keys or jumps.
 
     Attributes:
-        seconds: (K,) rising, from the clip's first frame to its last.
+        seconds: (K,) increasing times from the clip's first frame to its last.
         turns, root, offsets, strains, mirrors: as in the clip, K frames each.
 
     Raises:
@@ -74,10 +74,11 @@ class CubicKeys:
 
     Attributes:
         bone: the number of the bone that it moves.
-        seconds: (K,) of the keys, rising.
-        values: (K, 4) unit quaternions (w, x, y, z), the turn of the bone in the bone before it; or (K, 3)
-            metres, the place of the root. Turns are interpolated by components and normalised afterwards.
-        slopes: (K, 2, 4 or 3) for a second: before each key, and after it.
+        seconds: (K,) increasing times of the keys.
+        values: (K, 4) unit quaternions (w, x, y, z), the rotation of the bone relative to its parent; or
+            (K, 3) metres, the position of the root. Rotations are interpolated by components and normalised
+            afterwards.
+        slopes: (K, 2, 4 or 3) derivatives per second (tangents): the incoming and outgoing one of each key.
 
     Raises:
         InputError: if the arrays do not fit together, or the times do not rise.
@@ -98,16 +99,16 @@ class CubicKeys:
 
     @property
     def turns(self) -> bool:
-        """Whether it turns a bone; else it moves the root."""
+        """True if it rotates a bone. Otherwise it moves the root."""
         return bool(self.values.shape[1] == 4)
 
     def at(self, seconds: Float) -> Float:
-        """(T, 4) unit quaternions or (T, 3) metres; before the first key and after the last these stand."""
+        """Returns unit quaternions (T, 4) or metres (T, 3). Values are held beyond the first and last key."""
         made, _ = self._polynomial(np.clip(seconds, self.seconds[0], self.seconds[-1]))
         return normalized(made) if self.turns else made
 
     def slope(self, seconds: Float) -> Float:
-        """(T, 4 or 3) the slope of :meth:`at` for a second, between the first key and the last."""
+        """Returns the derivative (T, 4 or 3) of :meth:`at` per second, between the first and last key."""
         made, slope = self._polynomial(seconds)
         if not self.turns:
             return slope
@@ -115,7 +116,7 @@ class CubicKeys:
         return np.asarray(_tangential(made / length, slope) / length)
 
     def _polynomial(self, seconds: Float) -> tuple[Float, Float]:
-        """(T, C) the cubic polynomials and their slopes, before turns are normalised."""
+        """Returns the cubic polynomials (T, C) and their derivatives, before rotations are normalised."""
         if len(self.seconds) == 1:
             values = np.repeat(self.values, len(seconds), 0)
             return values, np.zeros_like(values)
@@ -130,9 +131,10 @@ class CubicKeys:
         return np.asarray(made), np.asarray(slope / gap)
 
     def between(self, start: float, stop: float) -> CubicKeys:
-        """The curve from ``start`` to ``stop`` seconds, with a key at each end that it is cut at.
+        """Returns the curve from ``start`` to ``stop`` seconds, with a new key at each cut end.
 
-        All keys between are kept. A piece that is cut gets more keys: a part of a normalised cubic is none.
+        All keys between are kept. A cut piece gets additional keys, because a part of a normalised cubic is
+        not a normalised cubic itself.
         """
         first, last = max(start, float(self.seconds[0])), min(stop, float(self.seconds[-1]))
         if first >= last:
@@ -154,25 +156,28 @@ class CubicKeys:
         for side, step in ((0, -1), (1, 1)):
             own_slopes = self.slopes[at, side]
             slopes[is_own, side] = _tangential(self.values[at], own_slopes)[is_own]
-            # Towards a whole piece a key of the file keeps its slope to the bit.
+            # On the side of an uncut piece, a key of the file keeps its exact slope.
             beside = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
             whole = is_own & is_own[beside] & (np.abs(at[beside] - at) == 1)
             slopes[whole, side] = own_slopes[whole]
         return CubicKeys(self.bone, seconds, self.at(seconds), slopes)
 
     def timed(self, speed: float, begin: float) -> CubicKeys:
-        """The curve played ``speed`` times as fast, with its second 0 at ``begin``."""
+        """Returns the curve played ``speed`` times as fast, with its time 0 at ``begin`` seconds."""
         return replace(self, seconds=begin + self.seconds / speed, slopes=self.slopes * speed)
 
     def scaled(self, scale: float, by: Float) -> CubicKeys:
-        """The same motion of a skeleton that was scaled, then moved by ``by`` (3,) metres."""
+        """Returns the motion for a skeleton that was scaled, then moved by ``by`` (3,) metres."""
         if self.turns:
             return self
         return replace(self, values=self.values * scale + by, slopes=self.slopes * scale)
 
 
 def _tangential(values: Float, slopes: Float) -> Float:
-    """(K, C) slopes without what would change the length of unit quaternions (K, 4); of places unchanged."""
+    """Returns slopes without the part that changes the length of unit quaternions (K, 4).
+
+    Slopes of positions (K, 3) are returned unchanged.
+    """
     if values.shape[1] != 4:
         return slopes
     return np.asarray(slopes - values * (values * slopes).sum(1, keepdims=True))
@@ -187,20 +192,20 @@ class Clip:
         skeleton: the performer's, at rest.
         turns: (F, N, 4) float64 unit quaternions D_j in world axes. The bone that ends at joint j points
             along D_j @ (its direction at rest), and everything rigidly attached to it is rotated by D_j.
-            Entry 0 is the rotation of the whole.
+            Entry 0 is the rotation of the whole character.
         root: (F, 3) float64 metres, the position of joint 0.
         step: seconds from one frame to the next.
         offsets: (F, N, 3) metres, displacement of each joint along its bone's rest axes, before the bone
-            stretches and turns; None: bones keep their lengths.
+            stretches and rotates. None: bones keep their lengths.
         strains: (F, N, 6) the Hencky strain log U_j of each bone in the rest axes, in the format of
             :func:`enliven.rotation.strain_of`. Everything rigidly attached to bone j is moved by D_j U_j, and
             joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only turn.
         mirrors: (F, N) 1, or -1 for a bone that is also reflected through its start joint, which negates U_j.
             None: no bone is reflected.
-        keys: the keys that the frames were computed from, in the order of time; empty for a performance.
+        keys: the keys that the frames were computed from, in order of time. Empty for a performance.
         fine: the motion at more times, for players and exporters; None if the frames contain everything.
-        cubic: the file's own cubic keys of bones and of the root's place. A glTF gets them again if nothing
-            else moves the character; the frames hold their motion too.
+        cubic: the file's own cubic keys of bones and of the root's position. A glTF export contains them
+            again if nothing else moves the character. The frames contain their motion, too.
 
     Raises:
         InputError: if the arrays do not fit the skeleton or are not finite.
@@ -273,20 +278,19 @@ class Clip:
 
     @property
     def links(self) -> Float:
-        """(F or 1, N, 3) metres from each joint's parent to the joint before its bone turns."""
+        """(F or 1, N, 3) metres, the vector from each joint's parent to the joint before its bone rotates."""
         links = self.skeleton.vectors[None]
         links = links if self.offsets is None else links + self.offsets
         return links if self.stretch is None else stretched(self.stretch, links)
 
     @property
     def deforms(self) -> bool:
-        """Whether bones do more than turn."""
+        """True if bones do more than rotate."""
         return bool(self.tracks) or self.mirrors is not None
 
     @property
     def stretch(self) -> Float | None:
-        """(F, N, 3, 3) stretch and reflection of each bone before it turns, or None without stretch and
-        reflection."""
+        """(F, N, 3, 3) stretch and reflection of each bone before it rotates, or None without both."""
         if self.strains is None and self.mirrors is None:
             return None
         made = np.eye(3) if self.strains is None else stretch_of(self.strains)
@@ -294,7 +298,7 @@ class Clip:
 
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
-    """Returns (F, N, 3) metres, the joints of a clip in the world.
+    """Returns the world positions (F, N, 3) of a clip's joints in metres.
 
     Args:
         only: the required joints; others have undefined values. None for all.
@@ -311,7 +315,7 @@ def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
 
 
 def stretched(stretch: Float, vectors: Float) -> Float:
-    """Returns (..., 3) vectors (..., 3) under stretches (..., 3, 3)."""
+    """Returns vectors (..., 3) after applying stretches (..., 3, 3)."""
     return np.asarray(np.einsum("...ab,...b->...a", stretch, vectors))
 
 

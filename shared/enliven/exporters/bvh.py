@@ -45,7 +45,7 @@ class _Joint:
     Attributes:
         offset: (3,) metres from the joint above it.
         at: the number of its joint in the skeleton.
-        moved: True if it changes its place relative to the joint above.
+        moved: True if its position relative to the joint above changes.
         bone, above: the bones with the rotations of this joint and of the one above it.
         end: (3,) metres, the offset of its end site, or None.
     """

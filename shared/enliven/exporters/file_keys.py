@@ -1,4 +1,4 @@
-"""The cubic keys of a file in the motion of a shape that plays that file's clip and nothing else."""
+"""Keeps the cubic keys of a file on export, if a shape plays only a clip of that file."""
 
 from __future__ import annotations
 
@@ -10,26 +10,31 @@ from enliven.exporters.performance import Performance
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
 _SAME = 1e-2
-"""Radians, or share of the skeleton's length, by which a curve may be off the sampled motion: what frames of
-120 a second lose of a fast turn between them. What differs more is moved by something else, too."""
+"""Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
+
+Frames at 120 Hz lose up to this much of a fast rotation between them. If a curve deviates more, something
+else moves the bone, too."""
 _POSED = 1e-9
-"""Largest change of a quaternion, or of a place in metres, by which a bone or the root counts as posed."""
+"""Largest change of a quaternion, or of a position in metres, with which a bone or the root is not posed."""
 
 
 _STIFF = 1e-6
-"""Stretch within which a bone counts as stiff: rounding of long chains."""
+"""Maximum stretch of a bone that counts as rigid: rounding of long chains."""
 
 
 def file_keys_of(
     project: Project, shape: Shape, performance: Performance, start: float
 ) -> tuple[CubicKeys, ...]:
-    """Returns the cubic keys by which a shape moves, in the seconds of its performance.
+    """Returns the cubic keys that move a shape, in the seconds of its performance.
 
-    None, unless all bones play one clip with such keys, once, forwards, at one speed, and nothing else moves
-    them: what is layered, blended, looped, smoothed or posed is sampled.
+    All bones must play one clip with cubic keys, once, forwards and at one speed, and nothing else may move
+    them. Motion that is layered, blended, looped, smoothed or posed has no keys and is sampled.
 
     Args:
-        start: seconds of the project at which the performance begins.
+        project: contains the shape.
+        shape: the shape.
+        performance: its sampled motion.
+        start: time in the project at which the performance begins, in seconds.
     """
     clip, layer = _only_clip(project, shape)
     skeleton = performance.skeleton
@@ -48,13 +53,13 @@ def file_keys_of(
 
 
 def _only_turns(linear: Float) -> bool:
-    """Whether no bone is stretched or mirrored by maps (T, N, 3, 3)."""
+    """Returns True if no map (T, N, 3, 3) stretches or mirrors its bone."""
     gram = np.einsum("tnba,tnbc->tnac", linear, linear)
     return bool(np.abs(gram - np.eye(3)).max() <= _STIFF and (np.linalg.det(linear) > 0).all())
 
 
 def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
-    """The clip that all bones of a shape play in the same way, and one of the layers; or None."""
+    """Returns the clip that all bones of a shape play alike and one of the layers, or (None, None)."""
     if not shape.layers or shape.root_layers or shape.pins:
         return None, None
     layer = shape.layers[0]
@@ -69,20 +74,20 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
 
 
 def _way(layer: Layer) -> tuple[object, ...]:
-    """What of a layer says how and when it plays."""
+    """Returns the fields of a layer that define how and when it plays."""
     when = (layer.take, layer.offset, layer.speed, layer.loop, layer.segments, layer.hold, layer.smooth)
     how = (layer.weight, layer.muted, layer.mirrored, layer.mode, layer.weights, layer.speeds, layer.stretch)
     return when + how
 
 
 def _is_posed(keys: CubicKeys, shape: Shape) -> bool:
-    """Whether an artist turned the bone of a curve, or moved the root."""
+    """Returns True if an artist rotated the bone of a curve, or moved the root."""
     away = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
     return bool(np.abs(away).max() > _POSED)
 
 
 def _agrees(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
-    """Whether a curve is at all times where the sampled motion is."""
+    """Returns True if a curve agrees with the sampled motion at all times."""
     at = keys.at(performance.times)
     if not keys.turns:
         off = np.abs(at - performance.positions[:, 0]).max()

@@ -34,12 +34,12 @@ class Performance:
             form no hierarchy, like the nodes of a deformation graph.
         joints: (T, J, 3) metres, the joints of the skeleton. None without one.
         axes: (J, 3, 3) rotations: the stretch axes of each transform. None for those of the mesh.
-        turns, places: (T, 4) and (T, 3), the pose of the frame of all this: x is at turn x + place in the
-        world. None: the frame is the world.
+        turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of all arrays above: a point
+            x is at turn x + place in the world. None: the frame is the world.
         morphs: morph targets instead of the skin, or None.
-        keys: metres of additional error that an exporter may cause by key reduction.
-        cubic: the cubic keys of bones and of the root's place, in the seconds of ``times``. A character that
-            has some is moved by nothing else.
+        keys: maximum additional error in metres that an exporter may cause by key reduction.
+        cubic: the cubic keys of bones and of the root's position, in the seconds of ``times``. Nothing else
+            moves a character that has some.
         error: deviation of the baked surface from the displayed one, or None if nothing was baked.
     """
 

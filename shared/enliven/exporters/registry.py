@@ -82,7 +82,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
 def _loaded(name: str, where: str, also: tuple[str, ...]) -> Exporter:
     """Returns the exporter of that name.
 
-    It is imported only now, so that a missing library stops no other.
+    It is imported only now, so that the missing library of one exporter does not disable the others.
     """
     if name in _BUILT_IN:
         module, _, attribute = _BUILT_IN[name].partition(":")

@@ -63,12 +63,12 @@ def performance_of(
 
     Args:
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
-        end: None takes the end of the character's last layer. Loops go on until all characters of the project
-            have ended, and to the end of a round.
+        end: end time in seconds. If None, it is the end of the character's last layer. Loops repeat until all
+            characters of the project have ended, and then complete their round.
         how: a puppet is baked as transforms with skin weights, or as morph targets.
         settings: accuracy of baking a puppet.
-        keyed: also samples at the key times of its clips' files, so that no jump becomes a ramp. Their cubic
-            keys are kept if nothing else moves the character, so that no curve becomes a row of frames.
+        keyed: True to also sample at the key times of its clips' files, so that no jump becomes a ramp. Their
+            cubic keys are kept if nothing else moves the character, instead of sampled frames.
 
     Raises:
         InputError: if the character does not exist, the times are invalid, or it lacks something to move.

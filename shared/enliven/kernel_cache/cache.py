@@ -1,4 +1,4 @@
-"""The cache that Numba asks for the machine code of a kernel."""
+"""The on-disk cache from which Numba loads the machine code of a kernel."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
     def _stem(self) -> str:
         """The readable part of the file names, and a hash of all but the argument types.
 
-        It is computed at the first call: globals that stand below the kernel in its file do not exist before.
+        It is computed at the first call, because globals below the kernel in its file do not exist earlier.
         """
         function = self._kernel.py_func
         options = sorted(self._kernel.targetoptions.items())
@@ -71,7 +71,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps a compiled kernel if the disk takes it and the code holds no addresses of this process."""
+        """Saves a compiled kernel, unless the code contains addresses of this process or the disk is full."""
         if data.lifted or data.library.has_dynamic_globals:
             name = self._kernel.py_func.__qualname__
             warnings.warn(f"{name} cannot be kept: it reads large global arrays or pointers", NumbaWarning, 2)
@@ -105,5 +105,5 @@ def _fields(signature: Iterable[Any]) -> Iterator[tuple[str, ...]]:
 
 
 def _hash(parts: tuple[str, ...]) -> str:
-    """Returns the first 20 hexadecimal digits of a hash of several texts: 80 bits, so no two kernels meet."""
+    """Returns a hash of several texts with 20 hexadecimal digits: 80 bits make collisions unlikely."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:20]

@@ -1,4 +1,4 @@
-"""Reports when kernels are compiled, and puts off garbage collection meanwhile."""
+"""Reports when kernels are compiled, and delays garbage collection during compilation."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from collections.abc import Callable, Iterator
 from numba.core import event
 
 _EVENT = "numba:compile"
-"""Numba's event for the compilation of one function; those that it calls are compiled within it."""
+"""Numba's event for the compilation of one function. Functions that it calls are compiled within it."""
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
     """Counts compiled functions of this process. Numba compiles in one thread at a time, under a lock.
 
-    Compiling makes many objects that live to its end. Collecting garbage among them takes a tenth of the time
-    and finds nothing, so it waits until the outermost function is compiled: at most 80 MB more.
+    Compilation makes many objects that live until its end. Garbage collection among them takes a tenth of the
+    time and frees nothing. So it is delayed until the outermost function is compiled, which takes at most
+    80 MB more.
     """
 
     def __init__(self) -> None:
@@ -46,7 +47,7 @@ _compilations = _Compilations()
 
 
 def listen_to_compiler() -> None:
-    """Starts counting and puts off garbage collection while Numba compiles, for the rest of the process."""
+    """Counts compilations and delays garbage collection during them, for the rest of the process."""
     event.register(_EVENT, _compilations)
 
 

@@ -33,7 +33,7 @@ _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")
 
 
 def fingerprint(kernel: FunctionType) -> str:
-    """Returns the hash, 64 hexadecimal digits, of a kernel's Python function and of all that it reaches."""
+    """Returns the hash (64 hexadecimal digits) of a kernel's Python function and of all code it reaches."""
     hashes, waiting = {}, [kernel]
     while waiting:
         function = waiting.pop()

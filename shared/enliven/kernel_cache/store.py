@@ -1,4 +1,4 @@
-"""Folders of compiled kernels: the user's own, and the one that a wheel brings."""
+"""Folders of compiled kernels: the user's own, and the one in an installed wheel."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 _MAX_UNUSED_S = 60 * 86400.0
-"""Seconds after which a file of the user's folder that no start asked for is deleted: two months."""
+"""Seconds after which an unused file in the user's folder is deleted: two months."""
 _SHIPPED = "enliven_kernels"
-"""Package with the compiled kernels of a release, in a folder ``kernels`` like that of the user."""
+"""Package with the compiled kernels of a release. Its folder ``kernels`` has the user folder's format."""
 
 
 @functools.cache
@@ -29,9 +29,9 @@ def shipped_folders() -> tuple[Path, ...]:
 
 @functools.cache
 def user_folder() -> Path | None:
-    """Returns the folder to write to: ``NUMBA_CACHE_DIR``, or one in the user's cache; None without a home.
+    """Returns the folder to write to: ``NUMBA_CACHE_DIR``, or one in the user's cache folder.
 
-    It belongs to the user alone, since machine code from it is run unchecked.
+    Returns None if the user has no home. Only the user may write to it, since its code runs unchecked.
     """
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(given)
@@ -46,7 +46,7 @@ def load_kernel(name: str) -> Any:
     own = user_folder()
     for folder in (*shipped_folders(), *(() if own is None else (own,))):
         path = folder / name
-        # Unpickling a damaged file may raise anything: it counts as missing, and is written again.
+        # Unpickling a damaged file may raise any exception. It counts as missing, and is written again.
         with contextlib.suppress(Exception):
             data = path.read_bytes()
             with contextlib.suppress(OSError):
@@ -56,11 +56,11 @@ def load_kernel(name: str) -> Any:
 
 
 def save_kernel(name: str, data: Any) -> None:
-    """Writes machine code into the user's folder, completely or not at all; ignores a full disk."""
+    """Writes machine code into the user's folder atomically. Does nothing if the disk is full."""
     folder = user_folder()
     if folder is None:
         return
-    from numba.core.serialize import dumps  # Not above: doctor asks for the folders where Numba is missing.
+    from numba.core.serialize import dumps  # Imported here, since doctor uses this module without Numba.
 
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -77,7 +77,7 @@ def save_kernel(name: str, data: Any) -> None:
 
 @functools.cache
 def _delete_unused(folder: Path) -> None:
-    """Deletes files that no start asked for in two months, once per process; also those of older versions."""
+    """Deletes files that were unused for two months, also those of older versions. Runs once per process."""
     for path in folder.iterdir():
         with contextlib.suppress(OSError):
             if path.is_file() and time.time() - path.stat().st_mtime > _MAX_UNUSED_S:

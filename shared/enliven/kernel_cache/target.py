@@ -1,4 +1,4 @@
-"""The processor that kernels are compiled for: a named level instead of this very machine."""
+"""The processor that kernels are compiled for: a named level instead of the exact host processor."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def choose_target() -> None:
     """Sets the best level of this processor as the target of all kernels that this process compiles.
 
     Does nothing if ``NUMBA_CPU_NAME`` or ``NUMBA_CPU_FEATURES`` asks for another target, if the processor has
-    no level, or if Numba has compiled something for this very machine already: a process has one target.
+    no level, or if Numba has already compiled code for the host processor. A process has only one target.
     """
     config = numba.core.config
     if config.CPU_NAME is not None or config.CPU_FEATURES is not None:

@@ -40,7 +40,7 @@ def _onward(skeleton: Skeleton, joint: int) -> int:
 
 
 def local_turns(skeleton: Skeleton, turns: Float) -> Float:
-    """Returns (T, N, 4) each bone's rotation relative to its parent, D_parent^-1 D, without sign jumps."""
+    """Returns rotations (T, N, 4) of bones relative to their parents, D_parent^-1 D, without sign jumps."""
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
@@ -48,7 +48,7 @@ def local_turns(skeleton: Skeleton, turns: Float) -> Float:
 
 
 def local_offsets(skeleton: Skeleton) -> Float:
-    """Returns (N, 3) each bone's joint relative to that of its parent: along the parent, at rest."""
+    """Returns the rest offset (N, 3) in metres of each bone's start joint from that of its parent bone."""
     offsets = np.zeros((len(skeleton), 3))
     offsets[1:] = skeleton.vectors[skeleton.parents[1:]]
     return offsets
@@ -77,7 +77,8 @@ class LocalMotion:
 def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotion:
     """Returns the motion of stretching nodes, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
 
-    A node cannot shear: a bone's shear relative to its parent is left out, but nothing below it.
+    A node cannot shear. So a bone's shear relative to its parent is left out, but its children keep their
+    transforms.
     """
     parents, above = skeleton.parents, np.maximum(skeleton.parents, 0)
     pivots, relative = joints[:, above], linear.copy()

@@ -92,7 +92,7 @@ class GltfScene(MeshScene):
         self.channel(times[kept], node, path, self.blob.add(stored))
 
     def curve(self, node: int, path: str, keys: CubicKeys) -> None:
-        """Adds a channel of cubic keys: their slope before, their value, and their slope after, in turn."""
+        """Adds a channel of cubic keys. Each is stored as incoming tangent, value, outgoing tangent."""
         rows = np.stack([keys.slopes[:, 0], keys.values, keys.slopes[:, 1]], 1)
         rows = rows.reshape(-1, rows.shape[2])
         if keys.turns:

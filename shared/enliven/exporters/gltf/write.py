@@ -36,7 +36,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
 _UPRIGHT = 1e-9
-"""Largest entry by which the axes of nodes may differ from the world's, in which curves are given."""
+"""Maximum entry-wise difference between the axes of nodes and the world axes with which curves are kept.
+Curves are given in world axes."""
 
 
 def write_gltf(

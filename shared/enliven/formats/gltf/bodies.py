@@ -1,4 +1,4 @@
-"""The joints of a glTF file as bodies: rest place, motion over time and the surface that each moves."""
+"""The joints of a glTF file as bodies: rest position, motion over time and the surface that each moves."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from enliven.meshes.gltf import GltfPart, GltfSurface
 from enliven.rotation import from_matrix, strain_of
 
 _STRETCHED = 1e-4
-"""Largest stretch of a joint beyond 1 that is rounding and no scale track."""
+"""Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
 
 
 def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
     """Returns a body for each joint.
 
     Args:
-        surface: of the file.
+        surface: the surface of the file, with its bind pose.
         chosen: the nodes that are joints.
         world: (F, n, 4, 4) world_from_node over all animations.
     """
@@ -50,7 +50,7 @@ def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[Lin
 
 
 def _skew(linear: Float) -> float:
-    """The largest stretch of (F, 3, 3) linear maps: 0 for rotations."""
+    """Returns the largest stretch of linear maps (F, 3, 3), minus 1: 0 for rotations."""
     if not len(linear):
         return 0.0
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
@@ -71,15 +71,17 @@ def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart]
 
 
 def _area(part: GltfPart, vertices: Float) -> Float:
-    """Returns (V,) m2 around each vertex, a third of each face; at least a tiny amount."""
+    """Returns the area (V,) in m2 of each vertex: a third of each of its faces, and never quite zero."""
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
     return np.asarray(np.bincount(part.faces.ravel(), np.repeat(third, 3), len(vertices)) + 1e-12, np.float64)
 
 
 def _far_end(start: Float, vertices: Float) -> Float:
-    """Returns (3,) the end of a bone from ``start`` through the middle of its vertices to the farthest
-    one."""
+    """Returns the end (3,) of a bone that leads from ``start`` through the middle of its vertices.
+
+    Its length reaches the farthest vertex in that direction.
+    """
     middle = (vertices.min(0) + vertices.max(0)) / 2 - start
     length = float(np.linalg.norm(middle))
     if length < 1e-9:

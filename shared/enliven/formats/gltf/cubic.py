@@ -1,9 +1,10 @@
-"""The cubic keys of a glTF animation, carried from the file's nodes to the bones that are made of them.
+"""Converts the cubic keys of a glTF animation from the file's nodes to the bones that are made from them.
 
-A bone turns by D_parent^-1 D = B_m W_m^-1 W_n B_n^-1, with the world turns W of the nodes n and m that the
-bone and the one before it follow, and B those of the bind pose. If one node between them is animated, that is
-a q c with constant unit quaternions a and c. Hermite's interpolation of q is linear in its keys and slopes,
-so a q c is the curve with the keys and slopes a (.) c; a and c do not change the length that is normalised.
+A bone rotates relative to its parent by D_parent^-1 D = B_m W_m^-1 W_n B_n^-1. Here W are the world rotations
+of the nodes n and m that the bone and its parent follow, and B those of the bind pose. If exactly one node
+between them is animated, that is a q c with constant unit quaternions a and c. Hermite interpolation of q is
+linear in its keys and slopes, so a q c is the curve with keys and slopes a (.) c. The factors a and c do not
+change the length that is normalised.
 """
 
 from __future__ import annotations
@@ -21,22 +22,26 @@ from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, ma
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _EVEN = 1e-5
-"""Relative difference of the sizes along three axes within which a node is scaled evenly."""
+"""Largest relative difference of scales along three axes with which a node's scale counts as uniform."""
 _STILL = 1e-9
-"""Largest change of a value of a channel that moves nothing: below float32's resolution."""
+"""Largest change of a value with which a channel counts as constant: below float32's resolution."""
 _UNIT = 1e-3
-"""By how much the length of a quaternion of the file may differ from 1: rounding of small integers."""
+"""Largest difference from 1 of the length of a quaternion in the file: rounding of small integers."""
 _SAME = 1e-4
-"""Radians, or share of the skeleton's length, by which a curve may be off the frames of its clip."""
+"""Maximum deviation of a curve from its clip's frames, in radians or as a fraction of the skeleton's size."""
 
 
 def with_cubic_keys(
     clip: Clip, animation: int, start: float, surface: GltfSurface, tree: Tree, chosen: list[int]
 ) -> Clip:
-    """Returns the clip with the cubic keys of its animation that its bones can have.
+    """Returns the clip with those cubic keys of its animation that can be converted to its bones.
 
     Args:
-        start: seconds of the file at which the clip begins.
+        clip: the clip.
+        animation: its number in the file.
+        start: time in the file at which the clip begins, in seconds.
+        surface: the surface of the file, with its bind pose.
+        tree: the bones, with the body that drives each.
         chosen: the node of each body.
     """
     file, bind = surface.file, surface.bind
@@ -62,7 +67,7 @@ def _is_cubic(sampler: Any) -> bool:
 
 
 def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
-    """The samplers that change something, by node and path."""
+    """Returns the samplers with changing values, by node and path."""
     found = file.document.animations[animation]
     made: dict[int, dict[str, Any]] = {}
     for channel in found.channels or []:
@@ -79,7 +84,7 @@ def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
 
 
 def _local(file: GltfFile, animation: int) -> Float:
-    """(n, 4, 4) the transforms of nodes when an animation begins; those of still nodes are the same later."""
+    """Returns the nodes' local transforms (n, 4, 4) at time 0. Those of still nodes never change."""
     at = animated_locals(file, animation, np.zeros(1))
     local: Float = matrices_of(at.translation, at.rotation, at.scale)[0]
     for node, matrix in at.fixed.items():
@@ -94,7 +99,10 @@ def _turning(
     bind: Bind,
     ends: tuple[int, int],
 ) -> tuple[Float, Float, Float] | None:
-    """The seconds, values and slopes of the turn of a node in one above it (-1: the world); or None."""
+    """Returns times, values and slopes of a node's rotation relative to an ancestor (-1: the world).
+
+    Returns None unless exactly one node between them rotates, with cubic keys, and none changes its scale.
+    """
     above, node = ends
     way = _way(file, above, node)
     turned = [one for one in way if "rotation" in channels.get(one, {})]
@@ -120,7 +128,10 @@ def _turning(
 def _travelling(
     file: GltfFile, channels: Mapping[int, Mapping[str, Any]], local: Float, node: int
 ) -> tuple[Float, Float, Float] | None:
-    """The seconds, values and slopes of a node's place in the world; None if something above it moves."""
+    """Returns times, values and slopes of a node's world position, or None if one of its ancestors moves.
+
+    It is also None if the position has no cubic keys.
+    """
     way = _way(file, -1, node)
     sampler = channels.get(node, {}).get("translation")
     if sampler is None or not _is_cubic(sampler) or any(one in channels for one in way[:-1]):
@@ -131,14 +142,14 @@ def _travelling(
 
 
 def _keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float, Float]:
-    """(K,) seconds, (K, C) values and (K, 2, C) slopes of a cubic sampler."""
+    """Returns the seconds (K,), values (K, C) and slopes (K, 2, C) of a cubic sampler."""
     rows = file.keys(sampler, path)
     rows = rows.reshape(-1, 3, rows.shape[1])
     return np.asarray(file.accessor(sampler.input)[:, 0], np.float64), rows[:, 1], rows[:, ::2]
 
 
 def _way(file: GltfFile, above: int, node: int) -> list[int]:
-    """The nodes from below one to another; all up to the world if the first is not above the other."""
+    """Returns the path of nodes from below ``above`` to ``node``, or from the root if it is no ancestor."""
     way = list[int]()
     while node >= 0 and node != above:
         way.append(node)
@@ -154,7 +165,7 @@ def _product(local: Float, nodes: list[int]) -> Float:
 
 
 def _turn(matrix: Float) -> Float | None:
-    """(4,) the turn of a transform that scales evenly and does not mirror; else None."""
+    """Returns the rotation (4,) of a transform, or None if it scales non-uniformly or mirrors."""
     linear = matrix[:3, :3]
     size = np.cbrt(np.linalg.det(linear))
     if not size > 0.0 or np.abs(linear.T @ linear / size**2 - np.eye(3)).max() > _EVEN:
@@ -163,7 +174,7 @@ def _turn(matrix: Float) -> Float | None:
 
 
 def _checked(clip: Clip, made: list[CubicKeys]) -> Clip:
-    """The clip with those curves that are at its frames where it is, all of them."""
+    """Returns the clip with those curves that agree with all of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)

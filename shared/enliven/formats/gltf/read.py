@@ -1,8 +1,8 @@
 """Rigged models from glTF 2.0 (.gltf, .glb), as shapes with the clips that came with them.
 
-The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree``
-for how joints become bones. What an animation moves or scales a joint by is kept as the offsets and strains
-of its clip; what no bone can follow is noted with its size.
+The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree`` for how joints
+become bones. Translations and scales of joints in an animation become the offsets and strains of its clip.
+Motion that no bone can follow is reported in a note with its size.
 """
 
 from __future__ import annotations
@@ -45,26 +45,27 @@ from enliven.meshes.gltf import (
 from enliven.rotation import continuous
 
 _TOLD = 1e-3
-"""Share of the model's size above which a motion that was left out gets a note: less is not visible."""
+"""Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
 
 _MOST_JOINTS = 4096
-"""As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
+"""Maximum number of joints: that of a pose on the wire (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _LATE = 0.1
-"""Seconds of a pause before the first key that get a note: programs that count frames from 1 leave less."""
+"""Minimum pause in seconds before the first key that gets a note. Programs that count frames from 1 leave
+less."""
 
 
 @dataclass
 class _Animation:
-    """One animation: its name, its samples among those of all, and when they are.
+    """One animation, with the times of its samples among the samples of all animations.
 
     Attributes:
-        name: the file's, or a number.
-        frames: its samples.
-        seconds: (K,) of them, from 0.
-        even: (F,) which of them are evenly spaced.
-        step: seconds between these.
-        number: of the animation in the file.
-        start: the file's seconds at its first sample.
+        name: the file's name for it, or one made from its number.
+        frames: its K samples among those of all animations.
+        seconds: (K,) times of the samples, from 0.
+        even: (F,) indices of the evenly spaced samples.
+        step: seconds between the evenly spaced samples.
+        number: its number in the file.
+        start: time in the file of its first sample, in seconds.
     """
 
     name: str
@@ -82,16 +83,17 @@ def read_gltf(
 ) -> Rig:
     """Reads a model from a glTF or GLB file.
 
-    A model without a rig gets one bone, from the middle of its foot to the middle of its top.
+    A model without a rig gets one bone, from the middle of its bottom to the middle of its top.
 
     Args:
-        name: the name for the shape; the file's name if empty.
-        height: metres to scale the model to; None takes it as modelled.
-        floor: put its lowest vertex on the floor.
-        weld: join vertices of one place that follow the same bones; see ``welded``.
+        path: path of the file.
+        name: name of the shape. If empty, the file's name is used.
+        height: height in metres to which the model is scaled. If None, it is not scaled.
+        floor: True to put its lowest vertex on the floor.
+        weld: True to join vertices at the same position that follow the same bones; see ``welded``.
 
     Raises:
-        InputError: where the file cannot be read, or has nothing to draw.
+        InputError: if the file cannot be read, or has no visible surface.
     """
     rig = _read(path, name)
     rig = resized(rig, height) if height is not None else rig
@@ -147,7 +149,7 @@ def _rigged(surface: GltfSurface) -> Rig:
 
 
 def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
-    """The animations, and (F, n, 4, 4) world_from_node over all their frames."""
+    """Returns the animations, and world_from_node (F, n, 4, 4) over the samples of all of them."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
         even = frame_times(file, number)
@@ -167,8 +169,11 @@ def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
 
 
 def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
-    """Returns the nodes that may be joints, parents before children: those of the used skins, those that
-    carry a mesh stiffly, and animated nodes between them."""
+    """Returns the nodes that may be joints, parents before children.
+
+    These are the joints of the used skins, the nodes with a rigidly attached mesh, and animated nodes between
+    them.
+    """
     named = {int(n) for p in parts if p.skin >= 0 for n in file.document.skins[p.skin].joints}
     named |= {part.carrier for part in parts if part.skin < 0}
     animated = {c.target.node for a in file.document.animations or [] for c in a.channels}
@@ -185,7 +190,7 @@ def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
 
 
 def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
-    """Returns four bones a vertex, for the joints that it follows in the file."""
+    """Returns skin weights with four bones for each vertex, from the joints that it follows in the file."""
     nodes: Int = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
     bone = np.zeros(max(body_of) + 1, np.uint16)
@@ -201,7 +206,10 @@ def _clip(
     tracks: tuple[Float | None, Float | None],
     taken: set[str],
 ) -> Clip:
-    """One animation; ``tracks`` are the offsets and strains of all of them, kept where this one has any."""
+    """Returns the clip of one animation.
+
+    ``tracks`` are the offsets and strains of all animations. The clip keeps those that are not all zero.
+    """
     name = unused(animation.name, taken)
     taken.add(name)
     turns = continuous(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
@@ -218,7 +226,7 @@ def _clip(
 
 
 def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
-    """(K, N) -1 where a bone is mirrored, else 1; None where none is."""
+    """Returns (K, N) -1 for mirrored bones and 1 for others, or None if no bone is mirrored."""
     made = np.ones((len(animation.seconds), len(tree.driver)))
     for j, driver in enumerate(tree.driver):
         mirrors = bodies[driver].mirrors
@@ -228,7 +236,7 @@ def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float
 
 
 def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
-    """Returns notes on what in the animations no bone follows, with its size."""
+    """Returns notes about motion in the animations that no bone follows, with its size."""
     away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _TOLD * size]
     if not away:
         return []

@@ -26,8 +26,8 @@ class Bind:
     """The bind pose.
 
     Args:
-        still: no clip moves the surface. Mirrored joints are then mirrored here, even if vertices are partly
-            bound to them.
+        still: True if no clip moves the surface. Mirrored joints are then mirrored here, even if vertices are
+            partly bound to them.
 
     Attributes:
         world: (n, 4, 4) world_from_node of every node, in the bind pose.
@@ -111,11 +111,11 @@ class Bind:
 
     @property
     def _moves(self) -> bool:
-        """Whether clips move the joints."""
+        """True if clips move the joints."""
         return bool(self._file.document.animations) and not self._still
 
     def _plain(self, node: int) -> Float:
-        """(4, 4) a node's rest transform without the unevenness of its own scale: clips have that."""
+        """Returns a node's rest transform (4, 4) with a uniform scale. Clips contain the true scale."""
         made: Float = self.rest[node].copy()
         size = np.abs(self._scale[node])
         made[:3, :3] /= size / np.cbrt(size.prod())
@@ -174,9 +174,10 @@ class Bind:
                 self.world[node][:3, :3] *= self._mirror(node)
 
     def _uneven(self, bound: Float, parent: int, node: int) -> Float:
-        """(3,) by how much more than on average the file scales a node along its axes than at binding.
+        """Returns the non-uniform part (3,) of a node's scale in the file relative to binding, per axis.
 
-        In a model with animations it is left to the clips: what turns below would be sheared against it.
+        In a model with animations it is 1, and the clips contain that scale. Otherwise children that rotate
+        would be sheared.
         """
         if self._moves:
             return np.ones(3)
@@ -199,7 +200,7 @@ def _size(matrix: Float) -> float:
 
 
 def _is_even(matrix: Float) -> bool:
-    """Whether a transform (4, 4) scales alike along all axes."""
+    """Returns True if a transform (4, 4) scales uniformly."""
     sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     return bool(sizes[0] - sizes[2] <= _GROWN * sizes[0])
 

@@ -34,7 +34,7 @@ class Blob:
         Its rows must be multiples of 4 bytes.
 
         Args:
-            target: the use by a graphics card, for vertices and faces.
+            target: the buffer's use on the GPU, for vertices and faces.
             normalised: True for integers that represent 0..1.
         """
         array = np.ascontiguousarray(array)
@@ -46,7 +46,7 @@ class Blob:
             componentType=_COMPONENTS[array.dtype],
             count=len(rows),
             type=_TYPES[rows.shape[1]],
-            # Of the stored numbers, as the format requires: exact in float32, and therefore in JSON.
+            # The format requires the bounds of the stored float32 numbers, which JSON represents exactly.
             min=rows.min(0).tolist(),
             max=rows.max(0).tolist(),
         )

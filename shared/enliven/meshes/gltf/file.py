@@ -76,7 +76,7 @@ class GltfFile:
         return self.wrong(f"it is damaged: {plain_reason(error)}")
 
     def keys(self, sampler: Any, path: str) -> Float:
-        """Returns (K, C) the values of a sampler, or (3 K, C) with their tangents.
+        """Returns the values of a sampler (K, C), or for a cubic one its values and tangents (3 K, C).
 
         Raises:
             InputError: if their number or width is wrong, or one is not finite.
@@ -133,7 +133,7 @@ class GltfFile:
         return self._human.get(node) or str(self.document.nodes[node].name or f"joint {node}")
 
     def accessor(self, index: int) -> AnyArray:
-        """Returns (N, C) the elements of an accessor.
+        """Returns the elements (N, C) of an accessor.
 
         Sparse elements are filled in. Normalised integers become -1..1 or 0..1.
         """
@@ -268,10 +268,10 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
 
 
 def _check_references(document: Entry) -> None:
-    """Raises an error for nodes and animations with references to missing entries.
+    """Checks that nodes, skins and animations refer only to existing entries.
 
     Raises:
-        InputError: with the first such entry.
+        InputError: for the first reference to a missing entry.
     """
     nodes, skins = document.nodes, document.skins
     used = {node.skin for node in nodes}

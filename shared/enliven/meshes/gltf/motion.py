@@ -22,7 +22,7 @@ _CLOSED = 1e-5
 _CURVED_STEP = 1 / 120
 """Maximum seconds between samples if channels are cubic: between frames a curve becomes a line."""
 _MUCH_GROWTH = 0.3
-"""Logarithm of the scale factor between two keys. Beyond it, more frames are inserted: a third larger."""
+"""Logarithm of the scale factor between two keys beyond which frames are inserted: a third larger."""
 _GROWTH_STEP = 1 / 240
 """Minimum seconds between these inserted frames."""
 _MOST_GROWTH = 64
@@ -267,7 +267,7 @@ def _keys(file: GltfFile, accessor: int) -> Float:
 
 
 def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Float) -> Float:
-    """Returns (F, C) a channel at ``times``, as glTF 2.0 appendix C defines it.
+    """Returns the values (F, C) of a channel at ``times`` (F,), as glTF 2.0 appendix C defines them.
 
     Values are held beyond the ends.
 
@@ -296,7 +296,7 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
 
 
 def _hermite(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
-    """Returns (F, C) the cubic Hermite spline through two keys with their tangents."""
+    """Returns values (F, C) of the cubic Hermite spline through two keys with their tangents."""
     p0, out = values[3 * before + 1], span * values[3 * before + 2]
     p1, into = values[3 * before + 4], span * values[3 * before + 3]
     return np.asarray(

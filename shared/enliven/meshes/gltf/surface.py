@@ -30,7 +30,7 @@ class GltfSurface:
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
-        notes: unusual or omitted content, a sentence each.
+        notes: a sentence about each unusual or omitted part of the content.
     """
 
     file: GltfFile
@@ -47,8 +47,8 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
 
     Args:
         name: name of the mesh. If empty, the file's name is used.
-        still: the surface will not be animated: mirrored joints are mirrored in it, and not only by the
-            clips.
+        still: True if the surface will not be animated. Mirrored joints are then mirrored in the surface
+            itself, and not only by the clips.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.

@@ -24,11 +24,11 @@ _LIST = 108.0
 _VIEW = (320.0, 240.0)
 """Width and height in pixels that a test image is fitted into, with any aspect ratio."""
 _GAP = 8.0
-"""Pixels between a test image and the panel."""
+"""Distance in pixels between a test image and the panel."""
 _BELOW = 60.0
-"""Pixels from the top of the panel to the top of a test image, which is next to the list."""
+"""Distance in pixels from the top of the panel to the top of a test image, which is next to the list."""
 _WORDS = 40.0
-"""Pixels of height below a test image: two lines."""
+"""Height in pixels of the text below a test image: two lines."""
 _POPUP = "look"
 """The name of the popup with a test image."""
 
@@ -112,7 +112,10 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
 
 
 def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
-    """Draw the last look through a camera in a popup next to the panel, as large while it is waited for."""
+    """Draws a camera's last test image in a popup next to the panel.
+
+    The popup has the same size while it waits for the image.
+    """
     wide = _VIEW[0] + 2 * imgui.get_style().window_padding.x
     imgui.set_next_window_pos(ImVec2(area.x - _GAP - wide, area.y + _BELOW))
     if not imgui.begin_popup(_POPUP):

@@ -12,10 +12,16 @@ from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 
 def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
-    """Draws it below the last lane, or at the bottom of the ``tall`` pixels if that is out of view.
+    """Draws the growing clip below the last lane, or at the bottom of the timeline if that is out of view.
+
+    Args:
+        workspace: the workspace with the recording.
+        layout: the layout of the timeline.
+        origin: top left corner of the timeline in pixels.
+        tall: height of the timeline in pixels.
 
     Returns:
-        Whether a recording is running.
+        True if a recording is running.
     """
     clip = workspace.perform.recording.clip
     if clip is None:

@@ -35,7 +35,7 @@ _LIMB = 0.075
 _HEAD = 0.11
 """Radius of a head in metres."""
 _SURE = 0.3
-"""Opacity of guessed parts; clearly seen ones have 1."""
+"""Opacity of body parts with confidence 0. Parts with confidence 1 are opaque."""
 _TEXT = 13.0
 """Text size in pixels in the inset."""
 

@@ -30,7 +30,7 @@ _COUNT = 150.0
 _BELOW = 64.0
 """Distance in pixels from the bottom at which the lines begin in Play: above the live timeline."""
 _LOW = 14.0
-"""The same distance elsewhere."""
+"""The same distance in other workspaces."""
 _HEARD = 96.0
 """Distance in pixels from the top to the lower end of the recognised words: below the recording time."""
 _AROUND = 14.0
@@ -118,10 +118,10 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
 
 
 def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> float:
-    """Draws what a press of Possess waits for, and which performers control what, one line each.
+    """Draws the condition that Possess waits for, and the characters that performers control, one line each.
 
     Returns:
-        Pixels from the bottom of the viewport to the top of the highest line; 0 without any.
+        Distance in pixels from the bottom of the viewport to the top of the highest line; 0 without lines.
     """
     begin = bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
     if perform.stepping_in.words:

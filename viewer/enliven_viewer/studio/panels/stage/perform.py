@@ -31,11 +31,11 @@ _STILL = 2.0
 """Default seconds of stillness that end a recording: longer than a dramatic pause."""
 _LOCAL = "127.0.0.1"
 _CHARACTERS = 98.0
-"""Pixels of height of the list of characters: four lines; more are scrolled."""
+"""Height in pixels of the list of characters: four lines. More lines scroll."""
 _LINES = ("waits ", "stands ", "remove ")
 """Beginnings of the names of widgets in the list of characters."""
 _REMOVE = 58.0
-"""Pixels at the right of a character on the stage, for the button that takes it away."""
+"""Width in pixels of the Remove button at the right of a character on the stage."""
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:
@@ -132,7 +132,7 @@ def _plain(address: str) -> str:
 
 
 def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
-    """Draws what there is to do without a stage; nothing of it moves as cameras are found."""
+    """Draws the options without a stage. No widget moves when cameras are found."""
     heading("Stage")
     words, colour = stage_words(perform)
     at = imgui.get_cursor_screen_pos()
@@ -298,9 +298,9 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
-    """Draws all characters, those of the project first, in a list of fixed height that is scrolled.
+    """Draws all characters, those of the project first, in a scrolling list of fixed height.
 
-    A character keeps its line as it comes onto the stage or leaves it, and as visitors bring theirs.
+    A character keeps its line when it enters or leaves the stage, and when other edges add their characters.
     """
     heading("Characters")
     editor = workspace.editor
@@ -328,7 +328,10 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
 
 
 def _reveal_list(workspace: Workspace) -> None:
-    """Scroll the panel to the list of characters if one of its lines is meant: it only scrolls itself."""
+    """Scrolls the panel to the list of characters if one of its lines is requested.
+
+    The list alone would scroll only its own lines.
+    """
     drawn = workspace.drawn
     if drawn.left_alone or not any(name.startswith(_LINES) for name in drawn.wanted):
         return
@@ -339,7 +342,10 @@ def _reveal_list(workspace: Workspace) -> None:
 
 
 def _character(workspace: Workspace, perform: PerformSession, name: str, room: float) -> None:
-    """Draws a line: the name, whether it is held or why it is not there, and what takes it away."""
+    """Draws one character's line: its name, its state, and the button that removes it from the stage.
+
+    The state is held, free, or the reason why the character is not on the stage.
+    """
     standing = name in perform.standing
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
@@ -363,7 +369,7 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
 
 
 def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
-    """Draws which performer steps in with which body parts, and the other ways to control a character."""
+    """Draws the choice of performer and body parts, and the other ways to control a character."""
     heading("Performer and body parts")
     present, choice = perform.performers, live.possession
     numbers = {live.numbers.number_of(body): body for body in present}

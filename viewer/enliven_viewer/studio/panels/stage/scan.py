@@ -55,17 +55,17 @@ _KEPT: dict[Kept, str] = {
     "all": later("All that was scanned"),
 }
 _BEFORE = 54.0
-"""Pixels of height for what a scan needs: three lines."""
+"""Height in pixels of the text about requirements of a scan: three lines."""
 _AGAIN = 58.0
-"""Pixels of height of the two buttons at the bottom before a scan."""
+"""Height in pixels of the two buttons at the bottom before a scan."""
 _END = 102.0
-"""Pixels of height of the buttons at the bottom during a scan: a tall one, and two others."""
+"""Height in pixels of the three buttons at the bottom during a scan, one of them tall."""
 _PROGRESS = 76.0
-"""Pixels of height for how far a scan is: a line, the bar, and a sentence; more is scrolled."""
+"""Height in pixels of the box with a scan's progress: a line, the bar, and a sentence. More text scrolls."""
 _PROGRESS_ROOMY = 140.0
-"""The same if the panel has room for what was noticed, too."""
+"""The same height if the panel has space for the notes of the scan, too."""
 _ROOMY = 520.0
-"""Least height in pixels of a panel with that room."""
+"""Minimum height in pixels of a panel with that space."""
 _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
 
@@ -135,7 +135,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
-    """Draw the button that goes on with the last scan."""
+    """Draws the button that continues the last scan."""
     imgui.begin_disabled(bool(scan.lacks_again()))
     again = tr("Add to {0}", scan.said.character or tr("the last scan"))
     if imgui.button(labelled(again, "again"), _WHOLE):
@@ -176,7 +176,7 @@ def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
 
 
 def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
-    """Draw the buttons that end a scan: it becomes a character, or is thrown away."""
+    """Draws the buttons that end a scan: Done makes a character, Cancel discards the scan."""
     making = scan.said.phase == "finishing"
     imgui.begin_disabled(making)
     with tinted((*GOOD[:3], 0.4), imgui.Col_.button):
@@ -196,7 +196,7 @@ def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
 
 
 def _progress(said: ScanMessage) -> None:
-    """Draws how far a scan is, in a box of fixed height: its words come and go, and push no button."""
+    """Draws the progress of a scan in a box of fixed height, so that changing text moves no button."""
     imgui.push_text_wrap_pos(0.0)
     places = tr(", in {0} places", said.places) if said.places > 1 else ""
     imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
@@ -214,7 +214,7 @@ def _progress(said: ScanMessage) -> None:
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:
-    """Draws the options for the content of the character."""
+    """Draws the choice of the scanned parts that the character keeps."""
     heading("What is kept")
     for kept, words in _KEPT.items():
         if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.keeps == kept):

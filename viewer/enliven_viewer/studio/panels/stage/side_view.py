@@ -25,7 +25,7 @@ _TEXT = 13.0
 
 
 def place_of_side_view(workspace: Workspace, area: Area) -> Area:
-    """Returns its area in the window: at the top right, or below the inset if that is there."""
+    """Returns the area of the side view in the window: at the top right, or below an inset there."""
     tall = min(max(_SHARE * area.height, _LEAST), _MOST, max(area.height / 2 - _MARGIN, 1.0))
     wide, top = _WIDE * tall, area.y + _MARGIN
     left = area.x + area.width - wide - _MARGIN
