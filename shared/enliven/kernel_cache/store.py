@@ -35,7 +35,7 @@ def user_folder() -> Path | None:
     """
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(given)
-    with contextlib.suppress(RuntimeError):  # There is no home.
+    with contextlib.suppress(RuntimeError):  # The user has no home folder.
         caches = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
         return (Path(caches) if caches else Path.home() / ".cache") / "enliven" / "kernels"
     return None

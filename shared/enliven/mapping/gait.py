@@ -2,7 +2,7 @@
 
 steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
-performer.home(foot, heading)   # the place of that joint below the body
+performer.home(foot, heading)   # the position of that joint below the body
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from enliven.motion.layers import travel_scale
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
 
 STRIDE_S = 1.0
-"""Seconds of a stride: the heading of a body is the mean over one."""
+"""Duration of a stride in seconds. The heading of a body is averaged over a stride."""
 _MIN_BELOW_RAISED = 0.0
 """The arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
 _MIN_BELOW_HANGING = 0.4
@@ -35,13 +35,13 @@ _MAX_SHUFFLE = 0.1
 _MIN_WALK = 0.4
 """Minimum speed of the feet relative to each other in a full walk, in leg lengths a second."""
 _WALK_BLEND_S = 0.3
-"""Seconds over which a foreleg changes from the performer's arm to the steps."""
+"""Duration in seconds of the transition of a foreleg between following the performer's arm and stepping."""
 _FOOT_HEIGHT = 0.15
-"""Fraction of the performer's height within which a joint of a leg is part of the foot."""
+"""Maximum height of the foot's joints above the lowest joint, as a fraction of the performer's height."""
 _STANDING_PERCENT = 25.0
 """Minimum time that a foot stands, in per cent of a take. Its slowest joint then gives its position."""
 _LOWEST_PERCENT = 5.0
-"""Per cent of a take in which a foot is as low as when it stands."""
+"""Percentile of a foot's height over a take that counts as its height while it stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ def posed_legs_that_step(shape: Shape, clip: Clip, plan: Plan) -> tuple[Skeleton
 
 
 def bones_that_only_step(shape: Shape, clip: Clip, plan: Plan) -> set[int]:
-    """Returns the bones of the legs that step and that no arm drives."""
+    """Returns the bones of those stepping legs that no arm drives."""
     return {bone for step in steps_of(shape, clip, plan) if step.arm is None for bone in step.limb.proper[1:]}
 
 
@@ -96,7 +96,7 @@ def leg_length(skeleton: Skeleton, leg: Sequence[int]) -> float:
 
 
 def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[SkeletonLimb, float]:
-    """Returns the legs that step, each with the performer's leg length in metres of the model's steps.
+    """Returns the legs that step, each with its step size: the performer's leg length, scaled, in metres.
 
     A model with long legs that takes short steps lifts its feet by a small fraction of their length.
     """
@@ -142,7 +142,7 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
 
 
 def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
-    """Returns the joints of a leg down to its ankle, or to the last one that is posed as the performer's."""
+    """Returns the joints of a leg down to its ankle, or to the last one that has the performer's pose."""
     leg = limb.proper[:1]
     for joint in leg_of(limb)[1:]:
         if joint not in posed:
@@ -167,7 +167,7 @@ def _performed_leg(
 
 
 def _driven(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
-    """Returns the bones that chains of a mode move at the take's own pace."""
+    """Returns the bones that chains of a mode move at the take's own speed."""
     found = set[int]()
     for chain in plan.chains:
         plain = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)
@@ -188,7 +188,7 @@ def _legs_of(theirs: Anatomy, number: int) -> Pair:
 
 
 def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
-    """Returns the joints of a leg down to where its foot begins."""
+    """Returns the joints of a leg down to the one at which its foot begins."""
     if limb.knots:
         return limb.main
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper

@@ -22,17 +22,18 @@ from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
 from enliven.rotation import IDENTITY
 
 _RATE = 60.0
-"""Largest number of moments a second at which the lowest point is searched: the rate of displays."""
+"""Maximum number of moments a second at which the lowest point is searched: the rate of common displays."""
 _LEVEL = 0.02
-"""Largest distance from y = 0, as a fraction of the height, of the lowest point of a shape without legs."""
+"""A shape without legs stands on the floor if its lowest point is within this fraction of its height of
+y = 0."""
 _ROLL = 0.04
 """Rise of the lowest joint while a foot rolls from heel to toe, as a fraction of the performer's height."""
 _GROUND = 5.0
-"""Per cent of a take's frames in which the lowest joint is below the floor that is assumed."""
+"""Percentile of the lowest joint's height over a take that is used as the height of the floor."""
 _TOUCH = 0.01
-"""Fraction of the height above the lowest point within which other points stand as well."""
+"""Points within this fraction of the height above the lowest point count as standing, too."""
 _SHORTEST = 0.1
-"""Smallest factor for a stride: a shape that shuffles still goes."""
+"""Smallest factor for a stride, so that a shape with shuffling legs still moves forward."""
 _LONGEST = 1.5
 """Largest factor for a stride. Feet that slide ahead would give a larger one."""
 _HAND = 1.5
@@ -74,12 +75,12 @@ def stands(shape: Shape) -> bool:
 
 
 def floor_of(shape: Shape) -> float:
-    """Returns the height in metres of the floor under a shape that stands at rest in its place."""
+    """Returns the height in metres of the floor under a shape that stands in its rest pose."""
     return float(_body_at_rest(shape)[:, 1].min() + shape.place[1])
 
 
 def _body_at_rest(shape: Shape) -> Float:
-    """Returns (V, 3) metres: the points of a shape's body at rest."""
+    """Returns the points (V, 3) in metres of a shape's body at rest."""
     rest = shape.skeleton.positions if shape.mesh is None else shape.mesh.vertices
     return np.asarray(rest[body_points(shape)])
 
@@ -209,9 +210,9 @@ def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
 
 
 def levelled(clip: Clip, chest: int) -> Clip:
-    """Returns the take with a root that turns about the vertical only, midway from hips to chest.
+    """Returns the take with a level root: it rotates about the vertical only, midway from hips to chest.
 
-    Bodies on four legs move like that. The limbs and the spine keep their turns in the world.
+    Bodies on four legs move like that. The limbs and the spine keep their world rotations.
     """
     towards = clip.turns[:, chest] * np.sign(np.sum(clip.turns[:, chest] * clip.turns[:, 0], 1))[:, None]
     turns = clip.turns[:, 0] + towards

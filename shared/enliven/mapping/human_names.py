@@ -6,7 +6,7 @@
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
 CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They disagree on words: a "Leg" is the shin in Mixamo and
 the thigh elsewhere, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle
-joint, which has the clearest names, and the names of the others are tried from the clearest to the vaguest.
+joint, which has the clearest names. The names of the other joints are tried from the clearest to the vaguest.
 """
 
 from __future__ import annotations

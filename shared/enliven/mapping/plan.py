@@ -18,7 +18,7 @@ Rest = Literal["auto", "zero", "first", "mean"]
 
 @dataclass(frozen=True)
 class ChainPlan:
-    """One chain of a take and the one of a shape that it drives."""
+    """A chain of a take, and the chain of a shape that it drives."""
 
     source: tuple[str, ...] = setting(
         (),

@@ -33,7 +33,7 @@ Spans = tuple[tuple[int, int], ...]
 """The first and the last frame of every contact of a foot with the floor."""
 
 _HEIGHT = 0.1
-"""Largest height of a standing foot above its lowest, in leg lengths. Floors of captures drift."""
+"""Largest height of a standing foot above its lowest position, in leg lengths. Floors of captures drift."""
 _SPEED = 0.4
 """Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet creep."""
 _PACE = 0.3
@@ -45,14 +45,15 @@ _SHORTEST_S = 0.05
 _RELEASE = 1.3
 """Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
 _LOWEST = 5.0
-"""Per cent of a take in which a foot is as low as when it stands."""
+"""Percentile of a joint's height over a take that counts as its height while the foot stands."""
 _BLEND_S = 0.1
-"""Seconds over which a foot goes from its performer's path to its place on the floor, and back."""
+"""Seconds over which a foot moves from the performer's path to its planted position, and back."""
 _SMOOTH_S = 0.05
 """Time in seconds over which the root's speed and height are smoothed. A shorter one makes the root jerk, a
 longer one bends the legs more."""
 _CLEAR = 0.7
-"""Smallest height of a foot in the air, as a fraction of the performer's, so that it does not scuff."""
+"""Smallest height of a foot in the air as a fraction of the performer's, so that it does not touch the
+floor."""
 _SCUFF = 0.03
 """Smallest height of a swinging foot in leg lengths, unless the performer's is lower: 25 mm on an adult."""
 _PATCH = 0.006
@@ -64,7 +65,7 @@ _DIRECTIONS = 128
 _BLOCK = 2048
 """Number of frames that are processed at a time, to bound the memory for all points of a foot."""
 _TINY = 1e-9
-"""Weight of the performer's own height while no foot stands."""
+"""Weight of the performer's own height, small enough to matter only while no foot stands."""
 _MAX_UNSPIN = np.radians(30.0)
 """Largest angle (radians) between the headings of a standing foot and the performer's: ankle and hip allow
 it."""
@@ -147,7 +148,7 @@ class Sole:
 
     Args:
         shape: the body, at rest.
-        bones: of the foot.
+        bones: the bones of the foot.
     """
 
     def __init__(self, shape: Shape, bones: Sequence[int]) -> None:
@@ -259,7 +260,7 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
 
 
 def _joined(spans: Spans, gap: int) -> Spans:
-    """Returns the spans, with those that are at most ``gap`` moments apart joined to one."""
+    """Returns the spans after joining those that are at most ``gap`` frames apart."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
         if joined and first - joined[-1][1] <= gap:
@@ -312,7 +313,7 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
     flies = _flying(stands, step)
     wanted = [floor - root[:, 1] - leg.sole for leg in legs]
     up = _smoothest(wanted, stands, smooth, 0.0)
-    # In the air the body rises until no foot is too low.
+    # While the body is in the air, raise it until no foot is too low.
     high = np.max([_CLEAR * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0)
     rises = np.where(high > up, flies, 0.0)
     root[:, 1] += _smoothest([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up

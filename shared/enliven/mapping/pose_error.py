@@ -28,7 +28,7 @@ from enliven.rotation import rotate, swing, unit
 _MOMENTS = 120
 """Maximum number of frames that are compared. A dozen of them are then above a limb's 90th percentile."""
 _SEGMENTS = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
-"""Names of the segments of a limb, by whether it stands on the floor and how many it has."""
+"""Names of a limb's segments, by (stands on the floor, number of segments)."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _driven_segments(
 
 
 def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> str:
-    """Returns the name of a segment of a limb of the pair ``number``, from 1."""
+    """Returns the name of a segment of a limb. ``number`` is that of its pair, counted from 1."""
     names = _SEGMENTS.get((limb.grounded, count), ()) if limb.knots else ()
     if names:
         return names[segment]
@@ -156,6 +156,6 @@ def _expected(
 
 
 def _degrees_between(one: Float, other: Float) -> Float:
-    """Returns (T,) the angles between vectors (T, 3)."""
+    """Returns the angles (T,) in degrees between vectors (T, 3)."""
     cosines = np.sum(unit(one) * unit(other), axis=1)
     return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))

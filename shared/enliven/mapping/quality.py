@@ -1,4 +1,4 @@
-"""The quality of a retargeted motion: pose, stretch, floor, slide, and parts inside one another.
+"""The quality of a retargeted motion: pose, stretch, floor contact, foot sliding, and self-intersection.
 
 Pose is the angle between the limbs and the performer's (:mod:`enliven.mapping.pose_error`).
 
@@ -32,7 +32,8 @@ have 1.1 to 1.5."""
 THROUGH = 0.03
 """Largest fraction of a surface inside other parts. The clips that come with models reach it."""
 LEVEL = 0.03
-"""Largest distance of the lowest point from the floor, as a fraction of the height: beyond it feet hover."""
+"""Largest distance of the lowest point from the floor, as a fraction of the height. Beyond it feet visibly
+hover."""
 SLIDE = 20.0
 """Largest slide of standing feet in cm/s. Half of the test data's pairs of take and model have at most 8."""
 POSE = 8.0
@@ -46,20 +47,20 @@ _SLIVER = 1e-3
 _THIN = 0.02
 """Ratio of height to length below which a triangle is a sliver, which looks like a line on the screen."""
 _CRUMB = 1e-4
-"""Fraction of the surface below which a separate part of the mesh is a crumb that modelling left behind."""
+"""A separate part of the mesh below this fraction of the surface is a crumb: a leftover of modelling."""
 _SAME = 1e-5
 """Distance, as a fraction of the size, within which vertices count as one."""
 _TOUCH = 0.03
 """Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
 _IN_AIR = 0.005
-"""Height of the lowest point in a leap, as a fraction of the shape's: 8 mm on an adult."""
+"""Minimum height of the lowest point in a leap, as a fraction of the shape's height: 8 mm on an adult."""
 _APART = 1.0 / 60.0
 """Seconds between the two moments that are compared for a slide: a frame of common displays."""
 _STANDING = 10.0
 """Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
 swinging foot."""
 _WITHIN = 0.05
-"""Weight of a measure within its bound, compared with one beyond it."""
+"""Weight of a measure's value within its bound, compared with its excess beyond the bound."""
 _NAMED = 4
 """Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
 
@@ -180,7 +181,7 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
 
 
 def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
-    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at moments over a duration in seconds."""
+    """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T moments of ``duration`` seconds."""
     edges, rest = edges_of(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MOMENTS)
     return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])

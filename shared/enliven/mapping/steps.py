@@ -32,7 +32,7 @@ from enliven.motion.layers import Player, bind_chain, clear_chain
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp
 
 _RATE = 60.0
-"""Largest number of moments a second at which steps are computed: the rate of common displays."""
+"""Maximum number of moments a second at which steps are computed: the rate of common displays."""
 _TILT = np.radians(30.0)
 """Largest tilt of a foot (radians) to clear the floor. An ankle allows 20 to 50 degrees."""
 _TRIED = 7
@@ -155,7 +155,7 @@ def _leg_in_pose(
     turns: Float,
     joints: Float,
 ) -> PosedLeg:
-    """Returns a leg in the performer's pose, over time, for a root of the body at (T, 3) metres."""
+    """Returns a leg in the performer's pose over time, for a path ``root`` (T, 3) of the body in metres."""
     length, spans = leg_length(skeleton, step.leg), _spans(skeleton, step, performer, root)
     heights = performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.tall[:, None]
     clear = performer.scale * clearance_of(heights, spans)
@@ -163,7 +163,7 @@ def _leg_in_pose(
 
 
 def _spans(skeleton: Skeleton, step: LegStep, performer: PerformerGait, root: Float) -> Spans:
-    """Returns the contacts of the performer's foot of a step, for a root of the body at (T, 3) metres."""
+    """Returns the contacts of the performer's foot, for a path ``root`` (T, 3) of the body in metres."""
     # A model without toes leaves the floor together with the ball of the performer's foot.
     ball, *tip = step.by_toes or step.by.chain[-1:]
     rolls_on = [step.by_leg[-1], ball, *tip] if step.toes else [ball]
@@ -222,7 +222,7 @@ def _tilt_foot(
         ]
     )
     risen -= risen[0].copy()
-    # The smallest angle that is enough, or the best one.
+    # Choose the smallest tilt that gives the required lift, or else the one with the largest lift.
     enough = risen >= np.minimum(lift[low], risen.max(0))
     angles[low] = tried[enough.argmax(0)] * up[low]
     angles = scipy.ndimage.uniform_filter1d(angles, 2 * max(round(_EASING / pace), 1) + 1, mode="nearest")
@@ -267,7 +267,7 @@ def _bend(
 def _reach(
     skeleton: Skeleton, chain: Sequence[int], weights: Float, goals: Float, turns: Float, joints: Float
 ) -> None:
-    """Bends a limb so that its end moves to its goals (T, 3) by the fractions ``weights`` (T,).
+    """Bends a limb so that its end moves to ``goals`` (T, 3), by the fraction ``weights`` (T,) of the way.
 
     Changes turns (T, N, 4) and joints (T, N, 3) in place. The foot keeps its orientation.
     """
@@ -339,7 +339,7 @@ def _evenly(drops: Float, step: float) -> Float:
 
 
 def _even(headings: Float, count: int) -> Float:
-    """Returns headings (T, 4) averaged over ``count`` moments: feet do not turn as a body sways."""
+    """Returns headings (T, 4) averaged over ``count`` moments, so that feet do not turn as the body sways."""
     angles = np.unwrap(2.0 * np.arctan2(headings[:, 2], headings[:, 0]))
     even = scipy.ndimage.uniform_filter1d(angles, max(count, 1), mode="nearest") / 2.0
     return np.stack([np.cos(even), 0.0 * even, np.sin(even), 0.0 * even], axis=1)

@@ -32,7 +32,7 @@ def _needed(values, times, tolerance, turns):
     begin = kept[0]  # a literal 0 would be another type, and _holds would be compiled again for it
     last = len(values) - 1
     while begin < last:
-        # Double the step as long as it holds, then bisect.
+        # Double the step while all frames stay within the tolerance, then bisect.
         good, step = begin + 1, 2
         while begin + step <= last and _holds(values, times, begin, begin + step, tolerance, turns):
             good, step = begin + step, 2 * step
@@ -67,7 +67,7 @@ def _holds(values, times, begin, end, tolerance, turns):
             off += (shown - values[f, c]) ** 2
             same += (shown + values[f, c]) ** 2
         if turns:
-            # A chord on the sphere of quaternions is half the rotation angle.
+            # For small angles, the distance of two quaternions is half of the rotation angle between them.
             off = 4.0 * min(off, same)
         if off > tolerance * tolerance:
             return False

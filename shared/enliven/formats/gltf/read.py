@@ -77,7 +77,7 @@ class _Animation:
     start: float
 
 
-@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
+@np.errstate(all="ignore")  # numbers of a damaged file overflow before they are checked
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:

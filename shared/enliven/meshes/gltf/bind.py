@@ -55,7 +55,7 @@ class Bind:
         self._resize(known, parts)
 
     def vertices(self, part: GltfPart) -> Float:
-        """Returns (V, 3) metres: a part in the bind pose, by its own skinning."""
+        """Returns the vertices (V, 3) in metres of a part in the bind pose, by its own skinning."""
         if part.skin < 0:
             matrix = self.world[part.carrier]
             return np.asarray(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
