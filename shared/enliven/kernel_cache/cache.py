@@ -33,7 +33,7 @@ def keep(kernel: Any) -> Any:
     """Lets the machine code of a kernel outlive the process.
 
     Returns:
-        The same kernel. A plain function, which ``NUMBA_DISABLE_JIT`` makes of it, is returned unchanged.
+        The same kernel. If ``NUMBA_DISABLE_JIT`` is set, it is a plain function and returned unchanged.
     """
     if isinstance(kernel, Dispatcher):
         kernel._cache = KernelCache(kernel)

@@ -42,7 +42,7 @@ def user_folder() -> Path | None:
 
 
 def load_kernel(name: str) -> Any:
-    """Returns what was saved under a name, or None if no folder has a readable file of that name."""
+    """Returns the data that was saved under a name, or None if no folder has a readable file with it."""
     own = user_folder()
     for folder in (*shipped_folders(), *(() if own is None else (own,))):
         path = folder / name

@@ -4,7 +4,7 @@ An upright skeleton with the joint names of a person (:mod:`enliven.mapping.huma
 its names: weapons, hair, capes and twist bones are not limbs. Every other skeleton is divided by geometry.
 
 Division by geometry first ignores small branches such as fingers, ears and a jaw. A branch at a fork is small
-if it has such a name. It is also small if it is short compared with the whole skeleton, or with the path from
+if its name says so. It is also small if it is short compared with the whole skeleton, or with the path from
 the root to the fork. The remaining joints form chains between forks and ends. Chains between forks are the
 trunk, chains to an end are limbs. Two limbs that mirror each other are a pair. Of the unpaired limbs, the one
 that leads most forward and up is the head, and the one that leads most backward and down is the tail.
@@ -47,7 +47,7 @@ _PALM = 0.02
 """Minimum length of the bone to the first joint of a finger, as a fraction of the longest branch, with which
 that bone is a palm."""
 _ASIDE = 0.15
-"""A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb goes on
+"""A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb continues
 along its longest branch only."""
 _ALIKE = 0.15
 """Maximum relative difference in length of the two limbs of a pair."""

@@ -78,8 +78,8 @@ class _Line:
 class _Turns:
     """The rotations from the performer's axes to the model's, for plain and mirrored chains.
 
-    A layer mirrors in the plane x = 0 of the take. A rotation by twice the performer's facing makes that the
-    plane between their left and right.
+    A layer mirrors in the plane x = 0 of the take. An additional rotation by twice the performer's facing
+    turns that into mirroring in the plane between their left and right.
     """
 
     def __init__(self, theirs: float, ours: float) -> None:
@@ -187,7 +187,7 @@ def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | Non
 
 
 def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
-    """Returns a project in which the sibling bones of a chain's bones copy their motion.
+    """Returns a project in which bones that share a parent joint with a chain's bone copy its motion.
 
     A joint of a rig rotates all of its children: fingers with a hand, hair with a head, a twist bone with its
     forearm. Bones that move already, or have a descendant that moves, are not changed.

@@ -76,8 +76,9 @@ _STANDS = np.radians(45.0)
 def automatic(clip: Clip, shape: Shape) -> Plan:
     """Returns the automatic mapping of a whole body.
 
-    If both bodies are upright and have the same numbers of leg and arm pairs, the model gets the performer's
-    pose (mode "pose"). Other models keep their own rest pose and move from it (mode "move").
+    The model gets the performer's pose (mode "pose") if both bodies have the same numbers of leg and arm
+    pairs, point in similar directions, and are upright. Identical skeletons need not be upright. Other models
+    keep their own rest pose and move from it (mode "move").
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
     mode = _mode(clip.skeleton, source, shape.skeleton, target)
@@ -210,8 +211,8 @@ def with_feet_pinned(
 ) -> Project:
     """Returns the project with feet locked while they stand (foot lock).
 
-    The locked joint is the one at which the foot begins. Legs that step reach the floor already, so the body
-    is not lowered for them.
+    The locked joint is the ankle, at which the foot begins. Legs that step reach the floor already, so the
+    body is not lowered for them.
 
     Args:
         project: contains the shape.

@@ -1,4 +1,4 @@
-"""Joint limits: the limbs of a model that is not a person stay within what its body can do.
+"""Joint limits: keeps the joints of a model that is not a person within their ranges of motion.
 
 limited(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
 

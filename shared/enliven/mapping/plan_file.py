@@ -78,8 +78,8 @@ def write_plan(plan: Plan, path: Path | str) -> None:
 def plan_text(plan: Plan) -> str:
     """Returns the text of a mapping file.
 
-    It contains all values of the plan that are not None. Of each chain it contains source, target and mode,
-    and the other values that differ from their defaults.
+    It contains all values of the plan that are not None. For each chain it contains source, target and mode,
+    and any values that differ from their defaults.
     """
     lines = [_HEAD]
     for field in dataclasses.fields(Plan):

@@ -376,7 +376,8 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
 def _clearance(leg: PosedLeg, flies: Float) -> Float:
     """Returns the smallest height (T,) in metres of a foot above the floor while it swings.
 
-    While the body is in the air, it is most of the performer's. Otherwise the foot just clears the floor.
+    While the body is in the air, it is a large fraction of the performer's height. Otherwise the foot just
+    clears the floor.
     """
     clear = _CLEAR * leg.clear
     return np.asarray(np.maximum(flies * clear, np.minimum(clear, _SCUFF * leg.length)))

@@ -6,7 +6,7 @@ Stretch is the length of an edge of the mesh divided by its length at rest. Abov
 look like a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and
 of tiny separate parts do not count: their stretch is not visible.
 
-Floor and slide are those of the body. An object that a hand carries does not count.
+Floor contact and foot sliding are measured for the body. An object that a hand carries does not count.
 """
 
 from __future__ import annotations
@@ -193,8 +193,10 @@ def quality_of(
     """Returns the quality of a shape's motion.
 
     Args:
-        clip: the performer's.
-        duration: seconds.
+        project: contains the moving shape.
+        shape_id: ID of the shape.
+        clip: the performer's take.
+        duration: duration of the motion in seconds.
         plan: the mapping that moves the shape. Without one, the pose is not compared.
     """
     shape = project.shape(shape_id)

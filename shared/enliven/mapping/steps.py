@@ -113,7 +113,7 @@ def _played(skeleton: Skeleton, step: LegStep) -> list[tuple[int, ...]]:
 def _planted(
     shape: Shape, steps: Sequence[LegStep], performer: PerformerGait, turns: Float, joints: Float
 ) -> list[Float]:
-    """Moves the body of posed legs so that their feet stand still; changes turns and joints in place.
+    """Moves the body of posed legs so that their feet stand still; changes ``turns`` and ``joints`` in place.
 
     Returns:
         For each leg, the offset (T, 3) in metres that remains for its foot.
@@ -180,7 +180,7 @@ def _hold_heading(
     turns: Float,
     joints: Float,
 ) -> None:
-    """Keeps a foot from spinning about the vertical while it stands; changes turns and joints in place."""
+    """Keeps a standing foot from spinning about the vertical; changes ``turns`` and ``joints`` in place."""
     if not step.toes:
         return
     ankle, length = step.leg[-1], leg_length(skeleton, step.leg)
@@ -190,7 +190,10 @@ def _hold_heading(
 
 
 def _turn_foot(skeleton: Skeleton, ankle: int, turning: Float, turns: Float, joints: Float) -> None:
-    """Rotates all bones below an ankle about it by ``turning`` (T, 4); changes turns and joints in place."""
+    """Rotates all bones below an ankle about it by ``turning`` (T, 4).
+
+    Changes ``turns`` and ``joints`` in place.
+    """
     for j in skeleton.below(ankle)[1:]:
         turns[:, j] = multiply(turning, turns[:, j])
         joints[:, j] = joints[:, skeleton.parents[j]] + rotate(turns[:, j], skeleton.vectors[j])
@@ -201,7 +204,7 @@ def _tilt_foot(
 ) -> None:
     """Rotates a foot about its ankle to raise its toes or heel by ``lift`` (T,) metres, as far as it can.
 
-    Changes turns (T, N, 4) and joints (T, N, 3) in place. Any remaining lift is left to the leg.
+    Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. Any remaining lift is left to the leg.
 
     Args:
         pace: seconds between two moments.
@@ -253,7 +256,7 @@ def _out_of_reach(skeleton: Skeleton, step: LegStep, goals: Float, joints: Float
 def _bend(
     skeleton: Skeleton, step: LegStep, performer: PerformerGait, goals: Float, turns: Float, joints: Float
 ) -> None:
-    """Bends a leg so that its end reaches ``goals`` (T, 3); changes turns and joints in place."""
+    """Bends a leg so that its end reaches ``goals`` (T, 3); changes ``turns`` and ``joints`` in place."""
     chain, heading = step.leg, heading_of(turns[:, 0])
     weights = np.ones(len(turns)) if step.arm is None else performer.walks(step.arm)
     moved = {bone for path in _played(skeleton, step) for bone in path[1:]}
@@ -269,7 +272,7 @@ def _reach(
 ) -> None:
     """Bends a limb so that its end moves to ``goals`` (T, 3), by the fraction ``weights`` (T,) of the way.
 
-    Changes turns (T, N, 4) and joints (T, N, 3) in place. The foot keeps its orientation.
+    Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. The foot keeps its orientation.
     """
     middle, side = bend_of(skeleton, chain)
     kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
@@ -286,10 +289,10 @@ def _lift_forelegs(
     turns: Float,
     joints: Float,
 ) -> None:
-    """Bends forelegs that an arm drives until they are above the floor; changes turns and joints in place.
+    """Bends forelegs that an arm drives until they are above the floor.
 
-    An arm that hangs or punches can push a foreleg below the floor. The lowest point of the body is kept on
-    the floor later, so such a foreleg would lift the other feet off it.
+    Changes ``turns`` and ``joints`` in place. An arm that hangs or punches can push a foreleg below the
+    floor. The lowest point of the body is put on the floor later, so that foreleg would lift the other feet.
 
     Args:
         times: (T,) seconds.

@@ -40,7 +40,7 @@ MOST_PLACES = 1 << 23
 class Locals:
     """Each node's own translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale (F, n, 3).
 
-    A node with a matrix instead has it in ``fixed`` (glTF: such a node is never animated).
+    A node with a matrix instead has it in ``fixed`` (in glTF, such a node is never animated).
     """
 
     translation: Float

@@ -1,4 +1,4 @@
-"""Draws live information over the view: which performer controls what, matches, count-in and recording."""
+"""Draws live information over the view: performers with their characters, matches, count-in and recording."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _LEAST = 240.0
 
 
 def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
-    """Draws over the viewport; ``pace`` is the frames per second."""
+    """Draws the live information over the viewport. ``pace`` is the frame rate in frames per second."""
     perform = workspace.perform
     live = perform.live
     workspace.widgets.pop("holders", None)

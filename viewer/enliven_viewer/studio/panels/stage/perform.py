@@ -82,7 +82,7 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
 def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
     """Draws the button that starts or ends a recording.
 
-    A press means what the label said when the button was pressed.
+    A click triggers the action that the label named when the mouse button went down.
     """
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", time_text(recording.seconds)), filled(BAD)
