@@ -166,8 +166,11 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         assert list(editor.project.characters) == ["chair"], kind
         chair = editor.project.graph("chair")
         assert chair.mesh is not None and len(chair.mesh.vertices) == len(mesh.vertices)
-        moved = [vertices_of(editor.project, "chair", second) for second in (0.1, 0.5)]
-        assert np.abs(moved[1] - moved[0]).max() > 0.01
+        moved = np.stack(
+            [vertices_of(editor.project, "chair", second) for second in np.linspace(0.1, 0.7, 7)]
+        )
+        # The dance that is recorded depends on the clock: in a slow moment it moves by 1 cm in 0.4 s.
+        assert np.ptp(moved, axis=0).max() > 0.005
         editor.undo()
         assert editor.project.characters["chair"].kind == before
 
