@@ -97,13 +97,14 @@ def run(
     moves |= {"possess_at": possess_at, "up": up}
     source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
     source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
-    # For a film the edge waits for its viewer, so that no frame is lost.
+    # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
     edge = _words("edge", **source, **moves, **kept, **where)
     again = _words("edge", **source, **moves, **{**kept, "record": _record_again(record)}, **where)
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
     view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
-    # The edge compiles and prepares the mesh before it listens, a minute the very first time.
+    # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
+    # minute.
     processes = [
         Process(
             "edge",

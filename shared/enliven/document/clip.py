@@ -154,7 +154,8 @@ class CubicKeys:
         for side, step in ((0, -1), (1, 1)):
             own_slopes = self.slopes[at, side]
             slopes[is_own, side] = _tangential(self.values[at], own_slopes)[is_own]
-            # Towards a whole piece a key of the file keeps its slope to the bit.
+            # If the piece between two keys of the file is kept whole, its keys keep the exact slopes of the
+            # file.
             beside = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
             whole = is_own & is_own[beside] & (np.abs(at[beside] - at) == 1)
             slopes[whole, side] = own_slopes[whole]

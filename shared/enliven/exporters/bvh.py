@@ -148,7 +148,7 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
         """
         alone = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not moves[ends[0]]
         end = skeleton.vectors[ends[0]] if alone else None if ends or more else np.zeros(3)
-        # Many readers end a name at a blank.
+        # Many readers treat a space as the end of a name, so replace spaces by underscores.
         own = unused("_".join(name.split()) or "joint", taken, "_")
         taken.add(own)
         offset = np.zeros(3) if at < 0 else skeleton.vectors[at]

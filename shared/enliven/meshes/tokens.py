@@ -76,7 +76,8 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
         WrongWord: for a word that is not such a number.
     """
     with warnings.catch_warnings():
-        # Text that is not a number ends the parsing with a warning in some versions, an error in others.
+        # If the text is not a number, some versions of NumPy end the parsing with a warning, others with an
+        # error.
         warnings.simplefilter("error", DeprecationWarning)
         try:
             return np.fromstring(text, dtype, sep=" ") if text.strip() else np.empty(0, dtype)

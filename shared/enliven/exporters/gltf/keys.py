@@ -29,10 +29,12 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
 def _needed(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
-    begin = kept[0]  # a literal 0 would be another type, and _holds would be compiled again for it
+    # Read the zero from the array: a literal 0 has another Numba type, for which Numba would compile _holds
+    # again.
+    begin = kept[0]
     last = len(values) - 1
     while begin < last:
-        # Double the step as long as it holds, then bisect.
+        # Double the step while linear interpolation stays within the tolerance, then bisect.
         good, step = begin + 1, 2
         while begin + step <= last and _holds(values, times, begin, begin + step, tolerance, turns):
             good, step = begin + step, 2 * step
@@ -67,7 +69,8 @@ def _holds(values, times, begin, end, tolerance, turns):
             off += (shown - values[f, c]) ** 2
             same += (shown + values[f, c]) ** 2
         if turns:
-            # A chord on the sphere of quaternions is half the rotation angle.
+            # For quaternions, the chord on the unit sphere is half of the rotation angle, so its square is
+            # multiplied by four.
             off = 4.0 * min(off, same)
         if off > tolerance * tolerance:
             return False

@@ -76,7 +76,7 @@ class _Animation:
     start: float
 
 
-@np.errstate(all="ignore")  # numbers of a damaged file overflow on their way to the checks
+@np.errstate(all="ignore")  # Numbers of a damaged file may overflow before they are checked.
 def read_gltf(
     path: Path | str, *, name: str = "", height: float | None = None, floor: bool = False, weld: bool = False
 ) -> Rig:

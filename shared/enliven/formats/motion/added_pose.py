@@ -80,7 +80,7 @@ def _leading(places: Float, seconds: float, rest: Float | None, only_rest: bool)
     moving = np.flatnonzero(steps > _STILL)
     held = int(moving[0]) if len(moving) else 0
     fade = max(round(_LONGEST_FADE_S / seconds), 1)
-    # The other end may have a pose of its own.
+    # Leave out the other end as well, because it may have an added pose of its own.
     others = steps[held + fade : len(steps) - fade]
     if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
         return 0

@@ -141,7 +141,8 @@ def read_bvh(path: Path | str) -> Capture:
     with open_file(path) as file:
         head = file.read(_MAX_HEAD_BYTES)
     if len(head) == _MAX_HEAD_BYTES and "MOTION" not in decode_text(head).upper():
-        # A hierarchy of this length has a wrong line, which is found without the rest of the file.
+        # A hierarchy of this length must contain a wrong line. Parse only this part, which is enough to
+        # report the line.
         words = _Words(path, decode_text(head))
         _begin_file(words)
         _read_hierarchy(words)

@@ -103,7 +103,8 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
     if not tops:
-        # Joints side by side that each move a little (a baked surface): the one that moves most of it.
+        # If several sibling joints each move a little, as on a baked surface, take the joint that moves most
+        # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
     made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
     links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
@@ -169,7 +170,8 @@ def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Flo
     inside = {j for j in range(len(bodies)) if tops[j] == root}
     waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
     while waiting:
-        # Those whose parent is in the tree already come first: what hangs on them must find them there.
+        # Attach bodies first if their parent is already in the tree, because their own children may have to
+        # be attached to them.
         t = next((t for t in waiting if before[t] in inside), waiting[0])
         waiting.remove(t)
         parents[t] = _home(bodies, t, before[t], inside, off)

@@ -46,7 +46,8 @@ class Blob:
             componentType=_COMPONENTS[array.dtype],
             count=len(rows),
             type=_TYPES[rows.shape[1]],
-            # Of the stored numbers, as the format requires: exact in float32, and therefore in JSON.
+            # The format requires the bounds of the stored numbers. These are exact in float32, and therefore
+            # also in JSON.
             min=rows.min(0).tolist(),
             max=rows.max(0).tolist(),
         )
