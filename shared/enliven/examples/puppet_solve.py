@@ -160,7 +160,7 @@ class _Solve:
             pull += following.next(wanted - pull, stands)
             pulls[frame], held[frame] = pull, following.held
         if self.took.step < how.blend:
-            # Fade the feet's displacements to zero at the end. They begin at zero too, so the take can be looped.
+            # Fade the feet's displacements to zero at the end. They begin at zero too, so the take can loop.
             held *= np.minimum(np.arange(len(held))[::-1] * self.took.step / how.blend, 1.0)[:, None]
         by = from_floor(pulls)
         placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])

@@ -117,8 +117,8 @@ def add_geometric(x, raw, stretch, start, lower):
         xy, xz, yz = 0.25 * (rows[1] + rows[4]), 0.25 * (rows[2] + rows[8]), 0.25 * (rows[6] + rows[9])
         square = xx * yy - xy * xy
         cube = xz * (xy * yz - xz * yy) + yz * (xy * xz - xx * yz) + zz * square
-        # Sylvester's criterion: if the term is definite, add it as a whole, otherwise add nothing. Most terms
-        # are definite.
+        # Test definiteness by Sylvester's criterion. A negative definite term is skipped, a positive definite
+        # one is added unchanged, and of any other only the positive part is added. Most terms are definite.
         if square > 0.0 and xx < 0.0 and cube < 0.0:
             continue
         if not (square > 0.0 and xx > 0.0 and cube > 0.0):

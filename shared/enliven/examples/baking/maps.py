@@ -54,8 +54,8 @@ class Maps:
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
         typical = max(float(spread.mean()), 1e-30)
         self._pull = np.empty((count, 4))
-        # A transform with few vertices would stretch wildly to fit them. So regularize it as strongly as a
-        # transform of typical size.
+        # A transform with few vertices would stretch wildly to fit them. So its regularization grows with the
+        # mean of its own spread and a typical spread.
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()

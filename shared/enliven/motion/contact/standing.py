@@ -123,7 +123,8 @@ def standing_of(
         mode, most = None, np.full(count, pin.settings.drop)
         if asked is not None:
             mode = asked[number]
-            most[mode == ALWAYS] = 1.0  # a foot that is always held is reached, however deep the knees bend
+            # A foot that is always held must be reached, however deep the knees bend.
+            most[mode == ALWAYS] = 1.0
             grounds.append(_while(mode == GROUND, times))
         seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
