@@ -84,7 +84,8 @@ class _Preparation(threading.Thread):
         self.carried: Carried | None = None
 
     def run(self) -> None:
-        from enliven_edge.sent_characters import cast_sent  # an edge without clients never needs it
+        # Imported here, because an edge without clients never needs it.
+        from enliven_edge.sent_characters import cast_sent
 
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:

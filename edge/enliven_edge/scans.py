@@ -103,7 +103,8 @@ class Scans:
         if self._ended:
             told.send(ScanMessage(self._number), 0)
         if self._begun and self._beginning is not None:
-            # Not in ``ask``: loading takes long, and the viewer's other orders would wait for it.
+            # Start loading here, not in ``ask``. Loading takes long, and the viewer's other requests would
+            # have to wait.
             self._beginning.start()
         self._begun = self._ended = False
         if self._beginning is not None and self._beginning.scan is not None:

@@ -57,7 +57,7 @@ def sensors(
       enliven sensors synthetic -o depth.png
       enliven sensors replay --set path=TAKE.mcap
     """
-    # A pip line has an extra in brackets, which would be taken for a style.
+    # Print without styles, because the brackets of an extra in a pip command would be taken for a style.
     console = plain_console()
     if as_json:
         import msgspec

@@ -96,7 +96,7 @@ class BodyScannerReader(SkeletonReader):
         if missing:
             raise InputError(f"the row {missing[0]} is missing", where=str(path))
         level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
-        # In the file, +Z points to the sensor, as in the world.
+        # In the file, as in the world, +Z points to the sensor.
         joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
         return [SkeletonMoment(0, [tracked(joints)])]
 

@@ -239,7 +239,8 @@ class ZmtpServer:
             is_full = len(self._open) >= self._most
             if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
                 return
-            # Connections in the middle of their handshake have priority. The system queues the others.
+            # If the server is full, connections in the middle of their handshake have priority. Leave the
+            # others in the queue of the operating system.
             if is_full and any(not c.introduced for c in self._open) and not self._idle():
                 return
             try:

@@ -73,18 +73,18 @@ def correct_contacts(
         first, second = owner[geoms[c, 0]], owner[geoms[c, 1]]
         stiffness, damping, share = impedance[row, 0], impedance[row, 1], impedance[row, 2]
         if stiffness > 0.0:
-            # The depth at which stiffness and damping balance at the maximum depenetration speed.
+            # Compute the depth at which stiffness and damping balance at the maximum depenetration speed.
             deepest = push_out * damping / (stiffness * share)
             if distances[c] < -deepest:
                 reference[row] += stiffness * share * (distances[c] + deepest)
-        # Record which sphere or floor a prop touches, and add the sphere's velocity to the contact rows.
+        # Record which sphere or floor a prop touches, and add the velocity of the sphere to the contact rows.
         for side in range(2):
             mine, other = (first, second) if side == 0 else (second, first)
             if other <= -3 and mine > -3 and (mine >= 0 or touched[-3 - other] == NOTHING):
                 touched[-3 - other] = mine
             if mine < 0:
                 continue
-            # The relative velocity is that of the second minus that of the first.
+            # The relative velocity of a contact is the velocity of its second body minus that of its first.
             sign = 1.0 if side == 0 else -1.0
             for r in range(min(dims[c], 3)):
                 along = 0.0

@@ -53,7 +53,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
             where="physics.boxes",
             mend="Ask for fewer, lower or narrower towers.",
         )
-    # Neighbours and layers differ in colour, so that a box's rotation is visible.
+    # Give neighbours and layers different colours, so that the rotation of a box is visible.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))
     return PropSpecs(
         np.full(count, BOX, np.uint8),
@@ -97,7 +97,7 @@ def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float
         free = away.all(1)
         for other in placed:
             free &= np.abs(at - other).max(1) > 2 * half - _CLEAR
-        chosen = at[int(free.argmax())]  # the first of all if none is free
+        chosen = at[int(free.argmax())]  # If no place is free, this is the first of all places.
         placed.append(chosen)
         tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
     return towers.reshape(-1, 3)
@@ -206,7 +206,7 @@ class Dodgeball:
         here = [
             name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
         ]
-        # A flying ball is not thrown again.
+        # Do not throw a ball again while it is flying.
         if here and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
             self._throw(world, here, spheres, names, owners)

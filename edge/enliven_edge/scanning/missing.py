@@ -53,7 +53,8 @@ def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView
     middles, outward, lengths = _rims(mesh)
     heights = ground.heights(middles) if len(middles) else np.empty(0)
     near = np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _NEAR)) if len(middles) else heights
-    # The floor's boundary around the object is its shadow: the occluder should be seen from behind.
+    # The boundary of the floor around the object is the object's shadow. It counts half, because the object
+    # that casts it should be seen from behind instead.
     worth = lengths * near * np.where(heights > _LOW, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2

@@ -166,10 +166,10 @@ class PersonScanner(Scanner):
             mend = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # The mesh is cut off above the boundary of the soles, and the removed part is closed down to the
-        # floor. The same fills feet that were hidden or outside the image.
+        # Cut the mesh off above the boundary of the soles, and close it down to the floor. This also fills
+        # feet that were hidden or outside the image.
         cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN, drawn=LOW)
-        # If no floor is visible, the lowest visible point serves as the floor.
+        # If no floor is visible, use the lowest visible point as the floor.
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:

@@ -78,7 +78,7 @@ class ScanPlace:
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]
         if self._found and images > _SETTLED:
-            # The centre stays fixed, and only the floor is followed.
+            # Keep the centre fixed, and follow only the floor.
             kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
             wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)

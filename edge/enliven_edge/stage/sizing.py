@@ -75,7 +75,8 @@ class HandSizing:
         elif name in self._gestures:
             del self._gestures[name]
         elif order.do == "hands":
-            actor.resize(actor.growth, self._about(name, None))  # raises if the size cannot change
+            # This raises an error if the size cannot change.
+            actor.resize(actor.growth, self._about(name, None))
             self._gestures[name] = _Gesture(who, float(np.log(actor.growth)))
 
     def follow(self, bodies: list[Body], time_ns: int) -> None:

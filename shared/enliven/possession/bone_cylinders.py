@@ -192,7 +192,8 @@ def _rotations(rest, joints, turns, axes):
             continue
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
-        # Swing an upper arm in two steps. The first step leads to a direction ahead and outward.
+        # Swing an upper arm in two steps. The first step leads to a direction ahead and outward, which moves
+        # the undefined direction behind the body.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):

@@ -168,7 +168,7 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     i = int(rng.integers(len(rows)))
     v, u = np.indices(mask.shape)
     down, right = v - rows[i], u - columns[i]
-    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # angle from the horizontal
+    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # Angle from the horizontal.
     reach = rng.uniform(0.03, 0.4) * (float(np.ptp(rows)) + 5.0)
     piece = (right * np.cos(direction) + down * np.sin(direction) > 0) & ~mask
     piece &= distance_transform_edt(~mask) < reach
@@ -185,7 +185,7 @@ def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]
     piece = taken & ~mask
     if piece.any() and rng.random() < _STRAIGHT:
         v, u = np.indices(mask.shape)
-        lean = rng.normal(0.0, 0.05)  # slope of the edge, columns per row
+        lean = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
         at = u + lean * (v - 0.5 * len(mask))
         beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
         piece &= beyond if rng.random() < 0.5 else ~beyond

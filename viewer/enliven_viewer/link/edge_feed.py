@@ -49,8 +49,10 @@ class EdgeFeed:
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
         arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
-        if not began_again:  # after a restart, two clocks may be mixed
-            # After a slow frame, seconds of one topic come before those of the next.
+        if not began_again:
+            # After a restart, the messages may contain times of two clocks, so do not sort them.
+            # After a slow frame, several seconds of one topic arrive before those of the next topic. So sort
+            # all of them by time.
             arrived.sort(key=lambda one: _time_ns(one[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)

@@ -86,7 +86,8 @@ class EdgeClient:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        # Use the process's shared context: an own one would wait for sockets at garbage collection.
+        # Use the process's shared context, because a separate one would wait for its sockets at garbage
+        # collection.
         context: zmq.Context[Any] = zmq.Context.instance()
         self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
 

@@ -373,7 +373,7 @@ class EdgeConnection:
         """Sends a hello until it is answered, and requests missing characters and the time."""
         now = time.monotonic()
         listening = now - self.last_heard < SILENT_AFTER
-        # Until the streams arrive, every request triggers one heartbeat of the edge.
+        # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
         pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
         behind = self.status is None or self.status.revision != self._known_revision
         if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):

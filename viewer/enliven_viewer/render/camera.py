@@ -119,7 +119,8 @@ class OrbitCamera:
 
     def __init__(self, field_of_view: float = math.radians(34)) -> None:
         self.field_of_view = field_of_view
-        # Target x, y, z (metres), azimuth and elevation (radians), logarithm of the distance (metres).
+        # The elements are the target x, y, z (metres), azimuth and elevation (radians), and the logarithm of
+        # the distance (metres).
         self._goal = np.array([0.0, 0.9, 0.0, FRONT_RIGHT, SLIGHTLY_ABOVE, math.log(5.0)])
         self._now = self._goal.copy()
 

@@ -63,7 +63,7 @@ class OakSensor(Sensor):
         before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
-        # A crash dump of the firmware is stored here, and not sent to its makers without consent.
+        # Store crash dumps of the firmware here. They must not be sent to the manufacturer without consent.
         os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
         os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = library("depthai", "oak")

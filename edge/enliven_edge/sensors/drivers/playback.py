@@ -279,7 +279,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         else:
             written = write_playback(path, Path(folder) / "rehearsal.bag")
             files = [(part.path, part.shift_ns) for part in written]
-        # The library has the files open; they disappear with their last user.
+        # The library keeps the files open, so they disappear when their last user closes them.
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:

@@ -174,8 +174,8 @@ class HelperProcess:
                 case ("attached",):
                     pass
                 case ("frame", *about):
-                    # The message keeps a reference to the memory of its image, since other memory may be in
-                    # use when it is read.
+                    # Keep a reference to the memory of the image in the message, because other memory may be
+                    # in use when the message is read.
                     self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)

@@ -113,7 +113,7 @@ class Feet:
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
         leg = _LEG * height_of(body)
-        # A runner's foot rolls fast while it stands, but is slow compared with the other foot.
+        # A runner's standing foot rolls fast, but it is slow relative to the mean of both feet.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
             more = self._how.release if self._down[k] else 1.0

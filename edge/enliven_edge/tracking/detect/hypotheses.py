@@ -205,7 +205,8 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     tops = (ends[..., 1] + radii).max(1)
     highest = int(np.argmax(tops))
     crown = observation.crown
-    # A head is horizontally near the middle of the body. A raised hand is not.
+    # Put a head half-way between the top and the middle of the body, because a head is horizontally near the
+    # middle. A raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
     head = np.array([under, crown[1] - tops[highest], 0.0])
     away = centre - observation.view.world_from_camera[:3, 3]

@@ -167,7 +167,8 @@ class PoseRecovery:
         for limb, capsules in _OUTER.items():
             sure = min(sure_of[c] for c in capsules)
             if sure > _SURE:
-                # The frames of a limb are contiguous, and a slice is cheaper than a list of indices.
+                # The frames of a limb are contiguous, so use a slice, which is cheaper than a list of
+                # indices.
                 self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
             elif sure < _DOUBTFUL:
                 doubtful.append(limb)

@@ -141,8 +141,8 @@ class MultiPersonTracker:
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         redetecting = [p.follower for p in self.people if p.follower.redetecting]
         for person in self.people:
-            # A search that begins in this frame continues in the next one, because its share is not known
-            # earlier.
+            # A search that begins in this frame continues only in the next one, because its share of the
+            # budget is not known earlier.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
@@ -214,7 +214,7 @@ class MultiPersonTracker:
             while True:
                 try:
                     each = waiting.popleft()
-                except IndexError:  # another thread took the last item
+                except IndexError:  # Another thread has taken the last item.
                     return
                 each.person.follow(view, each.pixels, whole=each.whole, expected=each.expected)
                 each.fitted = True
@@ -225,7 +225,7 @@ class MultiPersonTracker:
         others = [self._threads.submit(fit) for _ in range(beside)] if self._threads is not None else []
         try:
             fit()
-        finally:  # no thread may continue into the next frame
+        finally:  # Wait for the other threads, because none of them may continue into the next frame.
             wait(others)
         for other in others:
             other.result()

@@ -175,7 +175,8 @@ class PeopleFinder:
             return body.shown.pixels
         same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
         if same and newcomer.seen_ns == view.time_ns:
-            # If furniture was attached or removed, the centre does not show how the body moved.
+            # The area is nearly unchanged, so the centre shows how the body moved. If furniture was attached
+            # to the body or removed from it, the centre would not show this.
             follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
         free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
         if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:

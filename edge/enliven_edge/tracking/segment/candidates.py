@@ -90,7 +90,7 @@ class Candidates:
                 present.append(same)
                 continue
             mask, shape = all_of(segments, group, view)
-            if not mask.any():  # all of it belongs to a person again
+            if not mask.any():  # All pixels of the group belong to a known person again.
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             parts: list[Part] = [(part, None) for part in bare]
@@ -129,7 +129,7 @@ class Candidates:
         if not SMALLEST_AREA < area < LARGEST_AREA:
             return None
         shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
-        # In front of removed walls any outline is free. So the candidate also needs a head.
+        # In front of removed walls, any outline passes as a person. So the candidate also needs a head.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
         known = [n for n in self._known if n.seen_ns != view.time_ns]

@@ -139,7 +139,7 @@ def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
     out: list[list[int]] = []
     rest = list(corners)
     while len(rest) > 3:
-        # Cut off an old corner between two new ones. If there is none, cut off any corner.
+        # Cut off an old corner between two new ones. If there is none, split the rest as a fan.
         size = len(rest)
         ear = next(
             (

@@ -172,7 +172,7 @@ class ObjectFollower:
         """Returns (h, w) the points that are fused, and those of them that were known before."""
         distance = distances_in(self._model.volumes[_NEAR], view, self._pose)
         known = np.abs(distance) < _OWN
-        # A point in front of a known surface lies in space that was observed to be free. It belongs to a hand.
+        # A point in front of a known surface lies in observed free space, so it belongs to a hand.
         new = np.isnan(distance) | (distance < -_OWN)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
         may = self._model.reaches(local, _MARGIN) & self._above(view, room_from_camera)
