@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
 _GAP = 0.4
-"""Metres of floor between a scanned character and those on the stage."""
+"""Gap on the floor between a scanned character and the characters on the stage, in metres."""
 
 
 class Told(Protocol):

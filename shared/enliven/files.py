@@ -57,7 +57,7 @@ PART = ".part"
 _PART_LETTERS = 40
 """Maximum length of a file's name within the name of its temporary file: file systems allow 255 bytes."""
 _LEFT_OVER_S = 86_400.0
-"""Seconds after which a temporary file belongs to a killed program: no write takes a day."""
+"""Age, in seconds, above which a temporary file was left by a killed program. No write takes a day."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -72,7 +72,7 @@ _FOLDER_PREFIX = "enliven-capture-"
 _LOCK_NAME = ".in-use"
 """The file in a temporary folder that its process keeps locked."""
 _ABANDONED_S = 86_400.0
-"""Seconds after which a temporary folder without a locked file counts as abandoned: a day."""
+"""Age, in seconds, above which a temporary folder without a locked file counts as abandoned: a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
 _GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."

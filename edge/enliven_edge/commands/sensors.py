@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from enliven_edge.terminal import Way
 
 _PATIENCE = 15.0
-"""Seconds without any frame after which a preview gives up: a camera's first may need ten."""
+"""Longest time without any frame before a preview gives up, in seconds. The first frame of a camera may take
+ten."""
 
 
 def sensors(

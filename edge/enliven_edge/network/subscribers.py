@@ -13,7 +13,7 @@ _MOST_OWED = 2 * MAX_STREAM_BYTES
 """Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
 one only."""
 _READING = 0.00025
-"""Seconds per poll for reading subscriptions: they are short and rare."""
+"""Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
 
 
 class Subscribers:

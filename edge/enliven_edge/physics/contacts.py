@@ -19,7 +19,8 @@ FLOOR = -2
 NOTHING = -1
 """Stands for no contact in place of a sphere's index."""
 _SLOW = 0.5
-"""Metres per second: slower contacts do not bounce, so that balls come to rest."""
+"""Maximum speed of contacts that do not bounce, in metres per second. Without it, balls would not come to
+rest."""
 _CALM = 0.02
 """Metres per second below which a prop is damped."""
 _CALM_TURN = 0.1

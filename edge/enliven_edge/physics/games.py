@@ -21,7 +21,8 @@ _STILL = 0.05
 _MOVED = 0.5
 """Box edge lengths. A box that moved farther counts as fallen."""
 _CLEAR = 0.15
-"""Metres between a new tower and its neighbours: a performer that possesses a character sways by less."""
+"""Minimum gap between a new tower and its neighbours, in metres. A performer that possesses a character sways
+by less."""
 _AROUND = np.array(
     [(0.0, 0.0)]
     + [
@@ -150,9 +151,10 @@ class Towers:
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
 """(4, 3) sRGB of the balls, in turn."""
 _ROOM = 0.7
-"""Metres between the target at the thrower's side and the ball, so that the ball does not start inside it."""
+"""Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
+inside the target."""
 _NEAREST = 0.8
-"""Metres, the shortest throw: a ball from nearer could not be seen coming."""
+"""Shortest throw, in metres. A ball that is thrown from nearer could not be seen coming."""
 
 
 class Dodgeball:

@@ -32,13 +32,13 @@ from enliven_edge.scanning.things import said_of_places
 log = logging.getLogger(__name__)
 
 _TOLD_EVERY = 0.1
-"""Seconds between two progress messages, so that lost tracking shows at once."""
+"""Interval between two progress messages, in seconds. It is short, so that lost tracking is shown at once."""
 _SHOWN_EVERY = 0.25
-"""Seconds between two searches for pieces that changed."""
+"""Interval between two searches for changed pieces of the surface, in seconds."""
 _BYTES = 400_000
 """Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
 _WAITS = 0.03
-"""Seconds that an image of a recording waits at most before the edge's loop continues: one frame."""
+"""Longest time that an image of a recording waits before the edge's loop continues, in seconds: one frame."""
 _TRIANGLES = 50_000
 """Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
 

@@ -13,15 +13,16 @@ from enliven.meshes import Mesh
 from enliven.scanning import Ground
 
 _NEAR = 0.75
-"""Metres around the focus: gaps within it count. A floor always ends somewhere beyond it."""
+"""Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
 _AROUND = 16
 """Number of compared directions around the object, each at two elevations."""
 _RAISED = (0.3, 0.9)
 """Radians above the horizon: camera carried by a person, and view from above."""
 _REACH = 0.04
-"""Metres, assumed width of the missing surface beyond a boundary edge, to estimate its area: a few cells."""
+"""Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
+of the missing area."""
 _LOW = 0.05
-"""Metres above the floor: lower boundary edges belong to the floor itself."""
+"""Height above the floor, in metres, below which a boundary edge belongs to the floor itself."""
 _ENOUGH = 0.1
 """If less than this fraction is missing, no further view is suggested."""
 

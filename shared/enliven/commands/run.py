@@ -18,10 +18,11 @@ from enliven.files import need_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
-"""Seconds of a film where no length is given: the shipped recording of nine seconds, and its end."""
+"""Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
+includes its end."""
 _PATIENCE = 3600.0
-"""Seconds in which an edge has compiled everything even on a small machine with much other work (over 600 s
-were seen at a load of 10); an edge that fails ends the run at once."""
+"""Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
+600 s were measured at a load of 10. An edge that fails ends the run at once."""
 
 
 def run(

@@ -20,9 +20,11 @@ from enliven.errors import InputError
 from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_of
 
 _SAME_KEY = 1e-6
-"""Seconds within which two keys are one: rounding of float32 over a minute."""
+"""Maximum time difference of two keys that count as one, in seconds. It covers the rounding of float32 over a
+minute."""
 _PIECE = 1 / 120
-"""Seconds between the keys of a piece of a cubic that is cut: the curve through them is off by under 1e-6."""
+"""Interval between the keys into which a part of a cubic curve is resampled, in seconds. The new curve
+deviates by less than 1e-6."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,8 @@ _SLANT = 8.0
 """Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
 It is the inverse of the smallest trusted cosine."""
 _FAINTEST = 0.1
-"""Fraction of an observation's weight at the edges of the band, where it constrains the surface least."""
+"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
+constrains the surface least."""
 _COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)

@@ -24,7 +24,8 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 POSITION_STEP = 2.0**-12
-"""Metres, 0.24 mm: half of it, the error, is far below what a viewer shows."""
+"""Quantization step of a position, in metres (0.24 mm). The error is at most half of it, far below what a
+viewer can show."""
 ROTATION_STEP = 2.0**-10
 """Radians. A unit quaternion is three such numbers below pi: 39 bits before they are packed."""
 STRETCH_STEP = 2.0**-9

@@ -46,14 +46,14 @@ _TAKES_IN = 0.1
 """Fraction of samples in which a piece of another object is assigned to the person."""
 _TAKES_IN_WALL = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
-to it, depth has no step there."""
+to the wall, the depth has no step there."""
 _BEHIND = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
 """Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
 _LEFT_BESIDE = 0.3
-"""Fraction of the samples without a person that show the rest of a wall next to a person. It is cut out by
-the person's outline, so it has the side and the height of a person."""
+"""Fraction of the samples without a person that show the rest of a wall next to a person. A person's outline
+cuts this piece out, so it has the side and the height of a person."""
 _STRAIGHT = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _FEWEST = 60

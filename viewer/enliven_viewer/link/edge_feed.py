@@ -15,7 +15,8 @@ from enliven_viewer.playback import Document, EdgeState
 _NOTICE_SECONDS = 5.0
 """Seconds that a notice is shown: long enough to read two lines."""
 _BARE_SECONDS = 3.0
-"""Seconds without characters after which a wrong control port is suspected. Fetching them takes less."""
+"""Time without characters after which a wrong control port is suspected, in seconds. Fetching them takes
+less."""
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
 """Smoothing factor of the displayed latency, which would flicker otherwise."""

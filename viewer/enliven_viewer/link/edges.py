@@ -29,9 +29,8 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
 _ALIVE = 1.6
-"""Seconds without a heartbeat (three intervals) after which an edge of the same name no longer counts as a
-clash.
-"""
+"""Time without a heartbeat after which an edge of the same name no longer counts as a clash, in seconds:
+three intervals."""
 
 
 class EdgeClient:

@@ -23,7 +23,7 @@ _AHEAD = (0.0, -0.5, 0.866)
 """Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
 _SHORT = 1e-3
-"""Metres: a shorter bone has no direction, since a millimetre is below the noise of joints."""
+"""Length below which a bone has no direction, in metres. A millimetre is below the noise of joints."""
 
 
 def standing() -> Float:

@@ -24,8 +24,8 @@ from enliven_edge.tracking.work_budget import Budget, frame_budget
 _COVERED = 0.55
 """Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
 _OUTSIDE = 0.85
-"""Fraction of a body outside the image above which few remaining pixels mean that the person is gone, not
-hidden."""
+"""If more than this fraction of a body is outside the image, few remaining pixels mean that the person is
+gone, not hidden."""
 _HANDICAP = 0.06
 """Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
 _DARK = 0.01

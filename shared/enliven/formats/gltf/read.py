@@ -45,12 +45,14 @@ from enliven.meshes.gltf import (
 from enliven.rotation import continuous
 
 _TOLD = 1e-3
-"""Share of the model's size above which a motion that was left out gets a note: less is not visible."""
+"""Minimum size of a dropped motion that gets a note, as a fraction of the model's size. Smaller motion is not
+visible."""
 
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _LATE = 0.1
-"""Seconds of a pause before the first key that get a note: programs that count frames from 1 leave less."""
+"""Minimum pause before the first key that gets a note, in seconds. Programs that count frames from 1 leave a
+shorter one."""
 
 
 @dataclass

@@ -16,15 +16,18 @@ from enliven.formats.motion.capture import Capture
 _TOO_FAST = 8.0
 """Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
 _JUMP = 4.0
-"""Times as fast as the rest of the take that the jump is at least: captures have glitches of their own."""
+"""Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
+Captures have smaller glitches of their own."""
 _FADE = 1.5
-"""Times as fast as the rest of the take that frames are in which a pose fades into the motion."""
+"""Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
+take."""
 _LONGEST_FADE_S = 0.3
-"""Seconds that such a fade lasts at most: resampled files have spread the jump over some frames."""
+"""Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
+some frames."""
 _FAR = 0.15
 """Body sizes that a joint moves at least: a smaller jump hardly shows."""
 _LONGEST_HOLD_S = 2.0
-"""Seconds that an added pose is held at most."""
+"""Longest time for which an added pose is held, in seconds."""
 _STILL = 1e-5
 """Body sizes within which a held pose is one and the same: people are never that still."""
 _LEAST_REST = 5

@@ -18,8 +18,8 @@ from enliven.meshes import WrongWord, blocks, lines_of, numbers_in, word_starts
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
 _LONGEST_FRAME = 1.0
-"""Seconds: a longer time between frames is a damaged header, since no capture is slower than one frame a
-second."""
+"""Longest plausible frame time, in seconds. No capture is slower than one frame a second, so a longer time
+means that the header is damaged."""
 _MOST_DEEP = 256
 """Joints above one another: the deepest known skeletons, with tails and ropes, have some 60."""
 _MOST_JOINTS = 4096

@@ -16,15 +16,15 @@ from enliven.document import stretched
 from enliven.rotation import rotate, stretch_of
 
 _LOOSE = 0.01
-"""Share of the model's size: a joint that leaves its parent by more counts as detached."""
+"""Distance by which a joint must leave its parent to count as detached, as a fraction of the model's size."""
 _NEARNESS = 0.5
-"""Metres of misfit that weigh as much as a metre of distance at rest: near joints win over equally good far
-ones."""
+"""Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
+that fits equally well."""
 _BETTER = 3.0
-"""Factor by which another joint's misfit must be smaller than that of the file's parent to replace it: the
-file is mostly right."""
+"""Factor by which the misfit of another joint must be smaller to replace the parent in the file. The file is
+mostly right."""
 _HEAVY = 0.1
-"""Share of the surface that a root must carry: lighter branches are loose parts, not the body."""
+"""Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150
 """Frames of all animations together that are compared: enough to see a link break, and quadratic in joints.
 """

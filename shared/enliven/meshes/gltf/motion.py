@@ -31,7 +31,7 @@ JUMP = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME = 1e-4
-"""Seconds within which two times count as equal: rounding of float32."""
+"""Maximum difference of two times that count as equal, in seconds. It covers the rounding of float32."""
 MOST_PLACES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 

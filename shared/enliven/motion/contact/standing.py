@@ -23,7 +23,8 @@ from enliven.motion.contact.pin import HeldPin, pin_limb
 _RATE = 60.0
 """Samples per second at which feet are analysed."""
 _LONGEST = 120.0
-"""Seconds that are analysed if layers of unlike lengths are looped; after that no foot is pinned."""
+"""Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
+pinned."""
 _STRETCH = 0.998
 """Maximum fraction of its length to which a limb is stretched before the root is lowered."""
 

@@ -27,12 +27,12 @@ _STEPS = 12
 _FINE_STEPS = 20
 """ICP steps for the candidates that are refined."""
 _WIDTHS = 0.15, 0.01
-"""Metres at which a residual has a quarter of its weight, first and last step, so that non-overlapping
-parts lose influence."""
+"""Residuals, in metres, that get a quarter of the full weight, in the first step and in the last. They
+shrink, so that parts that do not overlap lose influence."""
 _DAMPING = 1e-4
 """Damping of the normal matrix, per weight of the points. Unconstrained directions stay unchanged."""
 _SAME = 0.05, 0.25
-"""Metres and radians within which two results count as the same."""
+"""Maximum difference of two results that count as the same, in metres and radians."""
 _FACING = 0.5
 """Cosine (60 degrees) between two normals below which points belong to two different sides."""
 

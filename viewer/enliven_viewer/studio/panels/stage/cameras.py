@@ -26,9 +26,9 @@ _VIEW = (320.0, 240.0)
 _GAP = 8.0
 """Pixels between a test image and the panel."""
 _BELOW = 60.0
-"""Pixels from the top of the panel to the top of a test image, which is next to the list."""
+"""Distance from the top of the panel to the top of a test image, in pixels. The image is next to the list."""
 _WORDS = 40.0
-"""Pixels of height below a test image: two lines."""
+"""Height of the text below a test image, in pixels: two lines."""
 _POPUP = "look"
 """The name of the popup with a test image."""
 

@@ -31,11 +31,11 @@ _STILL = 2.0
 """Default seconds of stillness that end a recording: longer than a dramatic pause."""
 _LOCAL = "127.0.0.1"
 _CHARACTERS = 98.0
-"""Pixels of height of the list of characters: four lines; more are scrolled."""
+"""Height of the list of characters, in pixels: four lines. A longer list scrolls."""
 _LINES = ("waits ", "stands ", "remove ")
 """Beginnings of the names of widgets in the list of characters."""
 _REMOVE = 58.0
-"""Pixels at the right of a character on the stage, for the button that takes it away."""
+"""Width of the button that removes a character from the stage, at the right of its line, in pixels."""
 
 
 def draw_perform(workspace: Workspace, area: Area) -> None:

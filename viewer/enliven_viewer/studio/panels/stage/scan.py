@@ -55,13 +55,13 @@ _KEPT: dict[Kept, str] = {
     "all": later("All that was scanned"),
 }
 _BEFORE = 54.0
-"""Pixels of height for what a scan needs: three lines."""
+"""Height of the list of what a scan needs, in pixels: three lines."""
 _AGAIN = 58.0
-"""Pixels of height of the two buttons at the bottom before a scan."""
+"""Height of the two buttons at the bottom before a scan, in pixels."""
 _END = 102.0
-"""Pixels of height of the buttons at the bottom during a scan: a tall one, and two others."""
+"""Height of the buttons at the bottom during a scan, in pixels: a tall one, and two others."""
 _PROGRESS = 76.0
-"""Pixels of height for how far a scan is: a line, the bar, and a sentence; more is scrolled."""
+"""Height of the progress of a scan, in pixels: a line, the bar, and a sentence. A longer text scrolls."""
 _PROGRESS_ROOMY = 140.0
 """The same if the panel has room for what was noticed, too."""
 _ROOMY = 520.0
