@@ -83,7 +83,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         known: the sentence about known formats, for errors.
     """
     if suffix in GLTF_SUFFIXES:
-        # Imported here, because only glTF files need the image library, which is slow to load.
+        # Imported here, because it loads the image library, which only glTF files need.
         from enliven.meshes.gltf import gltf_surface
 
         surface = gltf_surface(path, still=True)

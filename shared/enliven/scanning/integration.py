@@ -254,8 +254,8 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
     for i in range(VOXELS):
         d = before[i]
         # A voxel behind a surface is inferred, not observed, so its weight falls with depth. The weight in
-        # front of the surface falls equally, because otherwise noise behind the surface would count less than
-        # noise in front, and surfaces would sink.
+        # front of the surface falls equally. Otherwise noise behind the surface would count less than noise
+        # in front, and surfaces would sink.
         told = one - abs(d) * fade
         more = worth[i] * (told if told > least else least)
         more = free if d >= front else more

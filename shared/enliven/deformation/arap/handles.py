@@ -162,8 +162,8 @@ def follow(held, frames, shown, targets, share):
             for c in range(3):
                 gap -= m[r, c] * (frames[at + c] - old[c])
             after += gap * gap
-    # If the remaining error lies between ``share`` and twice ``share`` of the first one, apply only a part of
-    # the motion, so that small changes of the input cause small changes of the result.
+    # If the squared error after the motion lies between ``share`` and twice ``share`` of the error before it,
+    # apply only a part of the motion. Then small changes of the input cause only small changes of the result.
     part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
     if part <= 0.0:
         return

@@ -226,7 +226,7 @@ def _without_short(touches: Bool, shortest: float) -> Bool:
     out = touches.copy()
     for kind in (False, True):
         for a, b in runs_of(out == kind):
-            # A contact at the start or the end of the take may be the rest of a longer one, so do not drop it
+            # A contact at the start or the end of the take may be the rest of a longer one. So do not drop it
             # for being short.
             cut = kind and (a == 0 or b == len(out) - 1)
             if not cut and b - a + 1 < shortest:

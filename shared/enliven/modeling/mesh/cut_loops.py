@@ -43,8 +43,8 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     both = np.sort(np.stack([out_of, into], 1).reshape(-1, 2), 1)
     edges, number = np.unique(both, axis=0, return_inverse=True)
     pairs = number.reshape(-1, 2)
-    # If the lone corner is on the far side, reverse the pair, because the border of the near part then runs
-    # from the last edge to the first.
+    # If the lone corner is on the far side, the border of the near part runs from the last edge to the first.
+    # So reverse the pair.
     lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
     label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
