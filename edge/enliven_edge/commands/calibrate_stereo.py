@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 _LOOK = 0.3
 """Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
 _APART_MS = 20.0
-"""Milliseconds by which live images of a pair may differ: the board is held still."""
+"""Maximum time difference of the live images of a pair, in milliseconds. It may be large, because the board
+is held still."""
 _PATIENCE = 10.0
 """Longest time without an image pair before live cameras are given up, in seconds."""
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
 _VOXEL = 4.0
-"""Millimetres of a voxel's side where none is given: of a chair, a lamp."""
+"""Side of a voxel if none is given, in millimetres. It suits a chair or a lamp."""
 
 
 def scan(

@@ -65,7 +65,7 @@ MSR_ORDER = (
     Joint.FOOT_RIGHT,
     Joint.HEAD,
 )
-"""(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
+"""(20,) the joint in each row of a frame. Right is the side that the subjects were asked to use."""
 MSR_FOCAL = 285.0
 """Focal length of the pixel form's depth camera (320x240), pixels. With it both forms agree."""
 _MSR_CENTRE = (160.0, 120.0)

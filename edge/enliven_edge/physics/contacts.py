@@ -24,7 +24,7 @@ rest."""
 _CALM = 0.02
 """Metres per second below which a prop is damped."""
 _CALM_TURN = 0.1
-"""Radians per second below which a prop is damped."""
+"""Angular speed below which a prop is damped, in radians per second."""
 _BRAKE = 0.5
 """Fraction of its velocity that a damped prop keeps at each step."""
 

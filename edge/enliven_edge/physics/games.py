@@ -19,7 +19,7 @@ _GAP = 0.003
 _STILL = 0.05
 """Metres per second below which a box counts as still: the engine's own jitter is slower."""
 _MOVED = 0.5
-"""Box edge lengths. A box that moved farther counts as fallen."""
+"""Distance, in box edge lengths, above which a moved box counts as fallen."""
 _CLEAR = 0.15
 """Minimum gap between a new tower and its neighbours, in metres. A performer that possesses a character sways
 by less."""

@@ -34,7 +34,7 @@ _SPARE = 64
 _FASTEST_TURN = 40.0
 """Maximum radians per second of a prop: a faster rotation is a contact error."""
 _FARTHEST = 500.0
-"""Maximum metres from the origin: a prop farther away was flung by an error."""
+"""Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ _NEAR = 0.75
 _AROUND = 16
 """Number of compared directions around the object, each at two elevations."""
 _RAISED = (0.3, 0.9)
-"""Radians above the horizon: camera carried by a person, and view from above."""
+"""Elevation angles above the horizon, in radians: of a camera that a person carries, and of a view from
+above."""
 _REACH = 0.04
 """Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
 of the missing area."""

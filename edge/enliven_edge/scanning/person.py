@@ -37,14 +37,14 @@ this size. With smaller voxels the person's rotation is often ambiguous."""
 _SIDES = 12
 """Number of directions around a person that are counted separately, of 30 degrees each."""
 _FACING = np.deg2rad(50.0)
-"""Radians of rotation since the first image. Beyond it joints are ignored: from behind, the tracker may
+"""Rotation since the first image, in radians, above which joints are ignored. From behind, the tracker may
 swap left and right."""
 _SEEN = 0.5
 """Minimum confidence of a joint that is used."""
 _HELD = 0.12
 """Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
 _OFTEN = 0.2
-"""Minimum fraction of images with a moved joint before the user is told."""
+"""Minimum fraction of images with a moved joint before the user is notified."""
 _FEWEST = 5
 """Minimum number of images to estimate a joint."""
 _RIM = 0.04

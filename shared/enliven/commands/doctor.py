@@ -13,7 +13,7 @@ from enliven.errors import ResourceError
 from enliven.health import Severity
 
 _LACKING = 4
-"""Exit code where a check fails: the same 4 as of :class:`enliven.errors.ResourceError`."""
+"""Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
 PATIENCE_S = 5.0
 """Longest wait for a heartbeat of an edge, in seconds. An edge sends ten in this time."""

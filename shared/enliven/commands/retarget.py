@@ -203,7 +203,7 @@ def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
 
 
 _FAST_ENOUGH = 60.0
-"""Frames a second of a GLB at most where no rate is chosen: the rate of common displays."""
+"""Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
 
 
 def _plan(

@@ -10,10 +10,12 @@ from enliven.exporters.performance import Performance
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
 _SAME = 1e-2
-"""Radians, or share of the skeleton's length, by which a curve may be off the sampled motion: what frames of
-120 a second lose of a fast turn between them. What differs more is moved by something else, too."""
+"""Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
+Sampling at 120 frames a second loses this much of a fast turn. If the deviation is larger, something else
+moves the bone too."""
 _POSED = 1e-9
-"""Largest change of a quaternion, or of a place in metres, by which a bone or the root counts as posed."""
+"""Minimum change of a quaternion, or of a position in metres, for which a bone or the root counts as
+posed."""
 
 
 _STIFF = 1e-6

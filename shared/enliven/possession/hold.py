@@ -21,8 +21,8 @@ _FARTHEST = 1e4
 room."""
 
 _SUNK = 0.06
-"""How far the lowest joint may sink, metres, below its depth at the start of the hold. The skeleton of a
-half-occluded performer drops through the floor before it is lost, and is then not trusted."""
+"""Maximum depth, in metres, to which the lowest joint may sink below its depth at the start of the hold. The
+skeleton of a half-occluded performer drops through the floor before it is lost, and is then not trusted."""
 
 
 @dataclass

@@ -27,7 +27,8 @@ POSITION_STEP = 2.0**-12
 """Quantization step of a position, in metres (0.24 mm). The error is at most half of it, far below what a
 viewer can show."""
 ROTATION_STEP = 2.0**-10
-"""Radians. A unit quaternion is three such numbers below pi: 39 bits before they are packed."""
+"""Quantization step of a rotation, in radians. A unit quaternion is stored as three such numbers below pi: 39
+bits before they are packed."""
 STRETCH_STEP = 2.0**-9
 """Step of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2
 mm."""

@@ -91,7 +91,7 @@ _FULL_ASK_AGAIN = 30.0
 NO_ANSWER = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
 _COMMAND_WITHIN = 3.0
-"""Timeout in seconds of a command. Then the user is told that the edge does not answer."""
+"""Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ Box = tuple[Float, Float]
 FRONT_RIGHT = math.radians(32)
 """Initial azimuth in radians about +Y from the front: a face and a side are visible."""
 SLIGHTLY_ABOVE = math.radians(13)
-"""Initial elevation in radians above the horizon: the floor shows where the feet stand."""
+"""Initial elevation of the camera above the horizon, in radians. From there, the floor shows where the feet
+stand."""
 MARGIN = 0.96
 """Fraction of the box that must be in view. A subject does not reach the corners of its box."""
 LOWEST = math.radians(1.0)

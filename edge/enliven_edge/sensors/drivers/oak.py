@@ -23,8 +23,8 @@ from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
-"""Milliseconds that the library searches for a camera (default 10 s). A connected camera answers
-immediately."""
+"""Time for which the library searches for a camera, in milliseconds (its default is 10 s). A connected camera
+answers immediately."""
 _NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
 """The library's messages if it finds no camera at all, or not the requested one."""
 _FELT_HZ = 100
@@ -32,7 +32,7 @@ _FELT_HZ = 100
 _KINDS = {"LITE": "oak-d-lite"}
 """The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
 _HOT = 105.0
-"""Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
+"""Chip temperature at which the chip throttles and then stops, in degrees Celsius (RVC2 data sheet)."""
 
 
 class OakSensor(Sensor):

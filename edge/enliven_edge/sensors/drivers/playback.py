@@ -34,7 +34,7 @@ _MOST_BYTES = 1 << 30
 """Maximum bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is
 played."""
 _HEADER_SIZE = 4096
-"""Bytes of the first record, which is rewritten at the end."""
+"""Size of the first record, in bytes. It is rewritten at the end."""
 _OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
     b"\2",
     b"\3",

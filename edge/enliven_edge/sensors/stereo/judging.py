@@ -82,7 +82,8 @@ _WORST_ERROR = 0.03
 _MATCHER = 0.12
 """Median disparity error of the matcher on rendered people, in pixels (benchmark sensors.stereo_error_mm)."""
 _LEAST_COVERED = 0.6
-"""Minimum fraction of the image's fields with corners: elsewhere the lens distortion is only extrapolated."""
+"""Minimum fraction of the image's fields with corners. In the other fields the lens distortion is only
+extrapolated."""
 _LEAST_TILT = 20.0
 """Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")

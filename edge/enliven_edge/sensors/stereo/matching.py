@@ -32,7 +32,7 @@ an image of 640 x 400."""
 _SPECK_STEP = 1
 """Maximum pixels of disparity between neighbours of one island."""
 _MOST_DISPARITIES = 256
-"""Maximum search range in pixels: with more the matcher takes longer than a frame."""
+"""Maximum search range in pixels. With a larger range the matcher takes longer than a frame."""
 
 
 class StereoMatcher:

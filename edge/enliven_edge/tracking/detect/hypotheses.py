@@ -73,9 +73,11 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Radians from facing the sensor of the two postures turned sideways: just short of hiding an arm."""
+"""Angle from facing the sensor of the two postures that are turned sideways, in radians. It is just too small
+to hide an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-"""Radians from facing the sensor at which each posture of the bank is tried: a quarter turn apart."""
+"""Angles from facing the sensor at which each posture of the bank is tried, in radians: a quarter turn
+apart."""
 _THINNED = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
 _FARTHEST_POINT = 0.4

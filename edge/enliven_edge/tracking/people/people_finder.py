@@ -16,7 +16,8 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _GONE_NS = 200_000_000
-"""Nanoseconds after which an unseen candidate is no longer searched: longer than noise lasts."""
+"""Time after which an unseen candidate is no longer searched, in nanoseconds. Noise lasts for a shorter
+time."""
 _LOOSE = 0.4
 """Minimum free fraction of a candidate's outline for its pixels to be kept out of the background model."""
 _FRAGMENT = 0.12

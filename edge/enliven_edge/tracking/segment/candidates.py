@@ -17,7 +17,7 @@ from enliven_edge.tracking.segment.segmentation import Segments
 _SAME = 0.45
 """Maximum movement of a candidate's centre between frames in metres: about the width of a person."""
 _FORGET_NS = 400_000_000
-"""Nanoseconds after which an unseen candidate is forgotten. It survives a few bad frames."""
+"""Time after which an unseen candidate is forgotten, in nanoseconds. So it survives a few bad frames."""
 _MOST = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
 _MOST_AT_FIRST = 16
@@ -26,7 +26,7 @@ _REFUSED = 0.4
 """Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
 about its size."""
 _REFUSED_NS = 20_000_000_000
-"""Nanoseconds for which that holds: longer than the background model takes to absorb the object."""
+"""Time for which that holds, in nanoseconds. The background model needs less time to absorb the object."""
 _USUAL = 0.5
 """Approximate visible area of a person in square metres."""
 _PARTED_AREA = 0.45

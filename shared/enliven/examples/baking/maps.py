@@ -19,8 +19,7 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matrix
 
 _PLACE = 1e-6
-"""Weight that keeps a pivot at the position given by its rotation, where the surface does not determine
-it."""
+"""Weight that keeps a pivot at the position given by its rotation if the surface does not determine it."""
 _GLOBAL = 1e-3
 """Weight of the whole surface's rotation in that of each transform. It resolves the ambiguity if its own
 surface is a line."""

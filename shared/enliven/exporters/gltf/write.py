@@ -36,7 +36,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
 _UPRIGHT = 1e-9
-"""Largest entry by which the axes of nodes may differ from the world's, in which curves are given."""
+"""Maximum difference between an entry of a node's axes and of the world's axes. Curves are given in the
+world's axes."""
 
 
 def write_gltf(

@@ -10,7 +10,7 @@ from enliven.meshes.gltf import GltfPart, GltfSurface
 from enliven.rotation import from_matrix, strain_of
 
 _STRETCHED = 1e-4
-"""Largest stretch of a joint beyond 1 that is rounding and no scale track."""
+"""Maximum difference of a joint's stretch from 1 that counts as rounding, and not as a scale track."""
 
 
 def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:

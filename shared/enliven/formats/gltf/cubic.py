@@ -23,11 +23,12 @@ from enliven.rotation import conjugate, from_matrix, multiply
 _EVEN = 1e-5
 """Relative difference of the sizes along three axes within which a node is scaled evenly."""
 _STILL = 1e-9
-"""Largest change of a value of a channel that moves nothing: below float32's resolution."""
+"""Maximum change of a channel's value that counts as no motion. It is below the resolution of float32."""
 _UNIT = 1e-3
 """By how much the length of a quaternion of the file may differ from 1: rounding of small integers."""
 _SAME = 1e-4
-"""Radians, or share of the skeleton's length, by which a curve may be off the frames of its clip."""
+"""Maximum deviation of a curve from the frames of its clip, in radians or as a fraction of the skeleton's
+length."""
 
 
 def with_cubic_keys(

@@ -25,15 +25,16 @@ _LONGEST_FADE_S = 0.3
 """Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
 some frames."""
 _FAR = 0.15
-"""Body sizes that a joint moves at least: a smaller jump hardly shows."""
+"""Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
 _LONGEST_HOLD_S = 2.0
 """Longest time for which an added pose is held, in seconds."""
 _STILL = 1e-5
 """Body sizes within which a held pose is one and the same: people are never that still."""
 _LEAST_REST = 5
-"""Steps between frames that the rest of a take has at least, to be called smooth."""
+"""Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
 _AT_REST = 0.05
-"""Body sizes that joints are away from the rest pose on average at most, in a frame that shows it."""
+"""Maximum mean distance of the joints from the rest pose in a frame that shows it, as a multiple of the body
+size."""
 
 
 def added_frames(

@@ -25,7 +25,8 @@ _MOST_DEEP = 256
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has."""
 _MOST_PLACES = 1 << 24
-"""Frames times joints, 3 GB of turns and places: 93 min of 25 joints at 120 frames a second."""
+"""Maximum number of frames times joints: 93 min of 25 joints at 120 frames a second. It takes 3 GB of
+rotations and positions."""
 _MAX_HEAD_BYTES = 1 << 24
 """Most bytes of a hierarchy: 4096 joints, 256 deep and indented by tabs, take 8 MB."""
 _BLANK = r"(?:\s|(?:#|//)[^\n]*)*"

@@ -40,12 +40,13 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Zip methods that are read: stored and deflated; other methods can ask for gigabytes before the first byte.
 """
 _FREE_BYTES = 1 << 28
-"""Bytes that any file may unpack to: 256 MB of equal numbers pack to 300 kB."""
+"""Size, in bytes, to which any file may unpack: 256 MB, because equal numbers of that size pack to 300 kB."""
 _MOST_RATIO = 20
 """Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
 room."""
 _LEVEL = 1
-"""How hard zip tries: 3 % larger than by its usual 6, in a quarter of the time: an edit on a stage waits."""
+"""Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
+An edit on a stage waits for it."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 

@@ -26,8 +26,8 @@ mostly right."""
 _HEAVY = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150
-"""Frames of all animations together that are compared: enough to see a link break, and quadratic in joints.
-"""
+"""Number of frames of all animations together that are compared. It is enough to see a link break, and the
+cost is quadratic in the joints."""
 
 
 @dataclass

@@ -63,9 +63,9 @@ _END = 102.0
 _PROGRESS = 76.0
 """Height of the progress of a scan, in pixels: a line, the bar, and a sentence. A longer text scrolls."""
 _PROGRESS_ROOMY = 140.0
-"""The same if the panel has room for what was noticed, too."""
+"""Height of the progress of a scan if the panel has room for the notes too, in pixels."""
 _ROOMY = 520.0
-"""Least height in pixels of a panel with that room."""
+"""Minimum height of a panel that has room for the notes, in pixels."""
 _MOODS: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
 
 
