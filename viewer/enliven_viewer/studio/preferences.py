@@ -92,7 +92,7 @@ class Preferences:
         if self.refusal is not None:
             return
         chosen = self._chosen()
-        # Write unchanged values exactly as they were read, because a later version may have stored values
+        # Write unchanged values back exactly, because a later version may have stored values
         # that are unknown here.
         changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
         kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}

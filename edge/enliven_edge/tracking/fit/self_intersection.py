@@ -33,7 +33,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
             for a in range(3):
                 centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
                 square += (point[a] - centre[a]) ** 2
-            # The residual is the amount by which the distance falls below 85 % of the sum of both radii.
+            # The residual: how far the distance falls below 85 % of the sum of both radii.
             reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
             reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
             distance = np.sqrt(square)

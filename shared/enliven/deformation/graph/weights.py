@@ -112,7 +112,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
             found = insert(near, who, found, length, np.int64(j))
-        # With too few nodes there is no fifth one. Use a slightly larger radius than the distance of the
+        # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
         # farthest node, so that this node keeps a little weight.
         most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
         most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))

@@ -16,12 +16,12 @@ from enliven.document import stretched
 from enliven.rotation import rotate, stretch_of
 
 _LOOSE = 0.01
-"""Distance by which a joint must leave its parent to count as detached, as a fraction of the model's size."""
+"""Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
 _NEARNESS = 0.5
 """Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
 that fits equally well."""
 _BETTER = 3.0
-"""Factor by which the misfit of another joint must be smaller to replace the parent in the file. The file is
+"""Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file is
 mostly right."""
 _HEAVY = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""

@@ -114,8 +114,8 @@ def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
     for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
-        # Also penalize a cut whose wrong vertices make up much of a side, because cutting off a foot must not
-        # remove half of the body.
+        # Also penalize a cut if vertices of the wrong side make up much of a side. Otherwise cutting off a
+        # foot could remove half of the body.
         size = max(np.count_nonzero(wrong.kept >= 0), 1)
         worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst

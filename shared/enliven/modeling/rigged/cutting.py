@@ -77,7 +77,7 @@ def parted_at(
     project = project.with_characters(shape)
     lower_id = unused(shape.id, project.characters)
     if time is None and _END < at < 1.0 - _END:
-        # In the rest pose there is no motion to compensate, so insert a node and cut at that node.
+        # The rest pose has no motion that must be compensated, so insert a node and cut at that node.
         project, _ = insert_node(project, shape.id, j, at, name=name)
         shape, at = project.shape(shape.id), 1.0
     turns, joints = posed(project, shape, time)

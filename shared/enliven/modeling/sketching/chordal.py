@@ -125,7 +125,7 @@ class _Tracer:
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
         sizes, axes = np.linalg.eigh(spread)
-        # If the shape is about as long as it is wide, use the vertical as its axis.
+        # If length and width of the shape are about equal, use the vertical as its axis.
         along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])

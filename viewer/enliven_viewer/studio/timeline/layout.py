@@ -315,7 +315,7 @@ class TimelineLayout:
         near += [(abs(left - x), 1, k) for k, (left, right) in enumerate(ends) if right - left > 3 * EDGE]
         away, which, number = min(near)
         if away <= EDGE:
-            # If two clips touch, the side on which the pointer is decides which clip is trimmed.
+            # If two clips touch, the side of the pointer decides which of them is trimmed.
             return ("begin" if which else "edge"), number
         inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
         if not inside and lane.layer.loop and x >= lane.left:

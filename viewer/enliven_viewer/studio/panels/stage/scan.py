@@ -55,7 +55,7 @@ _KEPT: dict[Kept, str] = {
     "all": later("All that was scanned"),
 }
 _BEFORE = 54.0
-"""Height of the list of what a scan needs, in pixels: three lines."""
+"""Height of the list of a scan's requirements, in pixels: three lines."""
 _AGAIN = 58.0
 """Height of the two buttons at the bottom before a scan, in pixels."""
 _END = 102.0
