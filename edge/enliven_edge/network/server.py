@@ -51,7 +51,8 @@ one keeps its place for six polls, and needs three for its handshake."""
 _TIDIED_EVERY = 0.25
 """Interval between two searches for connections to close, in seconds."""
 _READ_AT_ONCE = 4096
-"""Bytes read from a connection before the next one's turn, or the rest of a longer message."""
+"""Number of bytes that are read from a connection before the next connection is served, or the rest of a
+longer message."""
 _FRAMES_A_TURN = 16
 """Number of frames handled of a connection before the next one's turn."""
 

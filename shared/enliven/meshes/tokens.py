@@ -12,7 +12,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Int
 
 BLOCK_BYTES = 1 << 20
-"""Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
+"""Size of the block of text that is searched at a time, in bytes. The masks of a block take about ten times
+as much memory."""
 _SHOWN_BYTES = 40
 """Maximum bytes of a wrong word that a message shows."""
 _COMMENT = re.compile(rb"#[^\n]*")

@@ -26,7 +26,7 @@ LOWEST = math.radians(1.0)
 HIGHEST = math.radians(88)
 """Maximum elevation in radians: straight down, the upright direction is undefined."""
 DRAG_TURN = 0.008
-"""Radians that the camera turns per pixel of a drag: half a turn across 400 pixels."""
+"""Rotation of the camera per pixel of a drag, in radians: half a turn across 400 pixels."""
 
 
 @dataclass(frozen=True)

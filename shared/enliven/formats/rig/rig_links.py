@@ -21,8 +21,8 @@ _NEARNESS = 0.5
 """Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
 that fits equally well."""
 _BETTER = 3.0
-"""Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file is
-mostly right."""
+"""Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file
+is mostly right."""
 _HEAVY = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150

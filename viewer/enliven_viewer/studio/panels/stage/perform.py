@@ -28,7 +28,7 @@ _STATE_ROOMY = 90.0
 _ROOMY = 520.0
 """Minimum panel height in pixels for that."""
 _STILL = 2.0
-"""Default seconds of stillness that end a recording: longer than a dramatic pause."""
+"""Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
 _LOCAL = "127.0.0.1"
 _CHARACTERS = 98.0
 """Height of the list of characters, in pixels: four lines. A longer list scrolls."""
