@@ -6,5 +6,5 @@
 
 from enliven_edge.onnx_runtime import disable_telemetry
 
-# Before a sensor or reader of another package can load the library.
+# Disable telemetry before a sensor or reader of another package can load the library.
 disable_telemetry()

@@ -36,7 +36,7 @@ _MOST_BYTES_IN_ALL = 2 * MAX_SENT_BYTES
 """Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
 them."""
 _GIVEN_UP = 10.0
-"""Seconds without a part after which an upload is dropped."""
+"""Time without a new part after which an upload is dropped, in seconds."""
 _SLOWEST = 32 * 1024
 """Minimum bytes per second after the first ``_GIVEN_UP`` seconds: a slow wireless network carries more."""
 _MOST_REFUSED = 32
@@ -84,7 +84,8 @@ class _Preparation(threading.Thread):
         self.carried: Carried | None = None
 
     def run(self) -> None:
-        from enliven_edge.sent_characters import cast_sent  # an edge without clients never needs it
+        # Imported here, because an edge without clients never needs it.
+        from enliven_edge.sent_characters import cast_sent
 
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:

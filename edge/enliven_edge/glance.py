@@ -13,9 +13,9 @@ _EVERY_NS = 200_000_000
 _HIGH = 72
 """Maximum pixels of the preview's height: a person is recognisable in it."""
 _NEAR = 400.0
-"""Millimetres of the brightest value: depth cameras measure nothing nearer."""
+"""Depth that is drawn brightest, in millimetres. Depth cameras measure nothing nearer."""
 _FAR = 6000.0
-"""Millimetres of the darkest value: performers stand nearer."""
+"""Depth that is drawn darkest, in millimetres. Performers stand nearer."""
 _USUAL_LENS = [0.9, 0.9, 0.6, 0.5]
 """Assumed intrinsics of a sensor that tracks people itself: 58 degrees vertical field of view."""
 

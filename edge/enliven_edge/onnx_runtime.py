@@ -67,7 +67,7 @@ def load_onnxruntime(module: str = "onnxruntime") -> Any:
     if "onnxruntime" not in sys.modules:
         remove_telemetry_files()
     library = importlib.import_module("onnxruntime")
-    # Its Windows builds with the system's own telemetry do not read the variable.
+    # On Windows, the builds that use the system's own telemetry do not read the environment variable.
     library.disable_telemetry_events()
     return importlib.import_module(module)
 
@@ -86,11 +86,12 @@ def remove_telemetry_files() -> list[Path]:
             removed += [folder / name for name in _remove_own_files(descriptor)]
         if not any(path.parent == folder for path in removed):
             continue
-        with contextlib.suppress(OSError):  # other files keep the folder
+        with contextlib.suppress(OSError):  # A folder that still contains other files is kept.
             for emptied in (folder, *folder.parents[: len(_FOLDER) - 1]):
                 emptied.rmdir()
     session = Path(tempfile.gettempdir()) / ".ses"
-    # Other libraries of the same maker write this file, too: it is removed only together with the folder.
+    # Other libraries of the same maker write this session file too. So it is removed only together with the
+    # telemetry folder.
     if removed and _SESSION.fullmatch(_first_bytes(session)):
         with contextlib.suppress(OSError):
             session.unlink()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
 _GAP = 0.4
-"""Metres of floor between a scanned character and those on the stage."""
+"""Gap on the floor between a scanned character and the characters on the stage, in metres."""
 
 
 class Told(Protocol):
@@ -103,7 +103,8 @@ class Scans:
         if self._ended:
             told.send(ScanMessage(self._number), 0)
         if self._begun and self._beginning is not None:
-            # Not in ``ask``: loading takes long, and the viewer's other orders would wait for it.
+            # Start loading here, not in ``ask``. Loading takes long, and the viewer's other requests would
+            # have to wait.
             self._beginning.start()
         self._begun = self._ended = False
         if self._beginning is not None and self._beginning.scan is not None:

@@ -46,7 +46,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
         what = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(what, where=where, mend="Scale it to metres.")
     actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
-    check_character(actor.character)  # reports now if viewers cannot be sent the character
+    check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
 

@@ -36,8 +36,8 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     Kernels stay in the process. Repeated calls with the same settings do nothing.
     """
     settings = settings or TrackerSettings()
-    # The user's own mounting and zone would hide the recorded person. A search that is spread over frames
-    # would find the second person too late.
+    # Use default settings for the scene, because the user's own mounting and zone would hide the recorded
+    # person. Do not spread the search over frames, because the second person would be found too late.
     search = dataclasses.replace(settings.search, fits_per_frame=0)
     tracker = Tracker(dataclasses.replace(settings, scene=SceneSettings(), search=search))
     for frame in _warm_up_frames():
@@ -65,7 +65,8 @@ def _run_what_it_lacks() -> None:
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
     corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
-    # The recorded person points no forearm away from the body, so this kernel would not run.
+    # The recorded person never points a forearm away from the body. So tracking would not run this kernel,
+    # and it is called directly.
     fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
@@ -76,5 +77,6 @@ def _with_duplicate(depth: UInt16) -> UInt16:
 
 
 if __name__ == "__main__":
-    # A process of its own that fills the folder of kernels: enliven_edge.commands.preparing starts it.
+    # This runs in a process of its own, which fills the folder of compiled kernels.
+    # enliven_edge.commands.preparing starts it.
     warm_up_tracking()

@@ -15,7 +15,7 @@ import lazy_loader
 
 try:
     __version__ = version("enliven")
-except PackageNotFoundError:  # the folder is on Python's path without being installed
+except PackageNotFoundError:  # The folder is on Python's path, but the package is not installed.
     __version__ = "0+unknown"
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

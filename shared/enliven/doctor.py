@@ -35,7 +35,7 @@ def all_checks() -> list[Check]:
         try:
             contributed: Callable[[], list[Check]] = entry.load()
             made += contributed()
-        except Exception as error:  # a broken package must not hide the results of the others
+        except Exception as error:  # A broken package must not hide the results of the other packages.
             made.append(Check(entry.name, False, f"its checks failed: {error}", "Install the package again."))
     return made
 

@@ -55,7 +55,8 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     """
     if version <= newest:
         return
-    from enliven import __version__  # a package that is being loaded has no version yet
+    # Imported here, because a package that is still being loaded has no version yet.
+    from enliven import __version__
 
     maker = f", made by {made_by[:_MAX_MAKER_LETTERS]}" if made_by else ""
     mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."

@@ -57,7 +57,7 @@ PART = ".part"
 _PART_LETTERS = 40
 """Maximum length of a file's name within the name of its temporary file: file systems allow 255 bytes."""
 _LEFT_OVER_S = 86_400.0
-"""Seconds after which a temporary file belongs to a killed program: no write takes a day."""
+"""Age, in seconds, above which a temporary file was left by a killed program. No write takes a day."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -72,7 +72,7 @@ _FOLDER_PREFIX = "enliven-capture-"
 _LOCK_NAME = ".in-use"
 """The file in a temporary folder that its process keeps locked."""
 _ABANDONED_S = 86_400.0
-"""Seconds after which a temporary folder without a locked file counts as abandoned: a day."""
+"""Age, in seconds, above which a temporary folder without a locked file counts as abandoned: a day."""
 _ROOM = "Check the folder's permissions and the space on the disk."
 _FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
 _GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."
@@ -359,7 +359,7 @@ def write_picture(path: Path, picture: Any, mend: str = "", **options: Any) -> N
         InputError: if Pillow does not support the suffix.
         ResourceError: if it cannot be written. The existing file is then untouched.
     """
-    from PIL import Image  # files of other kinds do not need it
+    from PIL import Image  # Imported here, because only image files need Pillow, and it is slow to load.
 
     kind = Image.registered_extensions().get(path.suffix.lower())
     if kind not in Image.SAVE:
@@ -465,7 +465,7 @@ def _put(part: Path, target: Path, before: os.stat_result | None) -> None:
         os.fsync(file.fileno())
     if kept:
         os.replace(part, target)
-    else:  # a new file would have another owner
+    else:  # Replacing the file would give it another owner, so its content is overwritten instead.
         _write_over(part, target)
 
 
@@ -475,7 +475,8 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
     Returns:
         False if this user has no permission to set that owner.
     """
-    if sys.platform == "win32":  # permissions are those of the folder there
+    if sys.platform == "win32":
+        # On Windows, a new file inherits the permissions of its folder, so there is nothing to copy.
         return True
     now = os.fstat(descriptor)
     if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
@@ -484,9 +485,10 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
         except OSError:
             return False
     if hasattr(os, "listxattr"):
-        with contextlib.suppress(OSError):  # not every file system has them
+        with contextlib.suppress(OSError):  # Not every file system supports extended attributes.
             for name in os.listxattr(target):
-                with contextlib.suppress(OSError):  # some are reserved for the system
+                with contextlib.suppress(OSError):
+                    # Some attributes are reserved for the system and cannot be set.
                     os.setxattr(descriptor, name, os.getxattr(target, name))
     os.fchmod(descriptor, stat.S_IMODE(before.st_mode))
     return True
@@ -547,7 +549,8 @@ class Beside:
             if error.where == str(self._path):
                 raise
             raise self._wrong(name, f"cannot be read ({error.what})", _TOGETHER) from None
-        except (OSError, ValueError, RuntimeError) as error:  # a loop of links, or an invalid name
+        except (OSError, ValueError, RuntimeError) as error:
+            # The path is a loop of symbolic links, or the name is invalid.
             raise self._wrong(name, f"cannot be read ({plain_reason(error, NO_NAME)})", _TOGETHER) from None
         self._left -= len(data)
         return data

@@ -66,7 +66,7 @@ def _everywhere(value: float) -> Any:
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     """Returns the six rows of the transposed block, with 0 in their last lanes."""
     rows = [*rows, _ZERO, _ZERO]
-    # Interleave two rows each, for the lower and the upper half of the columns.
+    # Interleave two rows at a time, separately for the lower and the upper half of the columns.
     pairs = [
         [
             _shuffled(builder, rows[r], rows[r + 1], [half * 4 + i // 2 + 8 * (i % 2) for i in range(8)])
@@ -162,7 +162,8 @@ def totals6(typing, a, b, c, d, e, f):
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Add neighbours of u and v alternately within each half: crossing halves is slow.
+            # Add neighbouring lanes of u and v, and let the sums of u and v alternate. Stay within each half
+            # of the vector, because moving lanes between the halves is slow.
             even = _shuffled(builder, u, v, [0, 2, 8, 10, 4, 6, 12, 14])
             return builder.fadd(even, _shuffled(builder, u, v, [1, 3, 9, 11, 5, 7, 13, 15]))
 

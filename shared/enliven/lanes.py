@@ -146,7 +146,7 @@ def _make_total(kind: Lanes) -> Any:
             half, count = args[0], kind.count
             none = ir.Constant(vector_of(kind), ir.Undefined)
             while count > 1:
-                # Add the upper half to the lower one, until one number is left.
+                # Add the upper half of the lanes to the lower half, until only one number is left.
                 count //= 2
                 lanes = [count + i if i < count else 0 for i in range(kind.count)]
                 upper = builder.shuffle_vector(half, none, ir.Constant(ir.VectorType(I32, kind.count), lanes))
@@ -206,7 +206,8 @@ def totals4(typing, a, b, c):
 
     def generate(context, builder, sig, args):
         def paired(u: Any, v: Any) -> Any:
-            # Add neighbours of u and v alternately within each half: crossing halves is slow.
+            # Add neighbouring lanes of u and v, and let the sums of u and v alternate. Stay within each half
+            # of the vector, because moving lanes between the halves is slow.
             even = _shuffled4(builder, u, v, [0, 4, 2, 6])
             return builder.fadd(even, _shuffled4(builder, u, v, [1, 5, 3, 7]))
 

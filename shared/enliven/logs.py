@@ -62,7 +62,7 @@ def escape_records() -> None:
         return
 
     def make_escaped(name: str | None, *values: Any, **more: Any) -> logging.LogRecord:
-        if name is None:  # from logging.makeLogRecord, which sets the name later
+        if name is None:  # logging.makeLogRecord passes no name, and sets it later.
             return make(name, *values, **more)
         if name.partition(".")[0] in OWN_LOGGERS or name in OWN_LOGGERS:
             return EscapedRecord(name, *values, **more)
@@ -121,7 +121,7 @@ def ignore_broken_stderr() -> None:
         sys.stderr = io.TextIOWrapper(
             stream, sys.stderr.encoding, errors="backslashreplace", line_buffering=True
         )
-    except (AttributeError, OSError):  # no standard error, or one that is not a file
+    except (AttributeError, OSError):  # Standard error is missing, or it is not a file.
         return
 
 
@@ -135,6 +135,6 @@ def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
         logger.handlers[:] = [handler]
         logger.setLevel(level)
         logger.propagate = False
-    # Without the source line that raised the warning.
+    # Print warnings without the source line that raised them.
     warnings.formatwarning = lambda message, *place, **more: str(message)
     logging.captureWarnings(True)

@@ -18,12 +18,13 @@ def pixels_of(mask):
     whole = len(flat) // _BLOCK * _BLOCK
     for first in range(0, whole, _BLOCK):
         some = np.uint8(0)
-        for i in range(_BLOCK):  # a fixed length, so that the loop is vectorised
+        for i in range(_BLOCK):  # The length is fixed, so that the compiler vectorises the loop.
             some |= np.uint8(flat[np.uintp(first + i)])
         if some == 0:
             continue
         for i in range(first, first + _BLOCK):
-            # Write without a branch. The next pixel overwrites it unless this one is masked.
+            # Write every index without a branch. If this pixel is not masked, the count does not rise, and
+            # the next pixel overwrites the index.
             out[np.uintp(count)] = i
             count += flat[i]
     for i in range(whole, len(flat)):

@@ -146,8 +146,8 @@ def swing(a: AnyArray, b: AnyArray) -> Float:
     short; the chosen one depends only on ``a``.
     """
     a, b = np.broadcast_arrays(np.asarray(a, np.float64), np.asarray(b, np.float64))
-    # |a + b| and |a - b| are twice the cosine and the sine of half the angle. They are exact at both ends,
-    # whereas the textbook form (1 + a.b, a x b) loses half of its digits.
+    # |a + b| is twice the cosine of half the angle, and |a - b| is twice its sine. Both are exact near 0 and
+    # near 180 degrees, whereas the textbook form (1 + a.b, a x b) loses half of its digits.
     cosine = np.linalg.norm(a + b, axis=-1, keepdims=True)
     sine = np.linalg.norm(a - b, axis=-1, keepdims=True)
     cross = np.cross(a, b)

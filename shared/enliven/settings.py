@@ -114,7 +114,8 @@ def refuse_later_toml(path: Path) -> None:
     except LaterVersionError:
         raise
     except EnlivenError:
-        return  # another or a damaged file: the writer reports it if it cannot be replaced
+        # The file is damaged or has another format. The writer reports an error if it cannot be replaced.
+        return
 
 
 def _inside(value: Any) -> list[Any]:

@@ -12,7 +12,7 @@ from enliven.settings import setting
 
 Encoder = Literal[
     "auto", "libx264", "libopenh264", "h264_videotoolbox", "h264_mf", "libvpx-vp9", "mpeg4"
-]  # from enliven.film.encoders
+]  # These are the encoders of enliven.film.encoders.
 SkeletonShown = Literal["choosing", "always", "never"]
 LookName = Literal["studio", "bright", "night", "white", "dawn", "garden"]
 

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVERY = 4.0
-"""Seconds between two evaluations of what live sensors have seen: a calibration takes the trackers' time."""
+"""Interval between two evaluations of the data of live sensors, in seconds. A calibration takes time from the
+trackers."""
 
 
 def calibrate(

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
 
 _LOOK = 0.3
-"""Seconds between two looks at live cameras: a hand needs longer to move a board."""
+"""Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
 _APART_MS = 20.0
-"""Milliseconds by which live images of a pair may differ: the board is held still."""
+"""Maximum time difference of the live images of a pair, in milliseconds. It may be large, because the board
+is held still."""
 _PATIENCE = 10.0
-"""Seconds without a pair after which live cameras are given up."""
+"""Longest time without an image pair before live cameras are given up, in seconds."""
 
 
 def calibrate_stereo(

@@ -65,7 +65,8 @@ def import_recording(
     notes = [chosen.note] if chosen.note else []
     options = ImportOptions(fps, device, lens_of(lens), units_per_metre, notes.append)
     frames = iter(chosen.read(paths, options))
-    # The first frame settles the assumptions about the files; the recording stores them.
+    # Read the first frame in advance, because it settles the assumptions about the files, which the recording
+    # stores.
     first = list(islice(frames, 1))
     frames = chain(first, frames)
     found = write_recording(

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from enliven_edge.inspection import Inspector, SensorLog
 
 _BIT_RATE = 6.0
-"""Mbit/s of a film where the encoder takes no quality: as much as the viewer's films."""
+"""Bit rate of a film if the encoder accepts no quality, in Mbit/s: the same as of the viewer's films."""
 _USUAL_RATE = 30.0
-"""Frames a second of a recording with too few frames to tell: that of depth cameras."""
+"""Frame rate, in frames per second, that is assumed for a recording with too few frames to measure it: that
+of depth cameras."""
 
 
 def inspect(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
 _VOXEL = 4.0
-"""Millimetres of a voxel's side where none is given: of a chair, a lamp."""
+"""Side of a voxel if none is given, in millimetres. It suits a chair or a lamp."""
 
 
 def scan(
@@ -119,7 +119,7 @@ def scan(
     if before is not None and add is not None:
         raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
-        stage_command()  # what is missing for it is said before the scan
+        stage_command()  # Report missing requirements of the stage before the scan, not after it.
     voxel = voxel or (1e3 * PERSON_VOXEL if person else _VOXEL)
     scanner = scanner_of(voxel, reach, within, memory, thing)
     if moved or turned:

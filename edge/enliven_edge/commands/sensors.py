@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from enliven_edge.terminal import Way
 
 _PATIENCE = 15.0
-"""Seconds without any frame after which a preview gives up: a camera's first may need ten."""
+"""Longest time without any frame before a preview gives up, in seconds. The first frame of a camera may take
+ten."""
 
 
 def sensors(
@@ -57,7 +58,7 @@ def sensors(
       enliven sensors synthetic -o depth.png
       enliven sensors replay --set path=TAKE.mcap
     """
-    # A pip line has an extra in brackets, which would be taken for a style.
+    # Print without styles, because the brackets of an extra in a pip command would be taken for a style.
     console = plain_console()
     if as_json:
         import msgspec

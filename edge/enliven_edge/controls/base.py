@@ -265,7 +265,8 @@ class ControlReader:
             except EOFError:
                 log.info("control %s has ended", self.name)
                 return
-            except Exception as error:  # not only OSError: termios and PortAudio have errors of their own
+            except Exception as error:
+                # Catch every error, because termios and PortAudio raise errors that are not OSErrors.
                 if self._there or not told:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)

@@ -10,7 +10,8 @@ from typing import Any
 from enliven_edge.extras import need
 
 _STEP_BYTES = 960
-"""Bytes of 30 ms of sound, decoded at once: about 15 ms of work, so that the tracker is not blocked."""
+"""Size of 30 ms of sound, in bytes, which are decoded at once. This takes about 15 ms, so that the tracker is
+not blocked."""
 _MIN_SOUNDS = 3
 """Minimum number of phonemes in an utterance: claps, thumps, tones and breath give two at most."""
 _MAX_WAITING = 2

@@ -17,13 +17,16 @@ _WAIT = 0.03
 _BEAT = 0.25
 """Seconds between two messages to the panel. After 1 s without a message the panel shows "no edge"."""
 _STALE = 1.0
-"""Seconds after which the state of the stage is too old to show: a hanging edge sends nothing."""
+"""Age, in seconds, at which the state of the stage is too old to be shown. An edge that hangs sends
+nothing."""
 _SILENCE = 2.0
-"""Seconds without a message of the panel until it is opened again: noise does not spoil eight in a row."""
+"""Longest time without a message of the panel before it is opened again, in seconds. Noise does not damage
+eight messages in a row."""
 _STUCK = 1.0
 """Seconds to wait for a port that accepts no byte."""
 _GREETING = 4.0
-"""Seconds until a panel must have greeted: an Arduino resets when its port opens, which takes 2 s."""
+"""Time within which a panel must greet, in seconds. An Arduino resets when its port opens, which takes 2
+s."""
 _CAUSES = {
     "W": "its firmware hung, and its watchdog started it again",
     "B": "its supply was too low",

@@ -47,7 +47,7 @@ class SoundRecording:
         if given != (RATE, 1, 2):
             what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
             raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")
-        self._sound += bytes(RATE * 2)  # a second of silence ends the last phrase
+        self._sound += bytes(RATE * 2)  # Append a second of silence, which ends the last phrase.
         self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
 
     def read(self) -> bytes:
@@ -91,7 +91,8 @@ class Microphone:
             ResourceError: if none is found, or another program uses it.
         """
         if self._opened:
-            # PortAudio lists the devices once. Only a restart of the library finds newly plugged devices.
+            # PortAudio lists the devices only once. It must be restarted to find devices that were plugged in
+            # later.
             self._library._terminate()
             self._library._initialize()
         self._opened = True
@@ -301,7 +302,7 @@ class Voice(Device):
         except EOFError:
             if not self._recogniser.is_busy:
                 raise
-            self._recogniser.work()  # the last words of a recording
+            self._recogniser.work()  # Wait for the last words of the recording.
             return []
         phrase = self._recogniser.feed(frame)
         return [] if phrase is None else [phrase]

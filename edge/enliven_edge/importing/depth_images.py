@@ -89,7 +89,7 @@ def _camera_file(depth: Path) -> Path:
 _BYTES = KINECT1.width * KINECT1.height * 2
 """Bytes of a file: two for each pixel."""
 _FARTHEST = 10_000
-"""Millimetres: larger values are not distances of a Kinect v1."""
+"""Maximum valid depth of a Kinect v1, in millimetres. Larger values are not distances."""
 
 
 class RawKinectReader(Reader):

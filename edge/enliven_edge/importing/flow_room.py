@@ -29,7 +29,7 @@ none."""
 CENTRE = (256.0, 212.0)
 """Column and row of the image's centre, pixels."""
 STATURE = 1.70
-"""Metres from the ankles to the crown of an average person, which determines the distance."""
+"""Height of an average person from the ankles to the crown, in metres. It determines the distance."""
 _METRES_PER_Z = 0.0036
 """Metres per unit of z, which the files do not state. With this value bones keep their lengths best while
 they turn towards the sensor, and all people in the known recordings agree on it. With millimetres people

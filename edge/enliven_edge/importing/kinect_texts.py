@@ -65,7 +65,7 @@ MSR_ORDER = (
     Joint.FOOT_RIGHT,
     Joint.HEAD,
 )
-"""(20,) the joint in each row of a frame. Right is the side that the subjects were told to use."""
+"""(20,) the joint in each row of a frame. Right is the side that the subjects were asked to use."""
 MSR_FOCAL = 285.0
 """Focal length of the pixel form's depth camera (320x240), pixels. With it both forms agree."""
 _MSR_CENTRE = (160.0, 120.0)
@@ -96,7 +96,7 @@ class BodyScannerReader(SkeletonReader):
         if missing:
             raise InputError(f"the row {missing[0]} is missing", where=str(path))
         level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
-        # In the file, +Z points to the sensor, as in the world.
+        # In the file, as in the world, +Z points to the sensor.
         joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
         return [SkeletonMoment(0, [tracked(joints)])]
 

@@ -45,7 +45,7 @@ def readers() -> dict[str, Reader]:
     for entry in entry_points(group=ENTRY_POINTS):
         try:
             made.append(entry.load()())
-        except Exception as error:  # another package's fault must not stop an import
+        except Exception as error:  # An error in another package must not stop an import.
             warnings.warn(f"the reader {entry.name!r} cannot be loaded: {error}", stacklevel=2)
     return {reader.name: reader for reader in made}
 

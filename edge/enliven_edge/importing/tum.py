@@ -31,7 +31,7 @@ _LIST = "depth.txt"
 _COLOURS = "rgb.txt"
 _POSES = "groundtruth.txt"
 _TIME = re.compile(r"\d{9,11}\.\d{3,9}")
-"""The name of an image that is its time: seconds since 1970, with at least milliseconds."""
+"""Pattern of an image name that is a time: seconds since 1970, with at least milliseconds."""
 _MAX_GAP_NS = 20_000_000
 """Maximum time between a depth image and its colour or pose, the benchmark's own 0.02 s."""
 _Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])

@@ -32,7 +32,8 @@ class SensorLog:
         """Adds the next event."""
         match moment.said:
             case SensorFault() as error:
-                # Errors until the sensor is back are attempts to open it.
+                # After the first error, further errors are failed attempts to open the sensor again. So count
+                # them as one loss.
                 if not self._lost:
                     self._losses.append((self._seconds(self._last_ns), error.what))
                 self._lost = True

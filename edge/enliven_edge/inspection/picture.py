@@ -16,7 +16,8 @@ _TINTS = np.array(
 )
 """(6, 3) sRGB tints of the people, in turn: easy to distinguish."""
 _NEAREST = 0.12
-"""Metres from the camera. Nearer joints are not drawn, since their projection leaves the image."""
+"""Minimum distance from the camera of joints that are drawn, in metres. The projection of nearer joints
+leaves the image."""
 _HOLE = 12
 """Grey value of a pixel without depth, of 255: darker than every distance, lighter than black."""
 _UNSURE = 0.05

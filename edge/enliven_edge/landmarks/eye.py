@@ -34,7 +34,8 @@ _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
 _SAME_PERSON = 0.5
 """Maximum metres between two trunks of the same person."""
 _AGREE = 0.12
-"""Metres: two positions of a joint within this distance agree. Farther ones contradict each other."""
+"""Maximum distance of two positions of a joint that agree, in metres. Positions farther apart contradict each
+other."""
 
 
 def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:

@@ -32,8 +32,8 @@ def _weights() -> Float:
         for name, share in parts.items():
             made[joint, INDEX[name.replace("_", " ")]] += share
 
-    # The hip centre lies a little above the hips, the shoulder centre a little above the shoulders. The
-    # factors are fractions of the trunk's length from hips to shoulders.
+    # The hip centre lies a little above the hips, and the shoulder centre a little above the shoulders. The
+    # factors are fractions of the trunk's length from the hips to the shoulders.
     hips, shoulders = {"left_hip": 0.5, "right_hip": 0.5}, {"left_shoulder": 0.5, "right_shoulder": 0.5}
     for joint, up in ((Joint.HIP_CENTER, 0.17), (Joint.SPINE, 0.43), (Joint.SHOULDER_CENTER, 1.1)):
         put(joint, **{name: (1 - up) * share for name, share in hips.items()})
@@ -157,7 +157,7 @@ class Lifter:
         ray, inside = self._ray(points, camera)
         weight = found.visibility * np.where(inside, 1.0, 0.2)
         x, y, z = found.offsets.T
-        # (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz), linear in t.
+        # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
         rows = np.zeros((2 * len(points), 3))
         rows[: len(points), 0] = rows[len(points) :, 1] = 1.0
         rows[: len(points), 2], rows[len(points) :, 2] = -ray[:, 0], -ray[:, 1]

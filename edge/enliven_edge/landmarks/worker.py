@@ -80,7 +80,7 @@ def _exactly(stream: BinaryIO, count: int) -> bytes:
 
 def main() -> None:
     """Reads images from the standard input, and writes the landmarks of each to the standard output."""
-    # The output of MediaPipe's libraries must not mix with the landmarks.
+    # Redirect the output of MediaPipe's libraries, because it must not mix with the landmarks.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     find = _by_tasks(sys.argv[1]) if len(sys.argv) > 1 else _by_solutions()

@@ -28,7 +28,7 @@ _STEP = 1 / 30
 """Frame duration in seconds that the budget applies to. A longer frame adds more, so that a slow edge
 answers."""
 _SAVED = 50
-"""Frames of unused time that are saved up, so that a few orders in one frame need not wait."""
+"""Unused time that is saved up, in frames, so that a few orders in one frame need not wait."""
 
 
 class CommandQueue:

@@ -29,7 +29,7 @@ from enliven_edge.network.server import ZmtpServer
 log = logging.getLogger(__name__)
 
 _GONE_AFTER = 5.0
-"""Seconds without a message after which a viewer is not counted any more."""
+"""Time without a message after which a viewer is no longer counted, in seconds."""
 
 
 @dataclass

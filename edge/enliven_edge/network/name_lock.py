@@ -44,7 +44,8 @@ class NameLock:
 
     def __init__(self, name: str) -> None:
         readable = re.sub(r"[^A-Za-z0-9._-]", "_", name)
-        # Two names with the same readable form must not lock each other out.
+        # Append the original name in hexadecimal. Otherwise two names with the same readable form would lock
+        # each other out.
         suffix = "" if readable == name else "-" + name.encode().hex()
         folder = _own_folder()
         self._path = folder / f"enliven-edge-{readable}{suffix}.lock"
@@ -58,7 +59,7 @@ class NameLock:
                 where="edge",
                 mend="Stop it, or give this one another name with --name.",
             ) from None
-        # If the disk is full the text is lost, but the name is still locked.
+        # If the disk is full, the text is lost, but the name is still locked.
         with contextlib.suppress(OSError):
             os.ftruncate(self._handle, 0)
             os.lseek(self._handle, 0, os.SEEK_SET)
@@ -92,7 +93,8 @@ def _locked(path: Path) -> int:
         except OSError:
             holder = _text(handle)
             os.close(handle)
-            # A file without text is locked by another start that only checks it.
+            # If the lock file has no text, its holder is another process that is only checking it. So try
+            # again.
             if holder or attempt == _LOCK_ATTEMPTS - 1:
                 raise BlockingIOError(errno.EAGAIN, holder) from None
             time.sleep(_LOCK_PAUSE_S)
@@ -121,8 +123,8 @@ def _remove_unlocked(folder: Path) -> None:
                 handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
                 try:
                     _lock(handle)
-                    # The text is removed before the file, so that waiting processes do not read an old
-                    # holder.
+                    # Remove the text before the file, so that waiting processes do not read the text of an
+                    # old holder.
                     os.ftruncate(handle, 0)
                     if _is_file_at(handle, path):
                         path.unlink()

@@ -147,11 +147,12 @@ class Publisher(Closing):
             InputError: for a character that is too large for the wire. The previous one stays.
         """
         codec = PoseCodec(character)
-        # The first use compiles the codec, which must not happen during a performance.
+        # Encode and decode once now. The first use compiles the codec, which must not happen during a
+        # performance.
         codec.decode(codec.encode(character.rest_pose()).data)
         revision = max(self.last_revision(character.id) + 1, least)
         if revision > MAX_REVISION:
-            revision = 1  # viewers fetch any revision that differs from theirs
+            revision = 1  # Restart at 1. Viewers fetch any revision that differs from theirs.
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._state_changed()
@@ -226,7 +227,7 @@ class Publisher(Closing):
         except Malformed as error:
             self._unsent.add(error)
             return 0
-        # Messages about a removed character are not latched: they would stay for ever.
+        # Do not latch messages about a removed character, because they would stay for ever.
         if topic.latched and not (topic.of_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
         self._streams.send(data)

@@ -30,26 +30,29 @@ _INTRODUCED_WITHIN = 3.0
 _STALLED_AFTER = 10.0
 """Seconds after which a connection that accepts none of its waiting bytes is closed."""
 _QUIET_AFTER = 10.0
-"""Seconds without a message (ten of a viewer's pings) after which a new peer may replace this one."""
+"""Time without a message after which a new peer may replace this one, in seconds: ten of a viewer's pings."""
 _IDLE_AFTER = 0.25
 """Seconds without a byte after which a connection that has started its handshake loses its place."""
 _KNOWN_AFTER = 1.0
-"""Seconds of service after which a connection is known: endless newcomers do not keep it waiting."""
+"""Time of service after which a connection counts as known, in seconds. Endless newcomers do not delay known
+connections."""
 _TRUSTED_AFTER = 60.0
 """Maximum seconds of service that count: a viewer of an hour is not read before a viewer of a minute."""
 _RESERVED = 0.5
-"""Fraction of an address's places that stay with the connections that were served for longest."""
+"""Fraction of an address's places that is reserved for the connections that were served for longest."""
 _HEARD_ONCE = 0.05
-"""Seconds between the first and the last message. Connections below it count as heard once."""
+"""Maximum time from the first to the last message, in seconds, of a connection that counts as heard only
+once."""
 _ACCEPTED_AT_ONCE = 32
 """Maximum number of connections accepted in one poll. The system queues the others until the next."""
 _ACCEPTED_ANYHOW = 8
 """Number of connections accepted in a poll even if its time is used up. In a flood of connections a new
 one keeps its place for six polls, and needs three for its handshake."""
 _TIDIED_EVERY = 0.25
-"""Seconds between two searches for connections to close."""
+"""Interval between two searches for connections to close, in seconds."""
 _READ_AT_ONCE = 4096
-"""Bytes read from a connection before the next one's turn, or the rest of a longer message."""
+"""Number of bytes that are read from a connection before the next connection is served, or the rest of a
+longer message."""
 _FRAMES_A_TURN = 16
 """Number of frames handled of a connection before the next one's turn."""
 
@@ -239,7 +242,8 @@ class ZmtpServer:
             is_full = len(self._open) >= self._most
             if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
                 return
-            # Connections in the middle of their handshake have priority. The system queues the others.
+            # If the server is full, connections in the middle of their handshake have priority. Leave the
+            # others in the queue of the operating system.
             if is_full and any(not c.introduced for c in self._open) and not self._idle():
                 return
             try:

@@ -13,7 +13,7 @@ _MOST_OWED = 2 * MAX_STREAM_BYTES
 """Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
 one only."""
 _READING = 0.00025
-"""Seconds per poll for reading subscriptions: they are short and rare."""
+"""Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
 
 
 class Subscribers:
@@ -30,7 +30,7 @@ class Subscribers:
         """Accepts connections, reads subscriptions and sends queued bytes."""
         for peer, parts in self._server.messages(time.monotonic() + _READING):
             said = parts[0]
-            # A prefix that matches no topic is ignored, and not stored.
+            # Ignore a prefix that matches no topic, so that it is not stored.
             if len(parts) == 1 and any((name.encode() + b"\0").startswith(said[1:]) for name in STREAMS):
                 wanted: frozenset[bytes] = peer.state or frozenset()
                 if said[:1] == b"\x01":

@@ -19,11 +19,12 @@ FLOOR = -2
 NOTHING = -1
 """Stands for no contact in place of a sphere's index."""
 _SLOW = 0.5
-"""Metres per second: slower contacts do not bounce, so that balls come to rest."""
+"""Maximum speed of contacts that do not bounce, in metres per second. Without it, balls would not come to
+rest."""
 _CALM = 0.02
 """Metres per second below which a prop is damped."""
 _CALM_TURN = 0.1
-"""Radians per second below which a prop is damped."""
+"""Angular speed below which a prop is damped, in radians per second."""
 _BRAKE = 0.5
 """Fraction of its velocity that a damped prop keeps at each step."""
 
@@ -73,18 +74,18 @@ def correct_contacts(
         first, second = owner[geoms[c, 0]], owner[geoms[c, 1]]
         stiffness, damping, share = impedance[row, 0], impedance[row, 1], impedance[row, 2]
         if stiffness > 0.0:
-            # The depth at which stiffness and damping balance at the maximum depenetration speed.
+            # Compute the depth at which stiffness and damping balance at the maximum depenetration speed.
             deepest = push_out * damping / (stiffness * share)
             if distances[c] < -deepest:
                 reference[row] += stiffness * share * (distances[c] + deepest)
-        # Record which sphere or floor a prop touches, and add the sphere's velocity to the contact rows.
+        # Record which sphere or floor a prop touches, and add the velocity of the sphere to the contact rows.
         for side in range(2):
             mine, other = (first, second) if side == 0 else (second, first)
             if other <= -3 and mine > -3 and (mine >= 0 or touched[-3 - other] == NOTHING):
                 touched[-3 - other] = mine
             if mine < 0:
                 continue
-            # The relative velocity is that of the second minus that of the first.
+            # The relative velocity of a contact is the velocity of its second body minus that of its first.
             sign = 1.0 if side == 0 else -1.0
             for r in range(min(dims[c], 3)):
                 along = 0.0

@@ -19,9 +19,10 @@ _GAP = 0.003
 _STILL = 0.05
 """Metres per second below which a box counts as still: the engine's own jitter is slower."""
 _MOVED = 0.5
-"""Box edge lengths. A box that moved farther counts as fallen."""
+"""Distance, in box edge lengths, above which a moved box counts as fallen."""
 _CLEAR = 0.15
-"""Metres between a new tower and its neighbours: a performer that possesses a character sways by less."""
+"""Minimum gap between a new tower and its neighbours, in metres. A performer that possesses a character sways
+by less."""
 _AROUND = np.array(
     [(0.0, 0.0)]
     + [
@@ -53,7 +54,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
             where="physics.boxes",
             mend="Ask for fewer, lower or narrower towers.",
         )
-    # Neighbours and layers differ in colour, so that a box's rotation is visible.
+    # Give neighbours and layers different colours, so that the rotation of a box is visible.
     nth = np.tile(layer + np.arange(len(layer)) % settings.wide, len(settings.at))
     return PropSpecs(
         np.full(count, BOX, np.uint8),
@@ -97,7 +98,7 @@ def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float
         free = away.all(1)
         for other in placed:
             free &= np.abs(at - other).max(1) > 2 * half - _CLEAR
-        chosen = at[int(free.argmax())]  # the first of all if none is free
+        chosen = at[int(free.argmax())]  # If no place is free, this is the first of all places.
         placed.append(chosen)
         tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
     return towers.reshape(-1, 3)
@@ -150,9 +151,10 @@ class Towers:
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
 """(4, 3) sRGB of the balls, in turn."""
 _ROOM = 0.7
-"""Metres between the target at the thrower's side and the ball, so that the ball does not start inside it."""
+"""Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
+inside the target."""
 _NEAREST = 0.8
-"""Metres, the shortest throw: a ball from nearer could not be seen coming."""
+"""Shortest throw, in metres. A ball that is thrown from nearer could not be seen coming."""
 
 
 class Dodgeball:
@@ -206,7 +208,7 @@ class Dodgeball:
         here = [
             name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
         ]
-        # A flying ball is not thrown again.
+        # Do not throw a ball again while it is flying.
         if here and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
             self._throw(world, here, spheres, names, owners)

@@ -11,7 +11,7 @@ from enliven.person import BONES, Body, Joint
 from enliven.possession import facing
 
 _STILL = 0.12
-"""Metres that a standing person may sway."""
+"""Maximum sway of a person that stands still, in metres."""
 
 
 @dataclass(frozen=True)

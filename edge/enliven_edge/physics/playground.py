@@ -108,7 +108,7 @@ class Playground:
         seconds = 0.0 if self._time_ns is None else (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
         if seconds < 0.0:
-            # A replay starts again.
+            # Time runs backwards, because a replay starts again. So start the game again too.
             seconds, self._ground, self._standing = 0.0, None, self._detector()
         before = self._slots
         spheres, radii, names, owners = self._spheres(tick)

@@ -17,7 +17,8 @@ from enliven_edge.physics.contacts import FLOOR, NOTHING, correct_contacts, limi
 from enliven_edge.physics.settings import EngineSettings
 
 log = logging.getLogger(__name__)
-# The engine would otherwise write a file MUJOCO_LOG.TXT in the working directory.
+# Handle the engine's warnings here. Otherwise the engine writes a file MUJOCO_LOG.TXT into the working
+# directory.
 mujoco.set_mju_user_warning(lambda message: log.debug("the engine warns: %s", message))
 
 _PROP = 1
@@ -33,7 +34,7 @@ _SPARE = 64
 _FASTEST_TURN = 40.0
 """Maximum radians per second of a prop: a faster rotation is a contact error."""
 _FARTHEST = 500.0
-"""Maximum metres from the origin: a prop farther away was flung by an error."""
+"""Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class World:
         self._radii = np.zeros(len(self._to))
         self._radii[:count][there] = radii[there]
         self._from, self._to = self._to.copy(), target
-        # A sphere that has just appeared has no previous place and therefore no speed.
+        # A sphere that has just appeared has no previous place, so it gets no speed.
         fresh = (was == 0) != (self._radii == 0)
         self._from[fresh] = self._to[fresh]
         self._resize(np.flatnonzero(np.abs(self._radii - was) > 1e-3 * was))
@@ -147,7 +148,7 @@ class World:
         speeds = path / max(seconds, whole)
         began = time.perf_counter()
         for k in range(count):
-            # After a long pause only its end is simulated.
+            # After a long pause, simulate only the end of the pause.
             self._data.mocap_pos[:] = self._to - speeds * (whole - k * step)
             trouble = self._substep(speeds)
             if trouble:
@@ -165,7 +166,8 @@ class World:
         try:
             mujoco.mj_step1(model, data)
             contact = data.contact
-            # MuJoCo's arrays are strided if there are several contacts; the kernel needs one memory layout.
+            # Copy MuJoCo's arrays. They are strided if there are several contacts, and the kernel needs one
+            # memory layout.
             columns = contact.geom, contact.frame, contact.dist, contact.efc_address, contact.dim
             correct_contacts(
                 *map(np.ascontiguousarray, columns),
@@ -233,15 +235,16 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    # Resting contacts need three iterations; with two a tower bursts. More than five slow a crash down
-    # without visible gain.
+    # Five iterations are enough. Resting contacts need three, because with two a tower bursts. More than five
+    # slow a crash down without visible gain.
     option.iterations = 5
     common: dict[str, Any] = {
         "solref": [settings.stiffness, 1.0],
         "friction": [settings.friction, 0.005, 0.0005],
     }
     floor = {"contype": _FLOOR, "conaffinity": _PROP, **common}
-    turned = [math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0]  # the engine's planes face +Z
+    # Rotate the plane, because the engine's planes face +Z.
+    turned = [math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0]
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], quat=turned, **floor)
     everything = _PROP | _SPHERE | _FLOOR
     for p in range(len(props.shapes)):
@@ -251,7 +254,7 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
         kind = mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX
         made = {"contype": _PROP, "conaffinity": everything, **common}
         if ball:
-            made["condim"] = 6  # rolling friction, so that a ball stops rolling in the end
+            made["condim"] = 6  # Contacts include rolling friction, so that a ball stops rolling in the end.
         body.add_geom(
             name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **made
         )

@@ -10,10 +10,10 @@ import threading
 from enliven.errors import ResourceError
 
 SYNC_EVERY = 5.0
-"""Seconds between two calls of fsync: the part of a recording that a power cut may cost. The disk of a
-small computer takes up to a second for one call, which must not block the frame loop."""
+"""Interval between two calls of fsync, in seconds. A power cut may cost this part of a recording. The disk of
+a small computer takes up to a second for one call, which must not block the frame loop."""
 _LAST = 1.0
-"""Seconds that closing waits for the last call."""
+"""Longest time that closing waits for the last call, in seconds."""
 _NOT_THERE = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 """Errors of a file system without fsync."""
 

@@ -19,7 +19,8 @@ from enliven_edge.recording.disk_sync import DiskSync
 log = logging.getLogger(__name__)
 
 FIRST_RETRY_S = 5.0
-"""Seconds from a failed write to the first retry: a deleted file has freed its space by then."""
+"""Time from a failed write to the first retry, in seconds. By then, a file that the user has deleted has
+freed its space."""
 MAX_RETRY_S = 60.0
 """Maximum seconds between two retries. Each part that fills immediately doubles the wait up to this limit."""
 MIN_FREE_BYTES = 1 << 17

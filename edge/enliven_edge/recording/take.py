@@ -18,8 +18,8 @@ from enliven_edge.tracking.health import HEALTH_MESSAGES
 log = logging.getLogger(__name__)
 
 CHARACTER_EVERY = 60.0
-"""Seconds of the take's clock after which every character is written again. A damaged part of the file
-then costs only its own messages, because poses can be read with any copy of their character."""
+"""Interval at which every character is written again, in seconds of the take's clock. Poses can be read with
+any copy of their character. So a damaged part of the file costs only its own messages."""
 _ENCODER = msgspec.msgpack.Encoder()
 
 

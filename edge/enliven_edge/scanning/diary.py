@@ -13,11 +13,11 @@ from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.person import PersonScanner
 
 _STILL = 0.05
-"""Metres. A shorter camera path showed the object from one side only."""
+"""Shortest camera path that shows an object from more than one side, in metres."""
 _OFTEN = 0.2
-"""Minimum fraction of frames with a problem before the user is told about it."""
+"""Minimum fraction of frames with a problem before the user is notified."""
 _QUICK = 1.0
-"""Metres per second. Faster cameras blur images and lose tracking: a brisk walk."""
+"""Maximum camera speed, in metres per second: a brisk walk. Faster cameras blur images and lose tracking."""
 
 
 class ScanDiary:

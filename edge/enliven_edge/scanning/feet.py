@@ -12,13 +12,14 @@ from enliven.person import Body, Joint
 _SEEN = 0.5
 """Minimum confidence of a joint that is used."""
 _FOOT = 0.16
-"""Metres, horizontal distance from ankles and toes: low pixels within it belong to a foot. Half a foot's
-length."""
+"""Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half of a
+foot's length."""
 LOW = 0.12
-"""Metres above the floor: maximum height of foot pixels. The tracker leaves out pixels this near the
+"""Maximum height of foot pixels above the floor, in metres. The tracker leaves out pixels this near the
 floor."""
 _SOLE = 0.02
-"""Metres above the floor that count as the floor: its noise at two to three metres."""
+"""Height up to which points count as the floor, in metres. It is the noise of the floor at two to three
+metres."""
 
 
 def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool:

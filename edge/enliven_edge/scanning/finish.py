@@ -118,7 +118,7 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     if keep.what == "alone":
         return largest_part(mesh), ""
     ground: Ground | None = None
-    with contextlib.suppress(InputError):  # Without a floor the first camera's orientation stays.
+    with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh, settings=cut)
     if keep.what == "new":
         out = cut_what_is_new(mesh, list(_known(scanner, keep.before)), ground, cut)
@@ -184,7 +184,8 @@ def _write(made: Made, path: Path) -> None:
 
     project = project_of_mesh(made.mesh, path.stem)
     if made.person is not None:
-        # With known ends and joints each limb drives its limb, and no person has to be found in the mesh.
+        # Store the known ends and joints. Then each limb of the performer drives its own limb, and no person
+        # has to be found in the mesh.
         (one,) = project.characters.values()
         known = one.with_changes(ends=made.person.ends, joints=made.person.bones)
         project = project.with_characters(known)

@@ -32,13 +32,13 @@ from enliven_edge.scanning.things import said_of_places
 log = logging.getLogger(__name__)
 
 _TOLD_EVERY = 0.1
-"""Seconds between two progress messages, so that lost tracking shows at once."""
+"""Interval between two progress messages, in seconds. It is short, so that lost tracking is shown at once."""
 _SHOWN_EVERY = 0.25
-"""Seconds between two searches for pieces that changed."""
+"""Interval between two searches for changed pieces of the surface, in seconds."""
 _BYTES = 400_000
 """Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
 _WAITS = 0.03
-"""Seconds that an image of a recording waits at most before the edge's loop continues: one frame."""
+"""Longest time that an image of a recording waits before the edge's loop continues, in seconds: one frame."""
 _TRIANGLES = 50_000
 """Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
 
@@ -132,7 +132,7 @@ class LiveScan(threading.Thread):
             raise InputError("nothing can be undone", where="scan", mend="Cancel it, or scan on.")
         after = _PHASE_AFTER.get(order.do)
         if after is not None and (order.do != "pause" or self.phase == "scanning"):
-            # Immediately, since the thread may be busy with a large surface for seconds.
+            # Change the phase immediately, because the thread may be busy with a large surface for seconds.
             self.phase, self._note = after, ("", "")
             self._messages.append(self._message())
         with self._wake:
@@ -170,7 +170,7 @@ class LiveScan(threading.Thread):
                     self._fuse(frame)
             except EnlivenError as error:
                 self._fail(error)
-            except Exception as error:  # The edge's loop goes on, and the scan reports the error.
+            except Exception as error:  # The edge must go on running, and the scan reports the error.
                 log.exception("the scan failed")
                 mend = "Cancel it and scan again; the log of the edge says more."
                 self._fail(InputError(f"the scan failed{place_of(error)}", where="scan", mend=mend))
@@ -194,7 +194,8 @@ class LiveScan(threading.Thread):
         thing, places = self._run.thing, self._run.thing.places
         thing.take(added, time_ns)
         if thing.places != places:
-            self._shown = 0.0  # The camera is in another room frame now: its placement must be sent with it.
+            # The camera is now in another room frame, so its placement must be sent at once.
+            self._shown = 0.0
         known = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if known else None
         self._run.diary.add(added.told, time_ns)
@@ -234,7 +235,7 @@ class LiveScan(threading.Thread):
 
     def _fail(self, error: EnlivenError) -> None:
         """Reports an error. The scan goes on if the viewer asks for it."""
-        # In a window this is a button, not an option of a command.
+        # In a window the user presses a button instead of giving an option of a command.
         self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 

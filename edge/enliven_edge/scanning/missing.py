@@ -13,15 +13,17 @@ from enliven.meshes import Mesh
 from enliven.scanning import Ground
 
 _NEAR = 0.75
-"""Metres around the focus: gaps within it count. A floor always ends somewhere beyond it."""
+"""Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
 _AROUND = 16
 """Number of compared directions around the object, each at two elevations."""
 _RAISED = (0.3, 0.9)
-"""Radians above the horizon: camera carried by a person, and view from above."""
+"""Elevation angles above the horizon, in radians: of a camera that a person carries, and of a view from
+above."""
 _REACH = 0.04
-"""Metres, assumed width of the missing surface beyond a boundary edge, to estimate its area: a few cells."""
+"""Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
+of the missing area."""
 _LOW = 0.05
-"""Metres above the floor: lower boundary edges belong to the floor itself."""
+"""Height above the floor, in metres, below which a boundary edge belongs to the floor itself."""
 _ENOUGH = 0.1
 """If less than this fraction is missing, no further view is suggested."""
 
@@ -53,7 +55,8 @@ def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView
     middles, outward, lengths = _rims(mesh)
     heights = ground.heights(middles) if len(middles) else np.empty(0)
     near = np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _NEAR)) if len(middles) else heights
-    # The floor's boundary around the object is its shadow: the occluder should be seen from behind.
+    # The boundary of the floor around the object is the object's shadow. It counts half, because the object
+    # that casts it should be seen from behind instead.
     worth = lengths * near * np.where(heights > _LOW, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2

@@ -30,31 +30,31 @@ from enliven_edge.scanning.feet import LOW, feet_pixels
 from enliven_edge.tracking import Tracker
 
 FARTHEST = 3.5
-"""Metres: maximum distance of a person. A pixel is 6 mm wide there, and the depth error is 2 cm."""
+"""Maximum distance of a person, in metres. There, a pixel is 6 mm wide, and the depth error is 2 cm."""
 PERSON_VOXEL = 0.008
-"""Metres, voxel size for a person at a distance of two metres: a pixel and a Kinect's noise have this size
-there. With smaller voxels the person's rotation is often ambiguous."""
+"""Voxel size for a person, in metres. At a distance of two metres, a pixel and the noise of a Kinect have
+this size. With smaller voxels the person's rotation is often ambiguous."""
 _SIDES = 12
 """Number of directions around a person that are counted separately, of 30 degrees each."""
 _FACING = np.deg2rad(50.0)
-"""Radians of rotation since the first image. Beyond it joints are ignored: from behind, the tracker may
+"""Rotation since the first image, in radians, above which joints are ignored. From behind, the tracker may
 swap left and right."""
 _SEEN = 0.5
 """Minimum confidence of a joint that is used."""
 _HELD = 0.12
-"""Metres. A limb counts as moved if a joint is farther than this from its place on the body."""
+"""Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
 _OFTEN = 0.2
-"""Minimum fraction of images with a moved joint before the user is told."""
+"""Minimum fraction of images with a moved joint before the user is notified."""
 _FEWEST = 5
 """Minimum number of images to estimate a joint."""
 _RIM = 0.04
-"""Metres above the floor at which feet are cut: lower parts are seen in some images only."""
+"""Height above the floor at which feet are cut, in metres. Lower parts are visible in some images only."""
 _CROWN = 0.6
-"""Metres, maximum boundary size of holes that are filled: a level camera does not see the crown from
+"""Maximum boundary size of holes that are filled, in metres. A level camera does not see the crown from
 above."""
 _UNSURE = 0.25
-"""Metres, tolerated position uncertainty of the camera around a person: 7 degrees of rotation at two
-metres."""
+"""Tolerated position uncertainty of the camera around a person, in metres. It equals 7 degrees of rotation at
+two metres."""
 _UP = np.array([0.0, 1.0, 0.0])
 _LIMBS = {
     "left arm": (Joint.ELBOW_LEFT, Joint.WRIST_LEFT, Joint.HAND_LEFT),
@@ -166,10 +166,10 @@ class PersonScanner(Scanner):
             mend = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
-        # The mesh is cut off above the boundary of the soles, and the removed part is closed down to the
-        # floor. The same fills feet that were hidden or outside the image.
+        # Cut the mesh off above the boundary of the soles, and close it down to the floor. This also fills
+        # feet that were hidden or outside the image.
         cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN, drawn=LOW)
-        # If no floor is visible, the lowest visible point serves as the floor.
+        # If no floor is visible, use the lowest visible point as the floor.
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:

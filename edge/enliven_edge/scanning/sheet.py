@@ -18,9 +18,10 @@ _LENS = 1.6
 """Focal length as a multiple of the image width: 35 degrees field of view, with little perspective
 distortion."""
 _AROUND = (0.5, 2.1, 3.7, 5.3)
-"""Radians about +Y of the views from a little above."""
+"""Angles about +Y of the views from a little above, in radians."""
 _RAISED = (0.35, 0.35, 0.35, 0.35, 1.3, -0.5)
-"""Radians above the horizon: four views from around, one from above and one from below."""
+"""Elevation angles above the horizon, in radians: four views from around, one from above and one from
+below."""
 _BACK = np.array([110, 40, 40])
 """sRGB of back faces. Where they show, the mesh is open."""
 _PLAIN = np.array([205, 205, 200])

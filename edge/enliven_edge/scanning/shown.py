@@ -86,7 +86,8 @@ class ThingTold:
         if step.state is ObjectState.SETTLING:
             self._still_ns = time_ns if self._still_ns is None else self._still_ns
             self.seconds = (time_ns - self._still_ns) * 1e-9
-            # An object that is carried slowly seems to stand still for an image or two.
+            # Wait for a few images, because an object that is carried slowly seems to stand still for an
+            # image or two.
             looked_for: ThingWord = "sought" if step.sought else "settling"
             self.word = looked_for if self.seconds >= _STILL else "carried"
             return

@@ -45,7 +45,7 @@ def sensor_images(name: str, options: list[str], stop: threading.Event) -> Itera
             except TimeoutError:
                 continue
             except (SensorFault, InputError) as error:
-                # The sensor is opened again, and the current scan is kept.
+                # Open the sensor again, and keep the current scan.
                 log.warning("%s", error)
                 continue
             if frame is None:

@@ -15,9 +15,10 @@ from enliven_edge.scanning.shown import ShownScan
 _LOOKED_EVERY = 1.0
 """Seconds between two searches in the whole scan. Each takes 0.15 s."""
 _CARRIED = 1.2
-"""Metres above the floor: assumed camera height until the floor is seen."""
+"""Assumed camera height above the floor until the floor is seen, in metres."""
 _MOVED = 0.03
-"""Metres. The placement follows only if floor or centre move farther, so that the view does not jitter."""
+"""Minimum motion of the floor or the centre that moves the placement, in metres. Without it, the view would
+jitter."""
 _SETTLED = 30
 """Number of images until the centre is fixed. Before that the camera may still approach the object."""
 
@@ -78,7 +79,7 @@ class ScanPlace:
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]
         if self._found and images > _SETTLED:
-            # The centre stays fixed, and only the floor is followed.
+            # Keep the centre fixed, and follow only the floor.
             kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
             wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)

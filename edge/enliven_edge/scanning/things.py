@@ -22,7 +22,8 @@ second."""
 def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about a scan's objects: which of several was taken, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
-    # Then the object is the part that moved, even if the camera looked more at another one.
+    # If motion selected the object, it is the part that moved, even if the camera looked more at another
+    # object.
     told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
     said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:

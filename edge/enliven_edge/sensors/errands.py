@@ -93,5 +93,6 @@ class Errands:
                 log.debug("%s", self._thread.name, exc_info=True)
                 answer = None, error
             self._answers.put(answer)
-        # ``finish`` may have discarded an answer that a caller still waits for; this one releases the caller.
+        # ``finish`` may have discarded an answer for which a caller still waits. This empty answer releases
+        # the caller.
         self._answers.put((None, None))

@@ -175,7 +175,8 @@ class ReopeningSensor(Sensor):
         decides.
         """
         ahead_ns = statistics.median_low(self._ahead_ns)
-        # On a busy machine the last frame may have arrived with less delay than usual.
+        # Also compare with the last reported time, because on a busy machine the last frame may have arrived
+        # with less delay than usual.
         after_ns = max(self._last_ns + ahead_ns, self._told_ns)
         for shift in (self._shift_ns, 0):
             if after_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:

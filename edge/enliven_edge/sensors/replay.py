@@ -66,7 +66,7 @@ class ReplaySensor(Sensor):
         self.name = info.sensors[0] if info.sensors else "replay"
         self.fps = _rate(info)
         self._speed = speed
-        # Kept open, so that a lack of file descriptors cannot end a loop later.
+        # Keep the file open, so that a lack of file descriptors cannot end a loop later.
         self._file = open_file(self.recording.path)
         entries = functools.partial(DiaryEntries, self.recording, self._file)
         self._entries: Iterator[DiaryEntry] = _Endless(entries) if loop else entries()

@@ -36,5 +36,6 @@ class Opening:
                     self._stage.possess(name, parts=now, mode="join")
                     log.info("%s is possessed with %s at %.2f s", name, now, seconds)
                 except InputError as error:
-                    # An unknown part, or a mesh out of reach: reported once, and not tried again.
+                    # The part is unknown, or the mesh is out of reach. Report this once, and do not try
+                    # again.
                     log.error("%s", error)

@@ -24,7 +24,8 @@ _BAND = float(np.log(1.06))
 _EASE = 0.12
 """Time constant in seconds of the size's smoothing, which hides the tracker's noise."""
 _STILL = 1.5
-"""Seconds of still hands, after they changed the size, until the gesture ends. A pause is shorter."""
+"""Time for which the hands must be still after a change of size until the gesture ends, in seconds. A pause
+within the gesture is shorter."""
 _TOLD = 0.005
 """Smallest relative change of size that is sent to windows during a gesture."""
 
@@ -75,7 +76,8 @@ class HandSizing:
         elif name in self._gestures:
             del self._gestures[name]
         elif order.do == "hands":
-            actor.resize(actor.growth, self._about(name, None))  # raises if the size cannot change
+            # This raises an error if the size cannot change.
+            actor.resize(actor.growth, self._about(name, None))
             self._gestures[name] = _Gesture(who, float(np.log(actor.growth)))
 
     def follow(self, bodies: list[Body], time_ns: int) -> None:

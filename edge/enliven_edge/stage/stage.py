@@ -24,8 +24,8 @@ from enliven_edge.stage.tick import Tick
 Surfaces = Mapping[int, ObservedPoints]
 """The part of a performer's surface that a depth sensor sees, by body id."""
 _GAP = 0.4
-"""Metres of floor between two characters that wait side by side, so that arms do not reach across by
-chance."""
+"""Gap on the floor between two characters that wait side by side, in metres. Their arms must not reach across
+by chance."""
 
 
 class Stage:

@@ -89,7 +89,7 @@ def _unechoed(keys: int) -> Iterator[bool]:
         import tty
 
         before = termios.tcgetattr(keys)
-        # The system would stop a background program that reads from the terminal.
+        # If a background program reads from the terminal, the system stops it. So do not read in that case.
         able = os.tcgetpgrp(keys) == os.getpgrp()
     except (ImportError, OSError, termios.error):
         yield False
@@ -101,5 +101,5 @@ def _unechoed(keys: int) -> Iterator[bool]:
     try:
         yield True
     finally:
-        # The rest of a late answer is discarded, so that it does not appear at the user's prompt.
+        # Discard the rest of a late answer, so that it does not appear at the user's prompt.
         termios.tcsetattr(keys, termios.TCSAFLUSH, before)

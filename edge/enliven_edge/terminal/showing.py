@@ -51,7 +51,8 @@ def kitty(picture: UInt8) -> str:
     pieces = [data[at : at + _PIECE] for at in range(0, len(data), _PIECE)]
     said = []
     for number, piece in enumerate(pieces):
-        # a=T: transmit and show; f=100: PNG; q=2: no answer, since it would appear at the user's prompt.
+        # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
+        # appear at the user's prompt).
         head = "a=T,f=100,q=2," if number == 0 else ""
         said.append(f"\x1b_G{head}m={int(number + 1 < len(pieces))};{piece}\x1b\\")
     return "".join(said) + "\n"

@@ -13,10 +13,10 @@ from enliven.errors import ResourceError
 from enliven.health import Severity
 
 _LACKING = 4
-"""Exit code where a check fails: the same 4 as of :class:`enliven.errors.ResourceError`."""
+"""Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
 PATIENCE_S = 5.0
-"""Seconds in which a heartbeat of an edge must come: it sends ten in this time."""
+"""Longest wait for a heartbeat of an edge, in seconds. An edge sends ten in this time."""
 
 
 def doctor(

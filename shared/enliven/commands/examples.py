@@ -156,7 +156,8 @@ def fit(
     project, made = found.project, found.puppet
     lacking = missing(project, made)
     if output.suffix.lower() != ".enliven":
-        # A project can be posed in the studio still; a film of it would show a statue that slides.
+        # A project may still be posed in the studio, but a film of an unposed character would show a sliding
+        # statue.
         lacking = (*lacking, *unposed(made))
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))

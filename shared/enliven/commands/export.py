@@ -48,7 +48,7 @@ def export(
       enliven export SHOW.enliven -o horse.bvh --character horse --unit cm
       enliven export SHOW.enliven -o show.mp4 --size 1920x1080
     """
-    # Heavy modules are imported only here, so that the help is quick.
+    # Heavy modules are imported only here, so that `--help` is quick.
     from enliven.exporters import exporter_of
 
     asked = {"unit": unit, "size": size, "morphs": morphs or None}

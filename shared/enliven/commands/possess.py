@@ -47,7 +47,7 @@ def possess(
       enliven possess TAKE.mcap --mesh HORSE.obj -o horse.glb
       enliven possess TAKE.mcap --mesh lamp --parts "hip + right arm" -o lamp.enliven
     """
-    # Heavy modules are imported only here, so that the help is quick.
+    # Heavy modules are imported only here, so that `--help` is quick.
     from dataclasses import replace
 
     from enliven.document import HoldChange, Project

@@ -20,16 +20,20 @@ PARENT_VARIABLE = "ENLIVEN_PARENT"
 log = logging.getLogger(__name__)
 
 _FIRST_WAIT_S = 1.0
-"""Seconds from the end of a program to its first new start: a port and a camera are free again by then."""
+"""Wait before a program is restarted for the first time, in seconds. By then, its port and camera are free
+again."""
 _MAX_WAIT_S = 30.0
-"""Seconds between two starts at most; the wait doubles after each one, so that a fault costs little."""
+"""Longest wait between two restarts, in seconds. The wait doubles after each restart, so that a program that
+always fails costs little."""
 _STEADY_S = 60.0
-"""Seconds after which a program counts as running well, and the wait begins at the first again."""
+"""Running time, in seconds, after which a program counts as stable. The wait then begins at its first value
+again."""
 _GRACE = 8.0
-"""Seconds that ended children have before they are killed: an edge closes its recording and camera in that
-time."""
+"""Time that ended child processes get before they are killed, in seconds. An edge closes its recording and
+camera in that time."""
 _GLANCE = 0.05
-"""Seconds between two looks at the children: an end is noticed at once and the looking costs nothing."""
+"""Interval between two checks of the child processes, in seconds. An end is noticed at once, and the checks
+cost nothing."""
 
 
 @dataclass(frozen=True)

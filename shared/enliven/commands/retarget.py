@@ -90,7 +90,7 @@ def retarget(
       enliven retarget FOX.glb DEER.glb -o out.glb --animation Run
       enliven retarget JOINTS.mcap SPIDER.glb -o out.glb --travel --pin
     """
-    # Heavy modules are imported only here, so that the help is quick.
+    # Heavy modules are imported only here, so that `--help` is quick.
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.gltf import read_gltf
     from enliven.mapping import is_looping, is_own_take, play_own_take, read_plan, write_plan
@@ -128,7 +128,8 @@ def retarget(
     keyed = own and exporter.keyed and rate is None
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
     if is_looping(clip) and made.duration > 0.0:
-        # A loop has a frame at its very end.
+        # A loop must end exactly on a frame, so adjust the rate until the duration is a whole number of
+        # frames.
         rate = max(round(made.duration * rate), 1) / made.duration
     performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate, keyed=keyed)
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")
@@ -202,7 +203,7 @@ def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
 
 
 _FAST_ENOUGH = 60.0
-"""Frames a second of a GLB at most where no rate is chosen: the rate of common displays."""
+"""Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
 
 
 def _plan(

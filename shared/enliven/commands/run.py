@@ -18,10 +18,11 @@ from enliven.files import need_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
-"""Seconds of a film where no length is given: the shipped recording of nine seconds, and its end."""
+"""Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
+includes its end."""
 _PATIENCE = 3600.0
-"""Seconds in which an edge has compiled everything even on a small machine with much other work (over 600 s
-were seen at a load of 10); an edge that fails ends the run at once."""
+"""Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
+600 s were measured at a load of 10. An edge that fails ends the run at once."""
 
 
 def run(
@@ -97,13 +98,14 @@ def run(
     moves |= {"possess_at": possess_at, "up": up}
     source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
     source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
-    # For a film the edge waits for its viewer, so that no frame is lost.
+    # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
     edge = _words("edge", **source, **moves, **kept, **where)
     again = _words("edge", **source, **moves, **{**kept, "record": _record_again(record)}, **where)
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
     view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
-    # The edge compiles and prepares the mesh before it listens, a minute the very first time.
+    # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
+    # minute.
     processes = [
         Process(
             "edge",

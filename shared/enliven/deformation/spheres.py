@@ -130,7 +130,8 @@ def _radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
     """Returns the paper's radius within the settings' limits, larger if the area needs too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
-    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2.
+    # A sphere covers hardly more of a smooth surface than its own area, 4 pi r^2. So this radius is large
+    # enough for `settings.most` spheres to cover the mesh.
     needed = np.sqrt(area / (4 * np.pi * settings.most))
     return float(max(min(max(settings.edges * mean, settings.smallest), settings.largest), needed, 1e-6))
 

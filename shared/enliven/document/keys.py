@@ -80,7 +80,7 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     seconds = np.clip(np.asarray(seconds, np.float64), times[0], times[-1])
     if len(times) == 1:
         return np.repeat(values, len(seconds), axis=0)
-    # Treat a frame within rounding error of a key as lying on it.
+    # Treat a frame as lying on a key if their times differ only by rounding errors.
     left = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
     wide = np.diff(times)[:, None]
     slopes = _slopes(wide, np.diff(values, axis=0) / wide)

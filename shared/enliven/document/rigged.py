@@ -172,7 +172,8 @@ def character_of(shape: Shape) -> Character:
 
 def _drawn(skeleton: Skeleton) -> Int32:
     """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
-    # The pivot of transform j is its parent joint, so a bone is drawn from its own pivot to that of a child.
+    # The pivot of transform j is its parent joint. So a bone is drawn from its own pivot to the pivot of its
+    # first child.
     pairs = [(j, below[0]) for j, below in enumerate(skeleton.children) if j > 0 and below]
     return np.array(pairs, np.int32).reshape(-1, 2)
 

@@ -29,7 +29,7 @@ def smoothed(take: T, seconds: float) -> T:
 
 @lru_cache(maxsize=_KEPT)
 def _smoothed(take: Any, seconds: float) -> Any:
-    from scipy.ndimage import gaussian_filter1d  # imported on demand: slow to load
+    from scipy.ndimage import gaussian_filter1d  # Imported here, because SciPy is slow to load.
 
     frames = seconds / take.step
 
@@ -38,7 +38,7 @@ def _smoothed(take: Any, seconds: float) -> Any:
 
     if isinstance(take, PoseStream):
         return replace(take, linear=mixed(take.linear), positions=mixed(take.positions))
-    # Two quaternions represent each rotation: choose the one nearer to the previous frame.
+    # Each rotation has two quaternions, q and -q. Choose the one that is nearer to the previous frame.
     signs = np.where(np.sum(take.turns[1:] * take.turns[:-1], axis=2) < 0.0, -1.0, 1.0)
     along = np.concatenate([np.ones((1, signs.shape[1])), np.cumprod(signs, axis=0)])
     even = replace(take, turns=take.turns * along[..., None]).mapped(mixed)

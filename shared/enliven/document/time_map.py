@@ -152,7 +152,7 @@ class TimeMap:
             weight = self._weight(at, rounds, lane, number)
         if self.weights:
             weight *= float(curve_of(self.weights)([time - self.offset])[0])
-        # A finished clip holds its last frame until the next begins.
+        # After its end, a clip holds its last frame until the next clip begins.
         second = _within(now.second(min(max(at, now.begin), now.end)), length)
         if number and at < before.end:
             share = eased((at - now.begin) / (before.end - now.begin))
@@ -176,7 +176,8 @@ class TimeMap:
         """Returns the weight of a layer that does not hold at a second of its lane, within a loop."""
         begin, end = run_of(lane, number)
         if self.loop:
-            # Loops without a gap fade in only once; before the first loop the layer is silent.
+            # A gapless loop fades in only before its first round. The layer has no effect before its first
+            # loop.
             if (rounds < 0 and self.speed > 0.0) or (rounds > 0 and self.speed < 0.0):
                 return 0.0
             begin = -math.inf if begin <= _NEAR and rounds else begin

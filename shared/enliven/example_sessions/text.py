@@ -67,7 +67,8 @@ def write_session(
     beside = path.with_suffix(".enliven")
     if mesh is None or not set(used) <= set(takes):
         kept = {name: project.takes[name] for name in used}
-        bare = puppet.with_changes(root_layers=())  # the session file itself contains the root layers
+        # Leave out the root layers, because the session file itself contains them.
+        bare = puppet.with_changes(root_layers=())
         write_project(beside, Project(takes=kept, characters={puppet.id: bare}))
     mesh = mesh or MeshTable(beside.name, puppet=puppet.id)
     files = {name: takes.get(name) or TakeTable(beside.name, animation=name) for name in used}
@@ -115,7 +116,8 @@ def takes_of(puppet: Puppet) -> list[str]:
 
 def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
     lines = ["[[pose]]", f"take = {_toml(pose.take)}", f"time = {_toml(pose.time)}"]
-    # An unposed control point is written at its rest position, which is easier to edit.
+    # If a control point was not moved, write its rest position, which is easier to edit than a displacement
+    # of zero.
     still = np.array_equal(pose.places, puppet.rest)
     lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
     rows = np.zeros_like(pose.places) if still else pose.places
@@ -128,7 +130,7 @@ def _layer(layer: PuppetLayer) -> list[str]:
     """Returns the lines of a layer and of the tables inside it. Arrays of tables come last."""
     lines = ["[[layer]]", *_values(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
-    # No switches and switches that are to be detected are different states.
+    # An empty list of switches is written explicitly. If the entry is missing, the switches are detected.
     lines += ["switch = []"] if inner["switch"] == () else []
     return lines + _inside("layer", inner)
 

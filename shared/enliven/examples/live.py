@@ -53,7 +53,7 @@ class LiveExamples:
             return None
         places = self._solved(poses)
         out = np.concatenate([self._out, places[:, held : held + 1]], axis=1)
-        # No open acceleration depends on earlier shown frames.
+        # Drop the oldest frames: no acceleration that is still to be solved depends on them.
         old = max(out.shape[1] - _OUT, 0)
         self._poses, self._out = poses[old:], out[:, old:]
         return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])

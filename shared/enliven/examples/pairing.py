@@ -138,7 +138,8 @@ def guess_joints(
     if len(rest) == 0:
         return ()
     deep = np.ptp(rest, axis=0)
-    # Mirror images define left and right, even on a fish that is longer than wide.
+    # Mirror images define left and right, even for a fish, which is longer than wide. Without them, the
+    # longer horizontal side of the mesh is its side-to-side axis.
     if partners is None and deep[2] > _DEEPER * deep[0]:
         rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
@@ -154,7 +155,7 @@ def guess_joints(
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
     sides = _sides(_normal(rest, rest), partners)
     if not _on_feet(_normal(rest, rest), sides) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
-        # A mesh that stands on one foot, like a chess piece, has a head and hips, and no legs.
+        # A mesh that stands on a single foot, like a chess piece, has a head and hips, but no legs.
         kept = _upper(found, anatomy, skeleton)
         if len(kept) >= len(ours):
             found, whole = kept, level[[one.joint for one in kept]]
@@ -333,13 +334,14 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     for limb in limbs:
         proper = list(limb.proper)
         left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
-        # The first joint, a hip or a shoulder, moves with the trunk.
+        # The first joint of a limb, a hip or a shoulder, moves with the trunk, so it does not count as a
+        # middle joint.
         middle = [joint for joint, rest in zip(proper[1:], left[1:], strict=False) if rest > _END * left[0]]
         cost[middle] = _MIDDLE
     for limb in limbs:
         cost[list(_hand(skeleton, limb))] = _SAME_END
         cost[limb.chain[-1]] = 0.0
-    if anatomy.head is None:  # the head is too short to count as a limb
+    if anatomy.head is None:  # The head is too short to be found as a limb.
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
         cost[single[skeleton.positions[single, 1].argmax()]] = 0.0
     for one, other in anatomy.pairs:
@@ -353,7 +355,8 @@ def _normal(all_points: Float, points: Float) -> Float:
     tall = max(float(high[1] - low[1]), 1e-9)
     middle = (low + high) / 2
     wide = float(high[0] - low[0]) / 2
-    # A narrow mesh, such as a post, has no sides: dividing by its width would create some.
+    # A narrow mesh, such as a post, has no left and right side. Dividing by its width would turn noise into
+    # sides.
     across = 1.0 / wide if wide > _NARROW * tall else 0.0
     return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
 

@@ -211,7 +211,7 @@ def frame_at(clip: Clip, seconds: float) -> int:
     Raises:
         InputError: if the time is outside the take.
     """
-    frames = float(seconds) / float(clip.step)  # may overflow to infinity
+    frames = float(seconds) / float(clip.step)  # The division may overflow to infinity.
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
         what = f"{seconds:g} s is outside of the take"

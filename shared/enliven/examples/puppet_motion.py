@@ -76,7 +76,7 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
         played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
         places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
         if motion.travels:
-            # The first layer that travels determines the path, in proportion to its weight.
+            # The path comes from the layers that travel. The first one decides, in proportion to its weight.
             for share, frame in zip(shares, frames, strict=True):
                 turned, way = motion.way_at(frame, at.rounds, ends)
                 yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way

@@ -126,11 +126,11 @@ class _Solve:
             still = np.zeros((len(places), 3))
             return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _nothing_stands(places), ())
         placed = self._by.locate(mixed, yaw, self._stands, self._layer.switches)
-        # Keep the height of the feet's control points above the soles, as in the rest pose.
+        # Keep the control points of the feet as high above the soles as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
             return placed
-        # Feet that do not alternate form a base: keep its centre in place.
+        # Feet that do not step alternately form a base. Keep the centre of this base in place.
         turned = placed.world - placed.root[:, None]
         middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
         root = np.where([True, False, True], -middle, placed.root)
@@ -145,7 +145,8 @@ class _Solve:
     def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
         """Returns the motion kept near the performer's path, and (F, K) metres by which feet are
         displaced."""
-        # A weight scales the whole motion, including the leash: half the weight gives half the motion.
+        # The layer's weight scales the whole motion, including the drift limit: half the weight gives half
+        # the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
         following = Following(size, self._material.locomotion, self.took.step, len(feet))
@@ -159,7 +160,7 @@ class _Solve:
             pull += following.next(wanted - pull, stands)
             pulls[frame], held[frame] = pull, following.held
         if self.took.step < how.blend:
-            # The feet end at their positions in the mesh, as they began, so that the take can be looped.
+            # Fade the feet's displacements to zero at the end. They begin at zero too, so the take can loop.
             held *= np.minimum(np.arange(len(held))[::-1] * self.took.step / how.blend, 1.0)[:, None]
         by = from_floor(pulls)
         placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])

@@ -31,9 +31,10 @@ _UNITS = {"m": 1.0, "cm": 100.0}
 _SAME = 1e-9
 """Maximum difference of two bones' rotation matrices that count as equal: rounding of the last digits."""
 _MOVED = 1e-6
-"""Fraction of all bones' length. A joint that moves more than this along its bone gets position channels."""
+"""Minimum motion of a joint along its bone for position channels, as a fraction of the length of all
+bones."""
 _STILL_STEP = 1.0 / 30.0
-"""Seconds of the single frame of a still pose: the format cannot mark a still."""
+"""Frame time of a still pose, in seconds. It has a single frame, because the format cannot mark a still."""
 _CHANNELS = "Zrotation Xrotation Yrotation"
 """Rotations in the order of multiplication, which most recorders use."""
 

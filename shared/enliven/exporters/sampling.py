@@ -43,7 +43,8 @@ from enliven.rotation import multiply, to_matrix
 _STICK = 0.08
 """Width of a drawn bone as a fraction of its length, as in animation programs."""
 _SAME_TIME = 1e-4
-"""Seconds within which two times count as equal: shorter than a jump of a glTF."""
+"""Maximum difference of two times that count as equal, in seconds. It is shorter than a jump in a glTF
+file."""
 _MOST_ROUNDS = 1000
 """Maximum rounds of a looped clip with keys at their own times. Later ones are sampled evenly."""
 

@@ -113,7 +113,7 @@ class FilmWriter:
         """Adds the sound stream to the file, before the first packet of either."""
         try:
             stream = self._file.add_stream(_SOUND_CODEC, rate=rate)
-        except (ValueError, self._av.FFmpegError):  # PyAV may be built without it
+        except (ValueError, self._av.FFmpegError):  # PyAV may have been built without this codec.
             log.warning("no encoder for sound was found, so %s is silent", self.path)
             return
         stream.layout, stream.bit_rate = "mono", _SOUND_BITS

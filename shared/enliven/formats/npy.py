@@ -28,7 +28,7 @@ def array_of(data: bytes) -> AnyArray:
     read = np.lib.format.read_array_header_1_0 if version[0] == 1 else np.lib.format.read_array_header_2_0
     try:
         shape, fortran, kind = read(file)
-    except Exception:  # the header is a Python literal, and its parser may raise any exception
+    except Exception:  # The header is a Python literal, and its parser may raise any exception.
         raise ValueError("its head is damaged") from None
     count = math.prod(shape)
     if kind.kind not in _KINDS or kind.names is not None or min(shape, default=0) < 0:

@@ -59,8 +59,8 @@ def all_choices(gain, count, scores, picks):
                     now[place] = value
                     last[start[k] + place] = members[p]
                 if p + 1 < k:
-                    # Leave out the previous member instead: the next one moves from rank p + 1 down to p, or
-                    # back up.
+                    # Leave out the previous member instead. The next member then moves from rank p + 1 down
+                    # to p, or back up.
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
             _next(members, k)
         before = now
@@ -223,7 +223,7 @@ def best_choices(gain, scores, picks):
     open_ = np.zeros(room, np.bool_)
     open_[0] = True
     for k in range(len(scores)):
-        # Take the best open part; its optimum is the next choice.
+        # Open the best remaining part. Its optimum is the next choice (Murty's algorithm).
         best = -1
         for i in range(used):
             if open_[i] and (best < 0 or values[i] > values[best]):
@@ -231,7 +231,8 @@ def best_choices(gain, scores, picks):
         open_[best] = False
         scores[k] = values[best]
         copy_row(picks[k], columns[best])
-        # Split the rest of the part: forbid one column of the optimum, and require those before it.
+        # Split the rest of the part. Each new part forbids one column of the optimum, and requires the
+        # columns before it.
         state = states[best].copy()
         free = n
         for j in range(n):

@@ -33,7 +33,8 @@ def rank_rows(ends, first, source, rows, whole, missing):
         most = max(most, first[c + 1] - first[c])
     table = binomials(most)
     for c in range(count):
-        # Cosines between source and target branches; the smaller side gets the rows.
+        # Compute the cosines between source and target branches. The rows belong to the side with fewer
+        # branches.
         n = first[c + 1] - first[c]
         gain = np.empty((min(m, n), max(m, n)))
         for i in range(m):
@@ -44,7 +45,7 @@ def rank_rows(ends, first, source, rows, whole, missing):
                     gain[i, j] = cosine
                 else:
                     gain[j, i] = cosine
-        # Score the choices of this candidate.
+        # Find the best choices for this candidate, with their scores.
         low, high = rows[c], rows[c + 1]
         which[low:high] = c
         picks = np.empty((high - low, len(gain)), np.int32)

@@ -93,7 +93,7 @@ class Reduction:
             before = chain[-1]
             chain.append(ahead[0])
         distances = np.linalg.norm(self._positions[chain] - centre_of_mass(self._positions, beside), axis=1)
-        # Rounding makes ties independent of noise.
+        # Round the distances, so that noise does not decide between equal ones.
         return chain[int(np.argmin(np.round(distances / (distances.max() or 1.0), 9)))]
 
 

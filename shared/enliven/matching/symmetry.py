@@ -129,7 +129,8 @@ def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
         return [axis for axis in [_unit(middles.sum(0))] if axis is not None]
     about = middles - middles.mean(0)
     axes = [np.linalg.eigh(about.T @ about)[1][:, 0]]
-    # A few are enough: a circle of three or more limbs contains three consecutive ones of a list.
+    # A limited number of triples is enough: any circle of three or more limbs contains three limbs that are
+    # consecutive in the list.
     for a, b, c in itertools.islice(itertools.combinations(middles, 3), 200):
         axis = _unit(np.cross(b - a, c - a))
         if axis is not None:

@@ -126,7 +126,8 @@ def _raised(vectors: Float, start: Float, current: Float, most_turn: float, step
     value = projected_length(vectors, direction)
     for _ in range(steps):
         seen = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
-        # sqrt is concave: sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x0.
+        # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
+        # Maximise this bound.
         scatter = vectors.T @ (vectors / seen[:, None])
         wanted = _within(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
         moved, better = _best_between(vectors, direction, wanted, current, most_turn)

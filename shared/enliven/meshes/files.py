@@ -55,7 +55,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     except InputError as error:
         raise InputError(error.what, where=str(path), mend=error.mend) from None
     if suffix == ".stl":
-        # STL has no shared vertices at all, so its duplicates are not shading seams.
+        # STL shares no vertices at all, so duplicate positions are not shading seams. Weld them.
         welded, _ = weld(mesh)
         notes = [note for note in notes if "repeat a position" not in note]
         notes.append(f"welded {len(mesh.vertices)} STL corners to {len(welded.vertices)} vertices")
@@ -83,7 +83,8 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         known: the sentence about known formats, for errors.
     """
     if suffix in GLTF_SUFFIXES:
-        from enliven.meshes.gltf import gltf_surface  # loads the image library, which only files need
+        # Imported here, because it loads the image library, which only glTF files need.
+        from enliven.meshes.gltf import gltf_surface
 
         surface = gltf_surface(path, still=True)
         return surface.mesh, surface.notes
@@ -94,8 +95,8 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         return _read(path, suffix, data)
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
-    except Exception as error:  # readers of foreign bytes raise any kind of exception
-        # Only texts that are meant for users reach them.
+    except Exception as error:  # Third-party readers may raise any exception for damaged data.
+        # Show only messages that were written for users.
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
         what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
@@ -131,10 +132,11 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     need_folder(path)
     kind = path.suffix.lower()[1:]
     if kind == "glb":
-        from enliven.meshes.gltf import mesh_glb  # loads pygltflib, which only files need
+        from enliven.meshes.gltf import mesh_glb  # Imported here, because only glTF files need pygltflib.
 
         write_file(path, mesh_glb(mesh))
         return
-    from enliven.meshes.scenes import scene_bytes  # loads trimesh, which only files need
+    # Imported here, because only the other formats need trimesh.
+    from enliven.meshes.scenes import scene_bytes
 
     write_file(path, scene_bytes(mesh, kind))

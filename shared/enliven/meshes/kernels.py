@@ -49,7 +49,7 @@ def normals_of(vertices, faces, wanted):
         (W, 3) area-weighted unit normals (zero without any face area), and (W,) the smallest cosine between
         each normal and the unit normals of its faces, at most 1.
     """
-    # The row of each wanted vertex, -1 for the others.
+    # Number the wanted vertices by their row in the result. All other vertices get -1.
     number = np.full(vertices.shape[0], -1, np.int32)
     for w in range(wanted.shape[0]):
         number[wanted[w]] = w
@@ -57,7 +57,8 @@ def normals_of(vertices, faces, wanted):
     touching = np.empty((6 * wanted.shape[0] + 64, 4))
     of = np.empty(touching.shape[0], np.int32)
     count = 0
-    # Sum the area vectors of the faces around wanted vertices, and store each face's unit normal per corner.
+    # Add up the area vectors of the faces around wanted vertices. Store the unit normal of each face for each
+    # of its corners.
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         if number[i] < 0 and number[j] < 0 and number[k] < 0:
@@ -133,7 +134,7 @@ def space_curve(points: Float) -> Any:
         return np.zeros(0, np.int64)
     size = max(float(np.ptp(points, axis=0).max()), 1e-300)
     code = ((points - points.min(0)) * (1023.999 / size)).astype(np.int64)
-    # Insert two empty bits after each of the ten.
+    # Insert two zero bits after each of the ten bits (Morton code).
     for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
         code = (code | code << shift) & mask
     return np.argsort(code @ np.array([1, 2, 4]), kind="stable")
@@ -260,7 +261,8 @@ def _split_faces(faces, middle, lengths):
         a, b, c = faces[f, s], faces[f, (s + 1) % 3], faces[f, (s + 2) % 3]
         ab, bc, ca = middle[f, s], middle[f, (s + 1) % 3], middle[f, (s + 2) % 3]
         for side in range(2):
-            # The half a-ab-c (with ca) and the half ab-b-c (with bc), each whole or split once more.
+            # Process the half a-ab-c, with the cut ca, and the half ab-b-c, with the cut bc. Each stays whole
+            # or is split once more.
             corner, cut = (a, ca) if side == 0 else (b, bc)
             if cut < 0:
                 out[n, 0], out[n, 1], out[n, 2] = (corner, ab, c) if side == 0 else (ab, corner, c)

@@ -96,7 +96,8 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
     """
     text = text_bytes(data)
     try:
-        # A joined line keeps its length, so that offsets still refer to lines of the file.
+        # Join continued lines without changing their length, so that offsets still point to lines of the
+        # file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
         raise Damaged(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
@@ -208,7 +209,7 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
             indices.
     """
     if b"/" in chunk:
-        # An omitted number becomes 0, which is never a valid one.
+        # Write an omitted index as 0, which is never a valid index.
         chunk = chunk.replace(b"//", b"/0/").replace(b"/ ", b"/0 ").replace(b"/\n", b"/0\n")
     starts = word_starts(chunk)
     polygon = lines_of(chunk, starts)

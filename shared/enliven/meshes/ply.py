@@ -103,7 +103,7 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["property" | "element" | "format", *_]:
                 raise Damaged(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
             case _:
-                pass  # "ply", comments and the object information of scanners
+                pass  # The line is "ply", a comment, or the object information of a scanner.
     if not kind:
         raise Damaged("its header does not state a format")
     return kind, elements, data[end.end() :]

@@ -61,7 +61,7 @@ def _are_convex(points: Float) -> Bool:
     following = np.roll(edges, -1, 1)
     turns = np.einsum("pna,pa->pn", np.cross(edges, following), normals)
     lengths = np.linalg.norm(edges, axis=2) * np.linalg.norm(following, axis=2)
-    # A star turns left at every corner too, but its angles add up to more than one revolution.
+    # A star polygon turns left at every corner too, but its angles add up to more than one revolution.
     angles = np.arctan2(turns, (edges * following).sum(2)).sum(1)
     return np.asarray((turns > _STRAIGHT * lengths).all(1) & (angles < 3 * np.pi))
 

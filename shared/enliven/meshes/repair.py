@@ -45,7 +45,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
 
 def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
     """Removes faces at vertices that are not finite, or extremely far. The vertices remain, unused."""
-    # Squares of coordinates must stay finite too.
+    # The limit is far below the largest number, because the squares of coordinates must stay finite too.
     good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
     if good.all():
         return mesh

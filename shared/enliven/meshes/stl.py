@@ -11,10 +11,11 @@ from enliven.files import text_bytes
 from enliven.meshes.tokens import Damaged, blocks, numbers_in
 
 _HEAD = 84
-"""Bytes before the first triangle of a binary file: 80 arbitrary bytes and the count, uint32."""
+"""Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _SEARCHED = 4096
-"""Bytes at the beginning and at the end that are searched for the words of an ASCII file."""
+"""Number of bytes at the beginning and at the end of a file that are searched for the words of an ASCII
+file."""
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 

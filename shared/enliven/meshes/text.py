@@ -21,11 +21,12 @@ _OFF = re.compile(
 )
 """The header: the word may be missing, and so may the count of edges unless each count has its own line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
-"""Numbers of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
+"""Number of values of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
 coordinates."""
 _TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 _MEDIT_COLUMNS = {"Vertices": 4, "Triangles": 4, "Quadrilaterals": 5, "Tetrahedra": 5}
-"""Numbers in a line of each section of a Medit file: coordinates or vertices, and a reference number."""
+"""Number of values in a line of each section of a Medit file: coordinates or vertices, and a reference
+number."""
 
 
 def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:

@@ -12,7 +12,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Int
 
 BLOCK_BYTES = 1 << 20
-"""Bytes of text that are searched at a time: masks of a block take some ten times as much memory."""
+"""Size of the block of text that is searched at a time, in bytes. The masks of a block take about ten times
+as much memory."""
 _SHOWN_BYTES = 40
 """Maximum bytes of a wrong word that a message shows."""
 _COMMENT = re.compile(rb"#[^\n]*")
@@ -76,7 +77,8 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
         WrongWord: for a word that is not such a number.
     """
     with warnings.catch_warnings():
-        # Text that is not a number ends the parsing with a warning in some versions, an error in others.
+        # If the text is not a number, some versions of NumPy end the parsing with a warning, others with an
+        # error.
         warnings.simplefilter("error", DeprecationWarning)
         try:
             return np.fromstring(text, dtype, sep=" ") if text.strip() else np.empty(0, dtype)

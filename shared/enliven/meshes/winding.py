@@ -59,7 +59,8 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     areas = face_areas(vertices, faces)
     count = int(part.max()) + 1
     flip &= ~is_twisted[part]
-    # The larger half of each part keeps its winding.
+    # If more than half of a part's area would be flipped, flip the rest instead, so that the larger half
+    # keeps its winding.
     turned = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
     flip ^= turned[part]
     closed = _closed_parts(edges, part, count) & ~is_twisted
@@ -121,7 +122,7 @@ def _parted(count, ones, twos, agree):
             parent[high], against[high] = low, differs
             twisted[low] |= twisted[high]
     for f in range(count):
-        # A parent has a lower number, so its own root is already known.
+        # A parent has a lower number than its children, so its own root is already known.
         up = parent[f]
         if up != f:
             against[f] ^= against[up]
@@ -168,7 +169,7 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
         around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
-        # The largest enclosing part decides, since it was decided first.
+        # If several parts enclose this one, the largest decides, because its own winding was decided first.
         for outer in by_size[around[by_size]][:_MAX_AROUND]:
             if _is_inside(corners[k][0, 0], corners[outer]):
                 turn[numbers[k]] = turn[numbers[outer]]

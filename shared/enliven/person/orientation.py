@@ -29,7 +29,8 @@ def mirrored(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     joints = (body.joints - 2.0 * behind[:, None] * normal)[_MIRROR]
     orientations = None
     if body.orientations is not None:
-        # A reflection is minus a half turn, with the quaternion (0, axis): M R D = turn(n, pi) R turn(x, pi).
+        # A reflection is the negative of a half turn, which has the quaternion (0, axis). So M R D = turn(n,
+        # pi) R turn(x, pi).
         half = np.concatenate([[0.0], normal])
         orientations = multiply(multiply(half, body.orientations), _HALF_TURN)[_MIRROR]
     contacts = None if body.contacts is None else body.contacts[::-1].copy()

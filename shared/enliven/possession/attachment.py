@@ -260,8 +260,8 @@ def _samples(
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
     if chosen[0] and not chosen[[*_ON_PELVIS]].any() and usable[:2].all():
-        # The root joint is not the child of any bone. If only the hip is chosen, it holds the mesh with the
-        # lower half of the spine, so that rotating the hip rotates the held part.
+        # The root joint is not the child of any bone. So if only the hip is chosen, it holds the mesh with
+        # the lower half of the spine. Then rotating the hip rotates the held part.
         pelvis = fraction < 0.5
         where.append(points[0][pelvis])
         facing.append(normals[0][pelvis])
@@ -270,7 +270,7 @@ def _samples(
         starts = np.append(starts, starts[-1] + int(pelvis.sum()))
     if settings.joints:
         own = np.flatnonzero(usable & chosen)
-        # The root is the start of the first bone.
+        # The root joint is the start of the first bone.
         first = own == 0
         own = own[~first | usable[1]]
         first = own == 0

@@ -13,7 +13,7 @@ from enliven.person import BONES, PARENTS, J, Joint
 _PARENT = np.array(PARENTS)
 _HIP = int(Joint.HIP_CENTER)
 _CHEST = int(Joint.SHOULDER_CENTER)
-# Arrays, because numba compiles a kernel again for each distinct tuple type.
+# These are arrays, because numba compiles a kernel again for each distinct tuple type.
 _HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
@@ -81,7 +81,7 @@ def filled_joints(joints: Float, rest: Float) -> Float:
         return out
     offsets = np.nan_to_num(rest - rest[_PARENT], nan=0.0, posinf=0.0, neginf=0.0)
     if not known[0]:
-        # The root takes the displacement of the first known joint.
+        # The root is unknown, so move it by the displacement of the first known joint.
         moved = (out - rest + rest[0])[known]
         moved = moved[np.isfinite(moved).all(1)]
         out[0] = moved[0] if len(moved) else (out[known][0] if known.any() else 0.0)
@@ -128,7 +128,7 @@ def _girdle(joints, left, right, frame):
     lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]
     x, y, z = across[0] - lean * up[0], across[1] - lean * up[1], across[2] - lean * up[2]
     if not _unit_into(x, y, z, _X, side):
-        # The girdle has no width: use any horizontal direction at right angles to the spine.
+        # The girdle has no width, so use any horizontal direction at right angles to the spine.
         _cross_into(up, _Z if abs(up[2]) < 0.9 else _Y, side)
         _unit_into(side[0], side[1], side[2], _X, side)
     _cross_into(side, up, ahead)
@@ -192,7 +192,8 @@ def _rotations(rest, joints, turns, axes):
             continue
         for r in range(3):
             turned[r] = start[r, 0] * before[0] + start[r, 1] * before[1] + start[r, 2] * before[2]
-        # Swing an upper arm by way of a direction ahead and outward first.
+        # Swing an upper arm in two steps. The first step leads to a direction ahead and outward, which moves
+        # the undefined direction behind the body.
         if child in _UPPER_ARMS:
             outward = 0.3 if child == _UPPER_ARMS[0] else -0.3
             for r in range(3):
@@ -216,8 +217,8 @@ def _sample_cylinders(joints, axes, radius, along, around, points, normals):
         b, start = child - 1, joints[_PARENT[child]]
         way = joints[child] - start
         _unit_into(way[0], way[1], way[2], axes[b, :, 1], axis)
-        # Angles are measured from the forward axis of the torso, or from its spine if the bone itself points
-        # forward.
+        # Measure angles from the forward axis of the torso. If the bone itself points forward, measure them
+        # from the spine.
         for column in (2, 1):
             lean = axis[0] * axes[b, 0, column] + axis[1] * axes[b, 1, column] + axis[2] * axes[b, 2, column]
             if abs(lean) < 0.99:

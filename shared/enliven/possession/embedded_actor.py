@@ -214,13 +214,14 @@ class EmbeddedActor(Actor):
     def warm_up(self) -> None:
         """Possesses a copy for a few frames, so that no frame waits for compilation."""
         rehearsal = EmbeddedActor(self.character, self.graph, self.settings)
-        rehearsal._rules = self._rules  # reused, because they already contain the skeleton search
+        # Reuse the rules, because they already contain the result of the slow skeleton search.
+        rehearsal._rules = self._rules
         body = Body(0, standing_figure(), np.ones(J))
         rehearsal.perform([body], 0)
         rehearsal.cues([body])
         try:
             rehearsal.possess(body)
-        except EnlivenError:  # reported later, when a performer attaches
+        except EnlivenError:  # The error is reported later, when a performer attaches.
             return
         for i in range(3):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))

@@ -21,8 +21,8 @@ _FARTHEST = 1e4
 room."""
 
 _SUNK = 0.06
-"""How far the lowest joint may sink, metres, below its depth at the start of the hold. The skeleton of a
-half-occluded performer drops through the floor before it is lost, and is then not trusted."""
+"""Maximum depth, in metres, to which the lowest joint may sink below its depth at the start of the hold. The
+skeleton of a half-occluded performer drops through the floor before it is lost, and is then not trusted."""
 
 
 @dataclass
@@ -112,7 +112,7 @@ class EmbeddedHold:
         if self._pulls is None or before is None or len(self._pulls) != len(pulls):
             self._pulls = pulls
         else:
-            # The points of a lost joint keep their last target while their weight decays.
+            # Keep the last target for the points of a lost joint while their weight decays.
             self._targets[lost] = before[lost]
             share = 1.0 - np.exp(-self.away(time_ns) / _SETTLING)
             self._pulls = self._pulls + share * (pulls - self._pulls)

@@ -39,13 +39,14 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     centre = np.empty(3)
     for g in range(starts.shape[0] - 1):
         first, last = starts[g], starts[g + 1]
-        # Collect the candidate nodes of the whole group.
+        # Collect the candidate nodes for the whole group.
         inner, kept = _close_to_group(points, first, last, nodes, reach, centre, close)
         for i in range(first, last):
             found, most = 0, reach
             n = normals[i]
             free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
-            # Nodes in the outer part are skipped if four in the inner part are near enough.
+            # Skip the nodes in the outer part of the group's reach if four nodes in the inner part are near
+            # enough.
             for c in range(kept):
                 if c == inner and most <= _INNER * reach:
                     break

@@ -99,7 +99,7 @@ def facing(body: Body) -> float:
     if not lefts:
         return 0.0
     left = np.sum(lefts, axis=0)
-    # A person facing +Z has the left side at +X; turning by yaw takes +X to (cos, 0, -sin).
+    # A person that faces +Z has the left side at +X. Turning by yaw moves +X to (cos, 0, -sin).
     return float(np.arctan2(-left[2], left[0]))
 
 

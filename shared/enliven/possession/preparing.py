@@ -70,7 +70,8 @@ def prepared_as(
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     if joints is not None and len(joints):
         settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
-        # If only a part of the person was in view, the mesh is lower than the person.
+        # Compute the person's height from the joints. If only a part of the person was in view, the mesh is
+        # lower than the person.
         height = Body(0, joints, np.ones(len(joints))).height
     return Prepared(mesh, settings, size, height)
 

@@ -109,7 +109,7 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     near = _Nearness(points, _NEAR * unit, _CELL * unit, samples.normals)
     touched = [_Nearness(_bone_points(figure), _TOUCHED * unit, _CELL * unit) for figure in figures]
     low, high = mesh.bounds
-    # Candidate positions: a grid over the floor area of the mesh.
+    # Try the positions of a grid over the floor area of the mesh.
     wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MOST_PLACES)))
     steps = [np.arange(low[a], high[a] + wide, wide) for a in (0, 2)]
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
@@ -118,8 +118,8 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     alike = float(near.over(pieces, np.zeros((1, 3))).mean())
     head = points[points[:, 1] >= low[1] + _HIGHEST * (high[1] - low[1])].mean(0)[[0, 2]]
     best, found = -np.inf, (0.0, np.zeros(3), 0.0)
-    # For each yaw, score all floor positions at once: bones near the surface, surface near the bones, and
-    # symmetry.
+    # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
+    # the bones, and symmetry.
     for yaw in np.arange(_TURNS) * (2 * np.pi / _TURNS):
         turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
         held = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
@@ -129,7 +129,8 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
             mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
             across = near.over(pieces @ mirror, floor - floor @ mirror)
             held *= (across.mean(1) / alike) ** 2
-        # Prefer yaws with the head, or else the mass, ahead. The reported score leaves these gains out.
+        # Prefer yaws for which the head lies ahead, or otherwise the mass. The reported score does not
+        # include this preference.
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
         worth = held + _HEAD_FIRST * held * ahead
@@ -164,14 +165,15 @@ class _Nearness:
         axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
         grid = grid.reshape(-1, 3)
-        from scipy.spatial import cKDTree  # imported late: characters that already fit do not need it
+        # Imported here, because characters that already fit do not need it.
+        from scipy.spatial import cKDTree
 
         length, nearest = cKDTree(points, leafsize=_LEAF).query(grid, distance_upper_bound=4 * near)
         if normals is not None:
             at = np.minimum(nearest, len(points) - 1)
             behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
             length = np.where(behind, _BEHIND * length, length)
-        # A border of zeros: every point outside the grid is looked up in it.
+        # Add a border of zeros, so that the lookup of every point outside the grid gives zero.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
     def over(self, points: Float, shifts: Float) -> Float:

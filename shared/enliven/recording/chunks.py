@@ -24,12 +24,12 @@ _MAX_CHUNK = 1 << 28
 _MAX_RATIO = 200
 """Maximum compression ratio: empty images, each with its time, reach about 40."""
 _FREE_BYTES = 1 << 16
-"""Bytes that any chunk may decompress to, however small it is."""
+"""Size, in bytes, to which any chunk may decompress, however small it is."""
 _MAX_RECORDS = 1 << 16
 """Maximum records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
 _FREE_RECORDS = 256
-"""Records that any chunk may have, however small it is. Further records need at least one packed byte
-each, for their times."""
+"""Number of records that any chunk may have, however small it is. Further records need at least one packed
+byte each, for their times."""
 DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 

@@ -121,7 +121,8 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
         _add_indexed(found, record, file, size)
     end = 0
     for ref in sorted(found.chunks, key=lambda ref: ref.offset):
-        # An index that names one chunk a thousand times would cause a thousand reads.
+        # Reject chunks that overlap. A damaged index that lists one chunk a thousand times would otherwise
+        # cause a thousand reads.
         if ref.offset < end or ref.offset + ref.length > size:
             raise Damage("the index names chunks that overlap or are not there")
         end = ref.offset + ref.length

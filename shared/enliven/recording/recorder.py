@@ -25,8 +25,8 @@ from enliven.recording.whole_file import WholeFile
 _CHUNK_BYTES = 1 << 20
 """Maximum bytes of a chunk before compression: larger chunks compress no better."""
 _FIRST_CHUNK_BYTES = 1 << 12
-"""Bytes of a live recording's first chunk. Each full chunk doubles the size of the next, so that a
-recording that ends early, by a full disk for example, is not one lost chunk."""
+"""Size of a live recording's first chunk, in bytes. Each full chunk doubles the size of the next. So a
+recording that ends early, for example because the disk is full, does not lose its only chunk."""
 LATEST_NS = (1 << 63) - 1
 """The latest time of a message: nanoseconds are signed 64-bit numbers everywhere except in MCAP."""
 

@@ -90,7 +90,8 @@ def recover(path: Path, output: Path) -> Recovery:
     found = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidates(container, file)
-        for _, records in _whole(file, refs):  # descriptions may follow their messages
+        for _, records in _whole(file, refs):
+            # Descriptions may follow the messages that they describe, so read all of them first.
             for record in records or ():
                 if not isinstance(record, Message):
                     container.add(record)

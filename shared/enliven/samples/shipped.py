@@ -70,7 +70,7 @@ def dancing_cactus() -> Project:
     turns = slerp(poses.turns[:, None], poses.turns[after, None], share[None, :, None])
     places = poses.root[:, None] + share[None, :, None] * (poses.root[after] - poses.root)[:, None]
     turns, root = turns.reshape(-1, *poses.turns.shape[1:]), places.reshape(-1, 3)
-    # The dance ends in its first pose.
+    # End the dance in its first pose, so that it can be looped.
     turns, root = np.concatenate([turns, poses.turns[:1]]), np.concatenate([root, poses.root[:1]])
     dance = Clip("cactus dance", poses.skeleton, turns, root, _FRAME)
     layer = PuppetLayer(dance.id, loop=True, travel=False)

@@ -104,7 +104,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             if points.worth[v, u] == 0.0 or z < span[0] or z >= span[1]:
                 continue
             sums[r, 30] += points.worth[v, u]
-            # Transform the point into the world and look up its signed distance.
+            # Transform the point into the world, and look up its signed distance.
             px, py = points.places[v, u, 0], points.places[v, u, 1]
             qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * z
             qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * z
@@ -115,7 +115,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             d, gx, gy, gz = found[0], found[1], found[2], found[3]
             if d >= 0.98 * field.band.front or d <= -0.98 * field.band.behind:
                 continue
-            # Reject the point if its normal and the surface's gradient belong to opposite sides.
+            # Reject the point if its normal and the gradient of the surface point to opposite sides.
             nx, ny, nz = points.normals[v, u, 0], points.normals[v, u, 1], points.normals[v, u, 2]
             mx = pose[0, 0] * nx + pose[0, 1] * ny + pose[0, 2] * nz
             my = pose[1, 0] * nx + pose[1, 1] * ny + pose[1, 2] * nz
@@ -123,12 +123,12 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             along, slope = mx * gx + my * gy + mz * gz, np.sqrt(gx * gx + gy * gy + gz * gz)
             if along < _OPPOSED * slope:
                 continue
-            # Robust weight (Geman-McClure).
+            # Compute the robust weight (Geman-McClure).
             robust = soft * soft / (soft * soft + d * d)
             w = points.worth[v, u] * robust * robust
             j[0], j[1], j[2] = gx, gy, gz
             j[3], j[4], j[5] = qy * gz - qz * gy, qz * gx - qx * gz, qx * gy - qy * gx
-            # Upper half of the normal matrix J^T W J, and the gradient J^T W d.
+            # Add to the upper half of the normal matrix J^T W J, and to the gradient J^T W d.
             at = 0
             for a in range(6):
                 wj = w * j[a]
@@ -136,7 +136,8 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
                     sums[r, at] += wj * j[b]
                     at += 1
                 sums[r, 21 + a] += wj * d
-            # Sums for error, agreement and overlap, and moments of the positions for the noise estimate.
+            # Add to the sums for error, agreement and overlap, and to the moments of the positions for the
+            # noise estimate.
             sums[r, 27] += w * d * d
             sums[r, 28] += w
             sums[r, 29] += points.worth[v, u] * robust
@@ -149,10 +150,12 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             sums[r, MOMENTS + 6] += w * qy * qy
             sums[r, MOMENTS + 7] += w * qy * qz
             sums[r, MOMENTS + 8] += w * qz * qz
-            # Histogram of the angle between the image's normal and the surface's gradient.
+            # Add to the histogram of the angle between the normal of the image and the gradient of the
+            # surface.
             chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / WIDEST
             sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w
-            # Products of surface slopes and image normals, symmetrised: their noise is independent.
+            # Add the symmetrised products of surface gradients and image normals. The noise of the two is
+            # independent, so it averages out in these products.
             if closely:
                 m[0], m[1], m[2] = slope * mx, slope * my, slope * mz
                 m[3], m[4], m[5] = qy * m[2] - qz * m[1], qz * m[0] - qx * m[2], qx * m[1] - qy * m[0]

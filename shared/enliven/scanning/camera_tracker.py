@@ -121,7 +121,8 @@ class CameraTracker:
         """
         weight = max(sums[28], 1e-12)
         error = float(np.sqrt(sums[27] / weight))
-        # Neighbouring pixels share the same noise, and the model's error is the same for all of them.
+        # Count only independent pixels, because neighbouring pixels share the same noise, and the error of
+        # the model is the same for all of them.
         independent = self.settings.independent / max(error, 1e-4) ** 2
         information = told * independent
         agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
@@ -159,7 +160,8 @@ class CameraTracker:
         matrix, gradient = _matrix(sums), sums[21:27].copy()
         scale = max(sums[28], 1e-9)
         if up is not None:
-            # A rotation w moves the measured up direction by w x felt; it should align with +Y.
+            # A rotation w moves the measured up direction by w x felt. It should align this direction with
+            # +Y.
             felt = pose[:3, :3] @ up
             j = -cross_matrix(felt)
             weight = scale * self.settings.gravity
@@ -168,7 +170,7 @@ class CameraTracker:
         matrix[np.diag_indices(6)] += scale * self.settings.damping
         if true is None:
             return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
-        # Work in the frame in which the normal matrix is the identity.
+        # Work in the coordinates in which the normal matrix is the identity.
         half = np.linalg.inv(np.linalg.cholesky(matrix))
         share, ways = np.linalg.eigh(half @ true @ half.T)
         ways = ways.T @ half
@@ -194,7 +196,7 @@ def _told(sums: Float) -> Float:
     x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
     weight, matrix = sums[28], _matrix(sums)
     first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    # The matrix for slopes in all directions: the sum of A A' with A = [1; q x].
+    # Build the matrix for slopes in all directions. It is the sum of A A' with A = [1; q x].
     any_way = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
     return np.asarray(matrix - _noise(sums[MOMENTS + 9 : SQUARES]) * (any_way - matrix))
 

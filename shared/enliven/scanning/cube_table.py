@@ -52,7 +52,7 @@ def _loops(case: int) -> list[list[int]]:
         for k in range(4):
             if inside[k] or not inside[(k + 1) % 4]:
                 continue
-            # A run of inside corners begins here; the segment leads from its end to its beginning.
+            # A run of inside corners begins here. Its segment leads from the end of the run to its beginning.
             last = next(n for n in range(k + 1, k + 5) if not inside[(n + 1) % 4])
             end = _edge(corners[last % 4], corners[(last + 1) % 4])
             after[_edge(corners[k], corners[(k + 1) % 4])] = end

@@ -44,7 +44,7 @@ def decimated(mesh: Mesh, faces: int) -> Decimated:
     """
     if len(mesh.faces) <= faces:
         return Decimated(mesh, 0.0, 0.0)
-    # Loaded here: a device that only poses meshes does not need it.
+    # Imported here, because a machine that only poses meshes does not need this library.
     from fast_simplification import simplify
 
     vertices, kept = mesh.vertices, mesh.faces
@@ -72,7 +72,7 @@ def distances(mesh: Mesh, points: Float) -> Float:
     mesh.
     """
     corners, areas = mesh.vertices[mesh.faces], np.linalg.norm(mesh.face_vectors(), axis=1)
-    # One point for each face, and more on large ones.
+    # Sample one point on each face, and more on large faces.
     random, count = np.random.default_rng(0), np.ceil(_SPREAD * areas / areas.sum()).astype(int).clip(1)
     face = np.repeat(np.arange(len(corners)), count)
     shares = random.dirichlet((1.0, 1.0, 1.0), len(face))

@@ -94,11 +94,11 @@ class DepthPreparation:
     """
 
     def __init__(self, intrinsics: Intrinsics, noise: DepthNoiseModel, near: float, far: float) -> None:
-        # The remaining code assumes a pinhole camera, so lens distortion is removed here.
+        # Remove the lens distortion here, because the remaining code assumes a pinhole camera.
         self._straight = _straight_pixels(intrinsics) if any(intrinsics.distortion) else None
         self.intrinsics = replace(intrinsics, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
         ray = rays(self.intrinsics).astype(np.float32)
-        # Without distortion, all rays of a column share x, and all rays of a row share y.
+        # Without distortion, all rays of a column share the same x, and all rays of a row share the same y.
         self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
         self._half = np.pad(_pair_means(self._across), _STEP), _pair_means(self._down)
         self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
@@ -117,7 +117,7 @@ class DepthPreparation:
             depth = depth[self._straight]
             colour = None if colour is None else colour[self._straight]
         half = ((height + 1) // 2, (width + 1) // 2)
-        # Empty columns on either side avoid a bounds check for each neighbour of a pixel.
+        # Add empty columns on both sides, so that the neighbours of a pixel need no bounds check.
         inverse = np.zeros((half[0], half[1] + 2 * _STEP), np.float32)
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
@@ -174,7 +174,7 @@ def _mean_inverse(a, b, c, d, limits):
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
     last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _GATE))
     zero, one = np.float32(0.0), np.float32(1.0)
-    # Unknown depth is infinite, and infinity is not less than itself.
+    # Unknown depth is stored as infinity. Infinity is not less than itself, so the comparison gives 0.
     ia, ib = (one if za < last else zero), (one if zb < last else zero)
     ic, id_ = (one if zc < last else zero), (one if zd < last else zero)
     count = ia + ib + ic + id_
@@ -220,8 +220,8 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
             a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
             smooth = here + (sz - a * sx - b * sy) * part
             c = smooth - a * x0 - b * y0
-            # Use the pixel's own depth. The fitted depth is too deep on curved surfaces, and the camera would
-            # drift.
+            # Use the depth of the pixel itself. On curved surfaces the fitted depth is too deep, and the
+            # camera would drift.
             z, length = one / here, np.sqrt(a * a + b * b + c * c)
             facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + one))
             if not facing > _STEEPEST:
@@ -318,6 +318,6 @@ def _bound(depth, limits, tiles, first, last):
                 nearest, farthest = min(nearest, near[u]), max(farthest, far[u])
                 count += known[u]
             tiles[r, c, 0], tiles[r, c, 1] = nearest, farthest
-            # Pixels beyond the image's edge do not count as holes.
+            # Do not count pixels beyond the edge of the image as holes.
             holes = np.float32((high - low) * (right - c * TILE)) - count
             tiles[r, c, 2] = holes / np.float32(TILE * TILE)

@@ -116,7 +116,8 @@ def focus_of(poses: list[Float]) -> Float:
         across = np.eye(3) - np.outer(axis, axis)
         matrix += across
         right += across @ pose[:3, 3]
-    # If all cameras look in the same direction, the point is one metre in front of them.
+    # If all cameras look in the same direction, the point is undetermined. A weak prior puts it one metre in
+    # front of them.
     ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
 
@@ -143,7 +144,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
         raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices
-    # Extend the feet down again by the clearance that the cut removed.
+    # Extend the feet down again by the clearance that the cut has removed.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
     feet |= lowest_rims(replace(thing, vertices=vertices), s.drawn)
@@ -211,7 +212,7 @@ def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     heights = np.asarray(mesh.vertices @ normal - offset)
     inside = heights[mesh.faces] > 0
     count = inside.sum(1)
-    # Rotate the corners so that the one alone on its side of the plane comes first.
+    # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
     alone = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
     turned = np.take_along_axis(mesh.faces, (alone[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
     one, two = turned[count == 1], turned[count == 2]

@@ -17,7 +17,8 @@ _SLANT = 8.0
 """Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
 It is the inverse of the smallest trusted cosine."""
 _FAINTEST = 0.1
-"""Fraction of an observation's weight at the edges of the band, where it constrains the surface least."""
+"""Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
+constrains the surface least."""
 _COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
 _ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
@@ -58,7 +59,8 @@ def allocate(points, stride, phase, reach, turn, place, band, keys, slots, place
             if points.worth[v, u] == 0.0 or points.places[v, u, 2] > reach:
                 continue
             for k in range(3):
-                # In front of the surface, on it and behind it; a block is two bands wide.
+                # Allocate the blocks in front of the surface, on it and behind it. A block is two truncation
+                # distances wide, so three samples are enough.
                 off = band.front if k == 0 else (0.0 if k == 1 else -band.behind)
                 px = points.places[v, u, 0] + off * points.normals[v, u, 0]
                 py = points.places[v, u, 1] + off * points.normals[v, u, 1]
@@ -93,7 +95,7 @@ def classify(places, band, camera, tiles, shape, state, first, last):
         z = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
         if z < camera.limits[0] + radius:
             continue
-        # The silhouette of the block's bounding sphere, slightly too wide.
+        # Compute the bounds of the block's bounding sphere in the image. They are slightly too wide.
         u, v = fx * x / z + cx, fy * y / z + cy
         ru = fx * radius / (z - radius) * (1.0 + abs(x) / z)
         rv = fy * radius / (z - radius) * (1.0 + abs(y) / z)
@@ -180,7 +182,8 @@ def _project(places, b, band, camera, shape, local, pixel, shown):
     """
     turn, lens, size = camera.turn, camera.lens, np.float32(band.voxel * SIDE)
     voxel = np.float32(band.voxel)
-    # Local scalars, because array elements are loaded again after every write to another array.
+    # Copy the values into local scalars, because array elements are loaded again after every write to another
+    # array.
     xx, xy, xz = voxel * turn[0, 0], voxel * turn[0, 1], voxel * turn[0, 2]
     yx, yy, yz = voxel * turn[1, 0], voxel * turn[1, 1], voxel * turn[1, 2]
     zx, zy, zz = voxel * turn[2, 0], voxel * turn[2, 1], voxel * turn[2, 2]
@@ -251,11 +254,12 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
     for i in range(VOXELS):
         d = before[i]
         # A voxel behind a surface is inferred, not observed, so its weight falls with depth. The weight in
-        # front falls equally. Otherwise noise behind the surface would count less, and surfaces would sink.
+        # front of the surface falls equally. Otherwise noise behind the surface would count less than noise
+        # in front, and surfaces would sink.
         told = one - abs(d) * fade
         more = worth[i] * (told if told > least else least)
         more = free if d >= front else more
-        # `along` is negative, because the normal faces the camera.
+        # `along` is negative, because the normal points towards the camera.
         known = (d > -behind) & (d * local[2, i] >= deepest * along[i])
         more = (more if known else zero) * shown[i]
         d = front if d >= front else d
@@ -274,7 +278,8 @@ def _paint(pixel, shown, before, worth, near, picture, weight, hue):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
         share = worth[i] / (min(weight[i], np.float32(_FIRM)) + worth[i])
-        # Earlier observations may have had no colour; 0 means no colour, and black is stored as 1.
+        # If the earlier observations had no colour, take the new colour alone. 0 means no colour, and black
+        # is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):
             now = np.float32(hue[i, c])

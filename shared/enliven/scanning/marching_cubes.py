@@ -29,7 +29,7 @@ def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
     beside, solid = volume.blocks.beside[:count], volume.solid[:count]
     looked = solid | (solid[np.maximum(beside, 0)] & (beside >= 0)).any(1)
     rows = np.full(count, -1, np.int64)
-    # The edges of a cell begin in its own block or in neighbouring blocks.
+    # The edges of a cell begin in its own block or in a neighbouring block.
     near = beside[looked]
     owners = np.unique(near[near >= 0])
     rows[owners] = np.arange(len(owners))
@@ -137,7 +137,8 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                 vertices[number, 1] = voxel * (SIDE * places[b, 1] + y + share * (axis == 1))
                 vertices[number, 2] = voxel * (SIDE * places[b, 2] + z + share * (axis == 2))
                 for c in range(len(colours) and 3):
-                    # If only one end has a colour, the vertex takes that colour; 0 means none.
+                    # If only one end of the edge has a colour, the vertex takes that colour. 0 means no
+                    # colour.
                     one = hue[b, i, c] if hue[b, i, c] > 0 else hue[other, beyond, c]
                     two = hue[other, beyond, c] if hue[other, beyond, c] > 0 else one
                     mixed = one + share * (float(two) - one)

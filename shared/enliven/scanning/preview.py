@@ -79,7 +79,7 @@ def piece_sums(volume: DistanceVolume) -> PieceSums:
     """Returns a summary of each piece of a volume, to detect which pieces changed."""
     count = volume.blocks.count
     beside, solid = volume.blocks.beside[:count], volume.solid[:count]
-    # A cell lies in its own block, and its far corners may lie in neighbouring blocks.
+    # A cell begins in its own block, but its far corners may lie in neighbouring blocks.
     blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
     weights = np.empty(len(blocks))
     _weigh(blocks, volume.weight, weights)
@@ -167,7 +167,8 @@ def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, col
                     voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _STRIDE * share * (axis == c)
                     places[used, c] = np.uint16(voxels * STEPS + 0.5)
                 for c in range(len(colours) and 3):
-                    # If only one end has a colour, the vertex takes that colour; 0 means none.
+                    # If only one end of the edge has a colour, the vertex takes that colour. 0 means no
+                    # colour.
                     first = hue[one, i, c] if hue[one, i, c] > 0 else hue[two, j, c]
                     second = hue[two, j, c] if hue[two, j, c] > 0 else first
                     colours[used, c] = np.uint8(min((first + share * (float(second) - first)) / 256.0, 255.0))

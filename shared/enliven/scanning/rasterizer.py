@@ -75,7 +75,7 @@ def _draw_faces(points, faces, lens, depth, face, shares):
                 c = 1.0 - a - b
                 if a < 0.0 or b < 0.0 or c < 0.0:
                     continue
-                # In the image, the inverse of the depth is linear.
+                # Interpolate the inverse of the depth, which is linear in the image.
                 z = 1.0 / (a * inverse[0] + b * inverse[1] + c * inverse[2])
                 if z < depth[row, column]:
                     depth[row, column], face[row, column] = z, f

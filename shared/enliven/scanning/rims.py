@@ -62,7 +62,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
     if soles:
         flat = mesh.vertices[:, [0, 2]]
-        # Seen from below, x is to the right and z is up.
+        # Triangulate as seen from below, with x to the right and z up.
         made = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
         faces.append(_facing_down(made, mesh.vertices))
     count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]

@@ -176,7 +176,8 @@ class Scanner:
         found = self._tracked(view, up, aside.doubtful)
         self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
         if self._state is ScanState.UNSURE:
-            # Follow the most likely pose. Otherwise a camera that moves on would be lost afterwards.
+            # Follow the most likely pose even if it is unsure. Otherwise tracking would be lost when the
+            # camera moves on.
             self._before, self._pose = self._pose, found.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, found)

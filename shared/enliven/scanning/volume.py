@@ -173,7 +173,7 @@ class DistanceVolume:
         """Removes the blocks that contain no surface. Returns the number of removed blocks."""
         count = self.blocks.count
         near = self.solid[:count].copy()
-        # A surface crosses from a block into its neighbours.
+        # Include the neighbours of each block, because a surface crosses from one block into the next.
         for k in range(1, 8):
             other = self.blocks.beside[:count, k]
             there = other >= 0

@@ -65,7 +65,7 @@ def clip_of_capture(
     if unit is None:
         unit = metres_of_legs(capture)
     scale = metres(unit, at_rest, f"clip {id!r}")
-    # Bone j rotates with its parent joint; the root's children and the root rotate as one.
+    # Bone j rotates with its parent joint. The root and its children rotate as one.
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)

@@ -28,7 +28,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
     out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
     out[:, Limb.ABDOMEN] = _axes(top - low, unit(across_hips) + unit(across_shoulders))
-    # The head rotates with its joint, and faces on average in the chest's direction.
+    # The head rotates with its joint. On average it faces in the same direction as the chest.
     head = capture.rotations[:, roles.head]
     usual = nearest_rotation((out[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
     out[:, Limb.SKULL] = head @ usual.T

@@ -25,7 +25,7 @@ _Y_FROM = {
 }
 """(3, 3) rotations that map each up axis of a file to +Y."""
 _HEAD_BYTES = 1024
-"""Bytes in which the first word of a file is searched."""
+"""Number of bytes at the start of a file in which its first word is searched."""
 _MIN_ALIGNMENT = 0.8
 """Minimum cosine between a rest pose, or an animal's legs, and an axis for it to determine the up
 direction."""

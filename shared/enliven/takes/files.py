@@ -52,7 +52,8 @@ def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
         clip = _named(rig.clips, path, animation)
-        # A jump between two poses may be intended in a model, so only a rest pose is removed.
+        # A jump between two poses may be intended in a model. So remove the added pose only if it is the rest
+        # pose.
         return _without_added(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
         return _named(clips_of_recording(path), path, animation), ()

@@ -172,7 +172,8 @@ def _keeps(
     if not plays(project, one):
         return False
     punch = _punch(project, performed, key, begin)
-    kept = any(layer.muted for layer in one.playing)  # alternatives, which may be enabled again
+    # Muted alternatives may be enabled again, so they must be kept.
+    kept = any(layer.muted for layer in one.playing)
     return not replaces or kept or punch.leaves(project, one.playing)
 
 

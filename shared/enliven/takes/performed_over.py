@@ -55,7 +55,8 @@ class OverNodes:
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
         apart, node = scipy.spatial.cKDTree(pivots).query(self._at)
-        # a node that both meshes share moves by its own transform, not with the surface around it
+        # If both meshes share a node, take the node's own transform instead of the motion of the surface
+        # around it.
         here = apart < _NEAR
         self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
         self._arms: Float = self._at[:, None] - pivots[self._nodes]
@@ -68,7 +69,9 @@ class OverNodes:
         Args:
             linear, positions: (F, N, 3, 3) and (F, N, 3) metres, of the nodes on the stage, in the world.
         """
-        if not self._scale:  # the scale of the placement: a performer bends a mesh, but does not scale it
+        if not self._scale:
+            # The scale comes from the placement, because a performer bends a mesh, but does not scale it. So
+            # it is computed only once.
             self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
         turns, places = shared_motion(positions / self._scale, self._pivots)
         share = self._weights / self._scale

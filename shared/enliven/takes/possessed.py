@@ -122,7 +122,7 @@ def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], d
         try:
             message = msgspec.msgpack.decode(data, type=CharacterMessage)
             if (message.id, message.revision) in characters:
-                continue  # a take contains repeated messages
+                continue  # The recording repeats its messages, so skip those that were read before.
             character = message_to_character(message)
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue

@@ -71,7 +71,7 @@ class Punch:
             start = max(one.begin, high)
             if one.end - start > _SHORTEST:
                 after.append(replace(one, begin=start, first=one.second(start)))
-        # A part that lies only within a fade is dropped.
+        # Keep the earlier motion only if some of it lies outside the fades.
         first = min(self.begin, self.until) - _SHORTEST
         heard = any(one.begin < first and one.end > _SHORTEST for one in before) and first > 0.0
         kept = before if heard else []

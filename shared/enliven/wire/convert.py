@@ -27,8 +27,8 @@ from enliven.wire.streams import (
 )
 
 JOINT_STEP = 2.0**-11
-"""Metres. A joint is off by at most 0.25 mm along each axis (0.43 mm in total), up to 16 m from the
-origin."""
+"""Quantization step of a joint, in metres. The error is at most 0.25 mm along each axis (0.43 mm in total),
+up to 16 m from the origin."""
 
 
 def pose_to_message(

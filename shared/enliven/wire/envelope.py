@@ -156,7 +156,7 @@ def reply_head(number: int) -> bytes:
 
     So a long answer is packed once for all viewers.
     """
-    # A nil is one byte, the last one. The answer replaces it.
+    # Encode an empty message. Its last byte is a nil, which the answer replaces.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
 
 
@@ -170,7 +170,7 @@ def reply_number(data: bytes) -> int:
         raise Malformed(REPLY.name, "it is empty")
     if data[0] != VERSION:
         raise OtherVersion(data[0])
-    # A short map with the first key "id", then an integer with its own length prefix.
+    # The reply is a short map with the first key "id". An integer with its own length prefix follows.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
     if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
         raise Malformed(REPLY.name, "it has no number")

@@ -117,7 +117,8 @@ def warm_up() -> None:
     The first time takes seconds, which no frame should wait for.
     """
     table = np.empty((1, COLUMNS), np.int32)
-    decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)  # bytes give a read-only array
+    # Use bytes as in a message: they give a read-only array, which is a separate type for numba.
+    decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
     _restore(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
 

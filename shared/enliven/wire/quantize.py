@@ -24,9 +24,11 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion
 
 POSITION_STEP = 2.0**-12
-"""Metres, 0.24 mm: half of it, the error, is far below what a viewer shows."""
+"""Quantization step of a position, in metres (0.24 mm). The error is at most half of it, far below what a
+viewer can show."""
 ROTATION_STEP = 2.0**-10
-"""Radians. A unit quaternion is three such numbers below pi: 39 bits before they are packed."""
+"""Quantization step of a rotation, in radians. A unit quaternion is stored as three such numbers below pi: 39
+bits before they are packed."""
 STRETCH_STEP = 2.0**-9
 """Step of an entry of S, without unit: at 0.2 m from a pivot an error of half a step moves a vertex by 0.2
 mm."""
@@ -116,8 +118,8 @@ def _polar_by_newton(a: Float, x: Float) -> bool:
         x[0, 0], x[0, 1], x[0, 2] = 0.5 * x[0, 0] + f * c00, 0.5 * x[0, 1] + f * c01, 0.5 * x[0, 2] + f * c02
         x[1, 0], x[1, 1], x[1, 2] = 0.5 * x[1, 0] + f * c10, 0.5 * x[1, 1] + f * c11, 0.5 * x[1, 2] + f * c12
         x[2, 0], x[2, 1], x[2, 2] = 0.5 * x[2, 0] + f * c20, 0.5 * x[2, 1] + f * c21, 0.5 * x[2, 2] + f * c22
-        # After one step no singular value is below 1. So det - 1 bounds the excess of each over 1 before this
-        # step, and the step squares the excess.
+        # After one step no singular value is below 1. So det - 1 bounds how far each singular value exceeded
+        # 1 before this step, and the step squares this excess.
         if step > 0 and det - 1.0 < 1e-5:
             return True
     return False

@@ -19,8 +19,8 @@ from enliven.rotation import canonical, normalized
 STEP = math.sqrt(0.5) / 511
 """Step of a component: all but the largest are within +-sqrt(1/2)."""
 ERROR = 2 * math.sqrt(3.0) * STEP
-"""Radians, 0.27 degrees: three components are off by half a step, the fourth by at most sqrt(3) times
-that."""
+"""Maximum error of a rotation, in radians (0.27 degrees). Three components are off by half a step, and the
+fourth by at most sqrt(3) times that."""
 
 _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 _SHIFTS = np.array([20, 10, 0])

@@ -252,7 +252,7 @@ def _varied(key: Key, rng: Generator | None) -> Key:
         for w, (dx, dy, dz) in zip((key.left, key.right), rng.normal(0.0, _SPREAD, (2, 3)), strict=True)
     )
     bent = {name: value * float(rng.uniform(0.8, 1.2)) for name, value in key.trunk.items()}
-    if "rise" in bent:  # the height of a seat is not varied
+    if "rise" in bent:  # Do not vary the height of a seat.
         bent["rise"] = key.trunk["rise"]
     return replace(key, left=left, right=right, trunk=bent)
 

@@ -32,7 +32,7 @@ class Track:
 def ease(t: float) -> float:
     """Returns minimum-jerk progress from 0 at t <= 0 to 1 at t >= 1 (Flash and Hogan 1985)."""
     t = min(max(t, 0.0), 1.0)
-    # Rounding may exceed 1 by a few units in the last place.
+    # Clamp the result, because rounding may make it a few units in the last place larger than 1.
     return min(t * t * t * (10.0 - 15.0 * t + 6.0 * t * t), 1.0)
 
 

@@ -128,7 +128,7 @@ def slants(depth: Float, ray: Float, pitch: Float, out: Float) -> None:
             left, right, up, down = z - here[u - 1], here[u + 1] - z, z - above[u], below[u] - z
             across = left if abs(left) < abs(right) else right
             along = up if abs(up) < abs(down) else down
-            # Tangents d/du and d/dv of (x z, y z, z). Their cross product is the normal.
+            # Compute the tangents d/du and d/dv of (x z, y z, z). Their cross product is the normal.
             ax, ay, az = pitch[0] * z + x * across, y * across, across
             bx, by, bz = x * along, pitch[1] * z + y * along, along
             nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

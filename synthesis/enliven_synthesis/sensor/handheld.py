@@ -88,7 +88,7 @@ class HandheldPath:
         """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
         rates = _SLOWEST * (_QUICKEST / _SLOWEST) ** random.random((_SWAYS, 6))
-        # Amplitude falls with frequency, so that all waves have about the same speed.
+        # Let the amplitude fall with the frequency, so that all waves have about the same speed.
         sizes = 1.0 / rates
         sizes *= math.sqrt(2.0) / np.sqrt(np.square(sizes).sum(0))
         phases = 2.0 * math.pi * random.random((_SWAYS, 6))

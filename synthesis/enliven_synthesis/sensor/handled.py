@@ -55,7 +55,7 @@ class HandledWay:
             if time <= begin:
                 break
             share = min((time - begin) / (end - begin), 1.0)
-            # The move is eased, so that it starts and stops without a jolt.
+            # Ease the move, so that it starts and stops without a jolt.
             share = share * share * (3.0 - 2.0 * share)
             turn = rotation.slerp(
                 rotation.from_matrix(one[:3, :3]), rotation.from_matrix(other[:3, :3]), np.array(share)

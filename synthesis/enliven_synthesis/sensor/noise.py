@@ -122,7 +122,8 @@ class DepthNoise:
         twice = np.empty((height, width), np.int32)
         _box_sums(raw, box, once)
         _box_sums(once, box, twice)
-        # Sum of the squared weights of two successive boxes, per axis: b (2 b^2 + 1) / 3.
+        # Compute the sum of the squared weights of two successive box filters. Per axis it is b (2 b^2 + 1) /
+        # 3.
         squares = box * (2 * box * box + 1) // 3
         return np.asarray((twice - 127.5 * box**4) * (1.0 / (squares * _BYTE_DEVIATION)), np.float64)
 

@@ -53,8 +53,8 @@ class DepthRenderer:
     def _tile_bounds(self) -> Float:
         """Returns (R, C, 3): centre (x/z, y/z) and radius of every tile, in the plane at depth 1."""
         height, width = self.ray.shape[:2]
-        # A tile that crosses the image border repeats the last pixels, which changes neither its box nor its
-        # radius.
+        # A tile that crosses the image border repeats the last pixels. This changes neither the box nor the
+        # radius of the tile.
         whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
         blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
         centre = (blocks.min((1, 3), keepdims=True) + blocks.max((1, 3), keepdims=True)) / 2

@@ -47,10 +47,10 @@ ROOM: tuple[Box, ...] = (
     Box((0.42, 0.0, -3.88), (0.52, 2.12, -3.80)),  # door frame
     Box((1.32, 0.0, -3.88), (1.42, 2.12, -3.80)),
     Box((0.42, 2.02, -3.88), (1.42, 2.12, -3.80)),
-    Box((-2.9, 0.0, -6.2), (2.9, 2.7, -5.9)),  # the corridor behind it, too far for many sensors
+    Box((-2.9, 0.0, -6.2), (2.9, 2.7, -5.9)),  # the corridor behind the door, too far for many sensors
     Box((-1.50, 1.18, -3.88), (-0.46, 1.78, -3.83), MIRROR),  # a screen on the wall
     Box((-1.75, 0.0, -3.2), (-1.42, 1.05, -2.35)),  # a low cupboard
-    Box((-1.70, 1.05, -2.75), (-1.55, 1.28, -2.55), DARK),  # and something black on it
+    Box((-1.70, 1.05, -2.75), (-1.55, 1.28, -2.55), DARK),  # a black object on the cupboard
     *_table(1.30, -3.55, 0.72),
     Box((1.50, 0.72, -3.40), (1.78, 0.92, -3.15)),  # a carton on the table
 )

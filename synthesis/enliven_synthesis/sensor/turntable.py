@@ -32,7 +32,7 @@ class TurntableWay:
     def world_from_thing(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         passed = max(time - self.begins, 0.0)
-        # At first its speed grows linearly.
+        # Let the speed of the turntable grow linearly at first.
         even = passed - _STARTS / 2 if passed > _STARTS else passed * passed / (2 * _STARTS)
         pose, axis = np.eye(4), np.array([self.place[0], 0.0, self.place[1]])
         turn = np.array([0.0, 2.0 * math.pi * even / self.period, 0.0])

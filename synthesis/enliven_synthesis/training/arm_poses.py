@@ -121,7 +121,7 @@ def _reach(
     """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, that bring the wrist near a target."""
     sign = np.array([1.0 - 2.0 * side, 1.0, 1.0])
     wanted = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
-    # The elbow points down, outward and back, as for most people most of the time.
+    # Point the elbow down, outward and back, because most people hold it this way most of the time.
     out = np.array([0.7 * sign[0], -0.7, -0.35]) + rng.normal(0, 0.3, 3)
     return reach(performer, chest, wanted, out, side)
 

@@ -261,9 +261,9 @@ def _hidden(seen: Bool, rng: Generator) -> Bool:
         top, left = rng.integers(rows.min(), rows.max() + 1), rng.integers(columns.min(), columns.max() + 1)
         tall, wide = np.ptp(rows) + 1, np.ptp(columns) + 1
         kind = rng.random()
-        if kind < 0.4:  # a table: hides everything below
+        if kind < 0.4:  # A table hides everything below its edge.
             hidden[max(top, rows.min() + tall // 3) :] = True
-        elif kind < 0.7:  # another person or a pillar: hides everything to one side
+        elif kind < 0.7:  # Another person or a pillar hides everything on one side.
             side = rng.random() < 0.5
             hidden[:, : left - wide // 4] = side
             hidden[:, left + wide // 4 :] = not side

@@ -46,14 +46,14 @@ _TAKES_IN = 0.1
 """Fraction of samples in which a piece of another object is assigned to the person."""
 _TAKES_IN_WALL = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
-to it, depth has no step there."""
+to the wall, the depth has no step there."""
 _BEHIND = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
 """Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
 _LEFT_BESIDE = 0.3
-"""Fraction of the samples without a person that show the rest of a wall next to a person. It is cut out by
-the person's outline, so it has the side and the height of a person."""
+"""Fraction of the samples without a person that show the rest of a wall next to a person. A person's outline
+cuts this piece out, so it has the side and the height of a person."""
 _STRAIGHT = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _FEWEST = 60
@@ -168,7 +168,7 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     i = int(rng.integers(len(rows)))
     v, u = np.indices(mask.shape)
     down, right = v - rows[i], u - columns[i]
-    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # angle from the horizontal
+    direction = rng.normal(0.0, 0.5) + np.pi * int(rng.integers(2))  # Angle from the horizontal.
     reach = rng.uniform(0.03, 0.4) * (float(np.ptp(rows)) + 5.0)
     piece = (right * np.cos(direction) + down * np.sin(direction) > 0) & ~mask
     piece &= distance_transform_edt(~mask) < reach
@@ -185,7 +185,7 @@ def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]
     piece = taken & ~mask
     if piece.any() and rng.random() < _STRAIGHT:
         v, u = np.indices(mask.shape)
-        lean = rng.normal(0.0, 0.05)  # slope of the edge, columns per row
+        lean = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
         at = u + lean * (v - 0.5 * len(mask))
         beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
         piece &= beyond if rng.random() < 0.5 else ~beyond

@@ -46,7 +46,7 @@ def graph(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
         )
     need_folder(output)
-    # Heavy modules are imported only here, so that the help appears quickly.
+    # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven.deformation.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine
     from enliven.samples import load_sample

@@ -41,7 +41,7 @@ def studio(
             where="enliven studio",
             mend="Start it where there is a screen, or under xvfb-run.",
         )
-    # Heavy modules are imported only here, so that the help appears quickly.
+    # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven_viewer.studio import StudioSettings, StudioWindow
     from enliven_viewer.studio.editor import Editor
     from enliven_viewer.studio.workspace import Workspace

@@ -101,7 +101,8 @@ class _Studio:
         self._text = max(round(settings.height / 35), 10)
         self._canvas: Canvas | None = None
         if caption:
-            from enliven_viewer.render.overlay import Canvas  # import it here: only captions need ImGui
+            # Imported here, because only captions need ImGui.
+            from enliven_viewer.render.overlay import Canvas
 
             self._canvas = Canvas(self._renderer.ctx)
         self._camera = FilmCamera(settings.render.opening)
@@ -163,7 +164,8 @@ def _moments(
         heard = time.monotonic() if arrived else heard
         over = over and not arrived
         gone = not document.edge.connected and time.monotonic() - heard > _QUIET_END
-        # A later moment proves that the due one is complete. The last one may be slightly early.
+        # A later moment proves that the due one is complete. At the end of the session, accept a last moment
+        # that is slightly early.
         if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
             moment = timeline.at(due)
             assert moment is not None

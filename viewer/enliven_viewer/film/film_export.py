@@ -26,7 +26,7 @@ class _Sampled:
         self._pictures = max(longest * rate, 1.0)
 
     def poll(self, document: Document) -> int:
-        self._polled += 1  # once before the first image, and once for each image
+        self._polled += 1  # The film calls this once before the first image, and once for each image.
         if self._progress is not None:
             self._progress(min(self._polled / self._pictures, 1.0))
         arrived, self._left = self._left, []

@@ -52,7 +52,8 @@ class Tiles:
     def add(self, seconds: float, picture: UInt8) -> None:
         """Offers the next image of the film, (H, W, 3) or with a fourth channel that is ignored."""
         if self._seen % self._stride == 0:
-            # Most stored images are dropped later, so here they are only reduced by an integer factor.
+            # Most stored images are dropped later. So reduce them only by an integer factor here, which is
+            # fast.
             factor = max(picture.shape[1] // self._width, 1)
             small = Image.fromarray(np.ascontiguousarray(picture)).reduce(factor).convert("RGB")
             self._kept.append(Tile(seconds, np.asarray(small, np.uint8)))

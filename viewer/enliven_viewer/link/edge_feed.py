@@ -15,7 +15,8 @@ from enliven_viewer.playback import Document, EdgeState
 _NOTICE_SECONDS = 5.0
 """Seconds that a notice is shown: long enough to read two lines."""
 _BARE_SECONDS = 3.0
-"""Seconds without characters after which a wrong control port is suspected. Fetching them takes less."""
+"""Time without characters after which a wrong control port is suspected, in seconds. Fetching them takes
+less."""
 _HEARD = ("connected", "on rate", "ended")
 _EASE = 0.1
 """Smoothing factor of the displayed latency, which would flicker otherwise."""
@@ -49,8 +50,10 @@ class EdgeFeed:
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
         arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
-        if not began_again:  # after a restart, two clocks may be mixed
-            # After a slow frame, seconds of one topic come before those of the next.
+        if not began_again:
+            # After a restart, the messages may contain times of two clocks, so do not sort them.
+            # After a slow frame, several seconds of one topic arrive before those of the next topic. So sort
+            # all of them by time.
             arrived.sort(key=lambda one: _time_ns(one[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)

@@ -29,9 +29,8 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
 _ALIVE = 1.6
-"""Seconds without a heartbeat (three intervals) after which an edge of the same name no longer counts as a
-clash.
-"""
+"""Time without a heartbeat after which an edge of the same name no longer counts as a clash, in seconds:
+three intervals."""
 
 
 class EdgeClient:
@@ -86,7 +85,8 @@ class EdgeClient:
         def label(edge: str, character: str) -> str:
             return f"{edge}/{character}" if several else character
 
-        # Use the process's shared context: an own one would wait for sockets at garbage collection.
+        # Use the process's shared context, because a separate one would wait for its sockets at garbage
+        # collection.
         context: zmq.Context[Any] = zmq.Context.instance()
         self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
 

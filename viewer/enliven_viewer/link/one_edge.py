@@ -91,7 +91,7 @@ _FULL_ASK_AGAIN = 30.0
 NO_ANSWER = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
 _COMMAND_WITHIN = 3.0
-"""Timeout in seconds of a command. Then the user is told that the edge does not answer."""
+"""Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
 
 
 @dataclass(frozen=True)
@@ -373,7 +373,7 @@ class EdgeConnection:
         """Sends a hello until it is answered, and requests missing characters and the time."""
         now = time.monotonic()
         listening = now - self.last_heard < SILENT_AFTER
-        # Until the streams arrive, every request triggers one heartbeat of the edge.
+        # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
         pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
         behind = self.status is None or self.status.revision != self._known_revision
         if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):

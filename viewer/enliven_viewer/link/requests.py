@@ -116,7 +116,8 @@ class Requests:
         self._unasked = 0
         most = REPLY.max_bytes + 64
         self._socket = make_socket(self._context, zmq.DEALER, most, UNREAD_REPLIES)
-        # Without IMMEDIATE, a request would wait in a queue for an edge that starts an hour later.
+        # Send only over an existing connection (IMMEDIATE). Otherwise a request would wait in a queue for an
+        # edge that may start an hour later.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)
         self._socket.connect(self._endpoint.control_address)
 

@@ -172,7 +172,8 @@ class StageLink:
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
         self._ask(sending.order, partial(self._told, sending))
-        # together with the announcement, since waiting for an answer would take one frame of the edge
+        # Send the parts together with the announcement, because waiting for its answer would take one frame
+        # of the edge.
         self._send_parts(sending)
 
     def _told(self, sending: _Sending, answer: Answer) -> None:
@@ -180,7 +181,7 @@ class StageLink:
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
         elif sending.under_way:
-            return  # the parts' answers will report the state
+            return  # Ignore this answer, because the answers to the parts will report the state.
         elif answer.received >= len(sending.data):
             sending.ask_at = time.monotonic() + _ASK_AGAIN
         else:
@@ -218,7 +219,8 @@ class StageLink:
         if isinstance(answer, Done):
             self._last[sending.name] = max(self._last.get(sending.name, 0), self._edge.revision(sending.name))
         else:
-            self._last.pop(sending.name, None)  # the edge refuses revisions far above its own
+            # Forget the revision, because the edge refuses revisions that are far above its own.
+            self._last.pop(sending.name, None)
         sending.then(answer)
         waiting = self._next.pop(sending.name, None)
         if waiting is not None:

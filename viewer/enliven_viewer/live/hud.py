@@ -23,7 +23,7 @@ mirror.
 _DISTURBING_MS = 350.0
 """Delay in milliseconds above which people overshoot, since they wait for the image."""
 _SMOOTH = 20.0
-"""Frames per second below which movement looks jerky, so that a hint is shown."""
+"""Frame rate below which movement looks jerky, in frames per second. Below it, a hint is shown."""
 _NOTICE = 84.0
 """Distance in pixels from the top of a notice over characters: below the active tool's hint."""
 SIGNAL: dict[str, Colour] = {

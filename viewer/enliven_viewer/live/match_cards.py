@@ -70,7 +70,7 @@ def _cards(
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]
-    # Pixels are square on the card as on the screen: scale by the projection's aspect ratio.
+    # Scale by the aspect ratio of the projection, because pixels are square on the card as on the screen.
     seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
     middle, reach = (seen.max(0) + seen.min(0)) / 2, float((np.ptp(seen, axis=0) / [WIDE, 1.0]).max()) or 1.0
     seen = np.array([WIDE / 2, 0.5]) + (seen - middle) / reach
@@ -121,7 +121,8 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
     for bone in corner + side * card.bones:
         canvas.line(bone, 1.2 * s, FAINT)
     limbs = zip(card.lines, card.tints, strict=True)
-    for line, tint in ((line, tint) for line, tint in limbs if len(line)):  # a limb may drive nothing
+    for line, tint in ((line, tint) for line, tint in limbs if len(line)):
+        # Skip limbs that drive nothing, which have no line.
         canvas.line(corner + side * line, 3.0 * s, (*tint, 1.0))
     if card.held > 0.0:
         canvas.rectangle(x + 8 * s, y + height - 5 * s, (width - 16 * s) * card.held, 3 * s, ACCENT, 1.5 * s)

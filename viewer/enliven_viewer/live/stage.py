@@ -16,11 +16,10 @@ from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, Sh
 from enliven_viewer.settings import ViewerSettings
 
 _QUIET = 2.0
-"""Seconds without a message, four heartbeats of an edge, after which the window may idle."""
+"""Time without a message after which the window may idle, in seconds: four heartbeats of an edge."""
 _LONG = 12.0
-"""Seconds of waiting for a local stage after which the reason is shown: kernels are compiled at the first
-start.
-"""
+"""Waiting time for a local stage after which the reason is shown, in seconds. Kernels are compiled at the
+first start."""
 
 
 class LiveStage:

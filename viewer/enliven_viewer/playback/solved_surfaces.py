@@ -164,7 +164,7 @@ def _beside(work: Callable[[], T]) -> Future[T]:
     def run() -> None:
         try:
             future.set_result(work())
-        except BaseException as error:  # raised again when the result is requested
+        except BaseException as error:  # The error is raised again when the result is requested.
             future.set_exception(error)
 
     threading.Thread(target=run, name="puppet", daemon=True).start()

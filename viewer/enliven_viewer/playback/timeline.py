@@ -217,7 +217,8 @@ class Timeline:
         empty = TimelineMoment(time_ns, cues=self._cues)
         if not index:
             return empty
-        # Match lists and bodies arrive after the poses of their time, and must not vanish meanwhile.
+        # Match lists and bodies arrive later than the poses of the same time. So keep the previous ones
+        # meanwhile, which must not vanish.
         before = self._moments[index - 1]
         held = replace(empty, props=self._still_loose(index, time_ns), boards=before.boards)
         if not self._fresh(before.bodies_ns, time_ns):

@@ -17,7 +17,8 @@ Box = tuple[Float, Float]
 FRONT_RIGHT = math.radians(32)
 """Initial azimuth in radians about +Y from the front: a face and a side are visible."""
 SLIGHTLY_ABOVE = math.radians(13)
-"""Initial elevation in radians above the horizon: the floor shows where the feet stand."""
+"""Initial elevation of the camera above the horizon, in radians. From there, the floor shows where the feet
+stand."""
 MARGIN = 0.96
 """Fraction of the box that must be in view. A subject does not reach the corners of its box."""
 LOWEST = math.radians(1.0)
@@ -25,7 +26,7 @@ LOWEST = math.radians(1.0)
 HIGHEST = math.radians(88)
 """Maximum elevation in radians: straight down, the upright direction is undefined."""
 DRAG_TURN = 0.008
-"""Radians that the camera turns per pixel of a drag: half a turn across 400 pixels."""
+"""Rotation of the camera per pixel of a drag, in radians: half a turn across 400 pixels."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ class OrbitCamera:
 
     def __init__(self, field_of_view: float = math.radians(34)) -> None:
         self.field_of_view = field_of_view
-        # Target x, y, z (metres), azimuth and elevation (radians), logarithm of the distance (metres).
+        # The elements are the target x, y, z (metres), azimuth and elevation (radians), and the logarithm of
+        # the distance (metres).
         self._goal = np.array([0.0, 0.9, 0.0, FRONT_RIGHT, SLIGHTLY_ABOVE, math.log(5.0)])
         self._now = self._goal.copy()
 

@@ -72,7 +72,7 @@ def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
     rows[:count, 0:3], rows[:count, 3] = joints[start], 0.72 * _JOINT_RADII[start]
     rows[:count, 4:7], rows[:count, 7] = joints[end], 0.72 * _JOINT_RADII[end]
     rows[:count, 11] = np.minimum(shown[start], shown[end])
-    # A joint is a ball: a capsule of length zero.
+    # Draw each joint as a ball, which is a capsule of length zero.
     rows[count:, 0:3] = rows[count:, 4:7] = joints
     rows[count:, 3] = rows[count:, 7] = 1.12 * _JOINT_RADII
     rows[count + Joint.HEAD, [3, 7]] = _HEAD_RADIUS
@@ -173,6 +173,7 @@ def capsule_template(
     a, b = row * segments + column, row * segments + (column + 1) % segments
     c, d = a + segments, b + segments
     faces = np.stack([a, c, b, b, c, d], -1)
-    if rings > 1:  # all vertices of a pole coincide, so half of the faces around it are degenerate
+    if rings > 1:
+        # All vertices of a pole coincide, so half of the faces around it are degenerate. Drop these faces.
         faces = np.concatenate([faces[0, :, 3:], faces[1:-1].reshape(-1, 3), faces[-1, :, :3]])
     return vertices.reshape(-1, 4).astype(np.float32), faces.reshape(-1, 3).astype(np.int32)

@@ -10,7 +10,7 @@ from enliven_viewer.render.gl import load_program
 
 STAGE_RADIUS = 1.9
 """Radius of the pool of light in metres."""
-_REACH = 3.0 * STAGE_RADIUS  # beyond this, shaders/floor.frag has faded into the horizon
+_REACH = 3.0 * STAGE_RADIUS  # Beyond this distance, shaders/floor.frag has faded the ground into the horizon.
 _CELLS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
 """(3, 3) the first corner of each cell in a grid of 4 by 4 corners."""
 

@@ -52,7 +52,7 @@ class PropPass:
             vertices, faces = block_template(fineness)
             names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
             sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}
-            # A shadow has no colour: attributes that the program does not use are skipped.
+            # Skip attributes that the program does not use: a shadow has no colour.
             skipped = "" if "in_albedo" in program else " 12x"
             layout = " ".join(sizes[n] for n in names) + skipped + "/i"
             points = "3f 3f" if "in_direction" in program else "12x 3f"

@@ -88,12 +88,14 @@ class Renderer:
         """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            self.picture.drawn.use()  # moderngl rebinds the previous framebuffer, so it must still exist
+            # Release the previous framebuffer only after this call, because moderngl binds it again.
+            self.picture.drawn.use()
             before.release()
 
     def draw(self, scene: Scene, view: CameraView) -> None:
         """Draws a scene into :attr:`picture`, and resolves it."""
-        self.picture.drawn.use()  # without a bound framebuffer, OpenGL refuses even calls that draw nothing
+        # Bind a framebuffer, because without one OpenGL refuses even calls that draw nothing.
+        self.picture.drawn.use()
         self.textures.arrive()
         meshes = self._skinned(scene)
         box = scene.lit_box or EMPTY_BOX
@@ -157,7 +159,8 @@ class Renderer:
                 crease = math.radians(self.settings.crease_angle)
                 made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
                 if known is not None:
-                    known.release()  # only after the new mesh has taken the textures that both share
+                    # Release the old mesh only after the new one has taken the textures that both share.
+                    known.release()
                 known = made
                 self._meshes[actor.character.id] = made
             known.hold(held_light(actor, glow, bodies))

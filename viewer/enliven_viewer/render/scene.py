@@ -80,7 +80,7 @@ class Scene:
     def box(self) -> Box | None:
         """Returns the box that a camera should show; None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
-        # without balls, which appear and disappear too fast for a camera
+        # Leave out balls, which appear and disappear too fast for a camera to follow.
         return self._around(boxes, _BOX_REACH)
 
     @property

@@ -28,7 +28,7 @@ class Showing:
         shown = self._shown(moment, second)
         body = shown
         if moment is not None and moment.props is not None and self._when != "never":
-            # A performer that plays along without a mesh is visible only as a skeleton.
+            # A performer that plays along without a mesh is visible only as a skeleton, so always show it.
             holding = sum(cues.state == "possessed" for cues in moment.cues.values())
             body = 1.0 if len(moment.bodies) > holding else shown
         return replace(

@@ -130,7 +130,8 @@ class SkinnedMesh:
         A skinned vertex lies between the positions to which each of its transforms alone would move it.
         """
         if self._placed is not None:
-            places = np.where(np.isfinite(self._placed), self._placed, 0.0)  # as in render.normals
+            # Replace non-finite coordinates by 0, as render.normals does.
+            places = np.where(np.isfinite(self._placed), self._placed, 0.0)
             return corners((places.min(0), places.max(0)))
         moved = self._staged[: len(self._boxes)]
         places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]

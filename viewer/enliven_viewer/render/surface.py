@@ -62,7 +62,8 @@ def split_creases(
     """
     faces = np.array(faces, np.int32)
     kinds = faces if keys is None else places_of(keys).reshape(-1, 3)
-    rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)  # maps -0 to 0
+    # Adding 0 maps -0 to 0, so that both have the same bits.
+    rounded = np.ascontiguousarray(vertices, np.float32) + np.float32(0.0)
     place = places_of(rounded.view(np.int32))[faces]
     normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))

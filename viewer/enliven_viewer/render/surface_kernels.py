@@ -104,7 +104,7 @@ def groups_of(place, normals, cosine):
     """
     count = len(place)
     most = np.int64(place.max()) + 1 if count else 1
-    # Sort the half-edges by their lower vertex (counting sort): count them, then sum the counts.
+    # Sort the half-edges by their lower vertex (counting sort). First count them, then sum the counts.
     starts = np.zeros(most + 1, np.int64)
     for k in range(3 * count):
         starts[_low(place, k) + 1] += 1
@@ -116,7 +116,8 @@ def groups_of(place, normals, cosine):
         low = _low(place, k)
         halves[filled[low]] = k
         filled[low] += 1
-    # Join the faces on both sides of each mild edge. At a vertex with few edges, compare them pairwise.
+    # Join the faces on both sides of each edge that is not sharp. At a vertex with few edges, compare them
+    # pairwise.
     parents = np.arange(3 * count)
     for v in range(most):
         around = halves[starts[v] : starts[v + 1]]

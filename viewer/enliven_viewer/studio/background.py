@@ -52,7 +52,7 @@ class BackgroundTask:
         self._toasts, self._busy = toasts, busy
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[Future[Any], Callable[[Any], object]] | None = None
-        self.progress: WorkProgress | None = None  # None if the work cannot be cancelled
+        self.progress: WorkProgress | None = None  # This is None if the work cannot be cancelled.
         self.said = ""
 
     @property

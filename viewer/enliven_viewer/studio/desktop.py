@@ -80,7 +80,7 @@ class Desktop:
 
         The pointer stays in the window while a button is held.
         """
-        library = glfw._glfw  # only the library itself knows ImGui's callbacks
+        library = glfw._glfw  # Use the library itself, because only it knows ImGui's callbacks.
         before: list[Any] = []
 
         def move(window: Any, x: float, y: float) -> None:

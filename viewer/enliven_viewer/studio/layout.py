@@ -37,7 +37,8 @@ def places_of(workspace: Workspace, *, bare: bool) -> Places:
     size, room = imgui.get_io().display_size, workspace.perform.room
     without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
     if room == "Play" and workspace.perform.live is not None:
-        without = (*without, "timeline")  # the live stage's timeline is drawn over the view
+        # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
+        without = (*without, "timeline")
     how = {
         "puppet": edits_puppet(workspace),
         "curves": workspace.curves.on,
@@ -83,7 +84,9 @@ def _side(workspace: Workspace, places: Places, pictures: WindowPictures) -> Non
     above, below = split_outliner(column, workspace.outliner.share)
     chosen = workspace.editor.selection
     if chosen.character is None or (column is not places.side and chosen.layer is None):
-        above = column  # nothing is selected, or there is only room for the tree and the source
+        # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
+        # column.
+        above = column
     elif places.performer is None:
         draw_side(workspace, below)
     if above.height >= 1.0:

@@ -37,7 +37,7 @@ class WindowPictures:
     def __init__(self, workspace: Workspace, *, films: bool) -> None:
         self.workspace = workspace
         settings, context = workspace.editor.settings, window_context()
-        # read it now, while the window's own framebuffer is bound
+        # Detect the framebuffer now, while the window's own one is bound.
         self._screen: Any = context.detect_framebuffer()
         self.viewport = Viewport(context, (64, 64), settings.render)
         self.viewport.renderer.textures.beside = not films
@@ -50,7 +50,7 @@ class WindowPictures:
         """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
         width, height = _framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
-        # clear the error: moderngl queries buffers that the window lacks
+        # Reading clears the error. moderngl causes it, because it queries buffers that the window lacks.
         _ = self.viewport.renderer.ctx.error
         return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
 

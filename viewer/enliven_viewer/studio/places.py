@@ -93,7 +93,8 @@ def places_in(
     right = SIDE * ("side" not in without)
     room = height - menu - PICTURE - CURVES * curves - STRIP * puppet - HINT * hinted
     usual = min(max(room, LEAST), TIMELINE)
-    if timeline_height != TIMELINE:  # the artist has chosen it, so the view may be lower
+    if timeline_height != TIMELINE:
+        # The user has chosen the height of the timeline, so the view may be lower than usual.
         usual = max(min(timeline_height, TIMELINE_MOST * height - CURVES * curves), LEAST)
     low = height - usual * ("timeline" not in without)
     timeline, above = Area(0.0, low, width, height - low), None

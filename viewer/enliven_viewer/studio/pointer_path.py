@@ -28,7 +28,9 @@ class PointerPath:
     def take(self, at: Spot) -> list[Spot]:
         """Returns the positions up to ImGui's current one, which comes last."""
         if at not in self._told:
-            self._told.clear()  # the pointer was moved without an event, for example by a test
+            # The pointer was moved without an event, for example by a test, so the older positions do not
+            # belong to its path.
+            self._told.clear()
             return [at]
         end = self._told.index(at) + 1
         taken, self._told = self._told[:end], self._told[end:]

@@ -92,8 +92,8 @@ class Preferences:
         if self.refusal is not None:
             return
         chosen = self._chosen()
-        # Unchanged values are written as they were read, since a later version may have written values
-        # unknown here.
+        # Write unchanged values back exactly, because a later version may have stored values
+        # that are unknown here.
         changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
         kept = {_VERSION_KEY: _VERSION, **chosen, **self._stored, **changed}
         try:

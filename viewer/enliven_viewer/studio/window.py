@@ -76,8 +76,8 @@ class StudioWindow:
         self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
-        self.pace = 0.0  # smoothed frames per second
-        # The place that F11 restores. A window that starts in full screen does not have one yet.
+        self.pace = 0.0  # This is the number of frames per second, smoothed.
+        # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
         self._windowed: Place | None = (
             (*_USUAL_CORNER, settings.width, settings.height) if opening.full_screen else None
@@ -119,7 +119,8 @@ class StudioWindow:
             runner.app_window_params.window_geometry.full_screen_mode = mode
         runner.fps_idling.enable_idling = False
         runner.ini_disable = True
-        runner.dpi_aware_params.dpi_window_size_factor = 1.0  # the desktop's own scale is used
+        # Do not scale again, because the scale of the desktop is used.
+        runner.dpi_aware_params.dpi_window_size_factor = 1.0
         calls = runner.callbacks
         calls.default_icon_font = hello_imgui.DefaultIconFont.font_awesome4
         calls.load_additional_fonts = load_fonts
@@ -166,8 +167,10 @@ class StudioWindow:
             raise
         finally:
             self.workspace.sound.stop()
-            self.workspace.perform.disconnect()  # a running recording becomes an edit
-            if not self.workspace.ended:  # the artist was not asked whether to save
+            # Disconnecting turns a running recording into an edit.
+            self.workspace.perform.disconnect()
+            if not self.workspace.ended:
+                # Save a recovery file, because the user was not asked whether to save.
                 self.workspace.store.autosave_now()
 
     def close(self) -> None:
@@ -213,7 +216,8 @@ class StudioWindow:
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
 
     def _start(self) -> None:
-        # Keys belong to the tools: Space must not press the button that was clicked last.
+        # Turn off ImGui's keyboard navigation. The keys belong to the tools, and Space must not press the
+        # button that was clicked last.
         imgui.get_io().config_flags &= ~imgui.ConfigFlags_.nav_enable_keyboard
         self._pictures = WindowPictures(self.workspace, films=self.step is not None)
         self.desktop = Desktop(self.workspace)
@@ -256,7 +260,9 @@ class StudioWindow:
                 draw_side_view(self.workspace, places.viewport, texture)
             draw_live(self.workspace, places.viewport, self.pace)
             draw_scan_over(self.workspace, places.viewport)
-        asking = self.workspace.asking  # Escape closes only the dialogue, not also what is behind it
+        # Read this before the dialogue is drawn, so that Escape closes only the dialogue and nothing behind
+        # it.
+        asking = self.workspace.asking
         draw_dialogs(self.workspace)
         if not (self.audience or self.opening.bare):
             draw_tour(self.workspace, places)

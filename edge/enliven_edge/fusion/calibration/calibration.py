@@ -199,7 +199,7 @@ def _score(
     if both < 1:
         return np.inf
     cost = (have * fit.cost + (both - have) * _MISSED) / both
-    # If nothing else decides, prefer the assignment with fewer exchanged sides.
+    # If all else is equal, prefer the assignment that exchanges left and right in fewer bodies.
     return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
 
 

@@ -75,7 +75,8 @@ def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Fl
     if not seen.any():
         return np.zeros_like(values), np.zeros(len(values))
     values = values - values[seen].mean(0)
-    # A signal that hardly changes is noise. It must not be scaled up to the size of the others.
+    # Limit the scale: a signal that hardly changes is noise, and must not be amplified to the size of the
+    # other signals.
     values /= np.maximum(values[seen].std(0), 0.02)
     return np.asarray(np.clip(values, -4, 4) * seen[:, None]), seen.astype(float)
 

@@ -160,8 +160,8 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
     trust = look.weights * doubt
     centre = np.tensordot(trust, placed, 2) / max(trust.sum(), 1e-12)
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
-    # Errors of neighbouring frames and of one body's joints are correlated, so count independent
-    # observations.
+    # Count only independent observations, because the errors of neighbouring frames and of one body's joints
+    # are correlated.
     looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
     scale = looks / max(trust.sum(), 1e-12) / variance
     h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
@@ -230,7 +230,7 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
         h[axis, axis] += tilt
         g[axis] += tilt * lean[axis]
     floor = 1.0 / (2 * settings.floor_height**2)
-    # The height of b's floor below the centre: at the point of that floor under the people.
+    # Compute the height of b's floor at the point below the people.
     height = float(a_from_b[1, 3] + (a_from_b[:3, :3] @ _below(a_from_b, centre))[1])
     h[4, 4] += floor
     g[4] += floor * height

@@ -41,7 +41,7 @@ def blend(x, w, predicted, known, before, d, share, out):
     """
     count, joints, width = x.shape
     for j in range(joints):
-        # The total weight, and that of the sensors that also had a value last time.
+        # Compute the total weight, and the weight of the sensors that also had a value last time.
         total, old = 0.0, 0.0
         for s in range(count):
             total += w[s, j]
@@ -54,7 +54,8 @@ def blend(x, w, predicted, known, before, d, share, out):
                 before[s, j] = False
             continue
         for k in range(width):
-            # The weighted mean, and the continuation of the last result by the previous sensors.
+            # Compute the weighted mean of all sensors. ``base`` is the value with which the previous sensors
+            # alone continue the last result.
             mean, base = 0.0, 0.0
             for s in range(count):
                 mean += w[s, j] * x[s, j, k]
@@ -65,7 +66,7 @@ def blend(x, w, predicted, known, before, d, share, out):
                 base /= old
             else:
                 base = predicted[j, k] if known else mean
-            # A new sensor starts with the offset from this continuation, so that the result does not jump.
+            # A new sensor starts with its offset from ``base``, so that the result does not jump.
             told = 0.0
             for s in range(count):
                 if w[s, j] > 0.0 and not before[s, j]:

@@ -111,7 +111,8 @@ class Fuser:
         person = FusedPerson(number, len(self.views), self.settings)
         s = self.settings
         if any(p.hits >= s.sure_after for p in self.people):
-            # A sensor that was covered may report one person twice for a moment after it sees again.
+            # A sensor that was covered may report one person twice for a moment after it sees again. So a
+            # further person is confirmed later than the first one.
             person.hits = min(0, s.sure_after - s.sure_beside)
         return person
 
@@ -126,7 +127,7 @@ class Fuser:
         )
         gates = np.array([s.gate + _SPEED * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
         votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
-        # If two people turn out to be one, the oldest identity is kept.
+        # If two people turn out to be the same, keep the oldest identity.
         age = 1e-3 * np.arange(len(self.people))
         allowed = (cost < gates) | (votes > 0.5)
         return np.where(allowed, np.minimum(cost, 10.0) - s.loyalty * votes + age, NEVER)
@@ -158,7 +159,7 @@ class Fuser:
         trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
         middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
-            # With three or more sensors the median is right, whichever sensor was moved.
+            # With three or more sensors, compare with the median, which is right whichever sensor was moved.
             other = middle if middle is not None else next(t for n, t in trunks.items() if n != number)
             apart = trunk - other
             view = self.views[number]

@@ -84,7 +84,7 @@ class ArrivalClocks:
 
 
 _MISSED = 1.7
-"""Frame intervals by which the leading sensor may be late before another one leads."""
+"""Maximum delay of the leading sensor before another one leads, in frame intervals."""
 _FASTER = 0.8
 """Fraction of the leading sensor's frame interval below which another sensor's interval makes it lead."""
 

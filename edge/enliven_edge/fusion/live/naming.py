@@ -51,7 +51,7 @@ _CLEARLY = 0.06
 _WALKING = 0.4
 """Minimum speed of the hips in metres per second at which walking shows the facing direction."""
 _SETTLED = 3.0
-"""Seconds after which the sides of a new person count as known."""
+"""Time after which the left and right side of a new person count as known, in seconds."""
 
 
 class SideKeeper:

@@ -170,7 +170,8 @@ class SensorView:
         if before is None:
             return BodySighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
         seconds = before.age(time_ns)
-        # An unseen person has only a predicted position. The difference from it is not a motion.
+        # An unseen person has only a predicted position. The difference between it and the new position is
+        # not a motion, so assume no velocity.
         if seconds > _BACK_AGAIN or not before.body.confidence.any():
             return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds

@@ -24,7 +24,8 @@ def moved(transform: Float, points: Float) -> Float:
 
 def turned(transform: Float, vectors: Float) -> Float:
     """Returns (..., 3) the vectors (..., 3) rotated by the rotation of a rigid transform (4, 4)."""
-    # One matrix product. NumPy would otherwise compute one per (20, 3) block of a (N, 20, 3).
+    # Compute one matrix product. For an array (N, 20, 3), NumPy would otherwise compute one product per (20,
+    # 3) block.
     return np.asarray((vectors.reshape(-1, 3) @ transform[:3, :3].T).reshape(vectors.shape))
 
 

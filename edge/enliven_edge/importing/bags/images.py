@@ -17,7 +17,7 @@ from enliven_edge.importing.bags.ros1 import Fields
 _WIDEST = 8192
 """Maximum pixels of an image's side; the makers' largest have 1,600."""
 _PNG_BEGINS = 12
-"""Bytes that ROS puts before the PNG of a compressed depth image."""
+"""Number of bytes that ROS writes before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
 """The makers' names of images with 16-bit distances."""
 

@@ -44,7 +44,7 @@ _UNIT = 176
 _IN_DEVICE = 85
 """Orbbec's property number that shows if the camera itself computed depth from its disparities."""
 _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
-"""Millimetres per depth step, by Orbbec's level of precision."""
+"""Depth step for each of Orbbec's levels of precision, in millimetres."""
 _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fisheye")
 """Orbbec's distortion models by their numbers."""
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)

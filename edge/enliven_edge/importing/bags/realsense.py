@@ -26,7 +26,7 @@ _SMALL = re.compile(
     r"/device_\d+(/info|/sensor_\d+/(option/Depth[_ ]Units/value|Depth_\d+(/info)?/camera_info))"
 )
 _USUAL_STEP = 1.0
-"""Millimetres per depth step if none was recorded: that of the D400 family."""
+"""Depth step if none was recorded, in millimetres: that of the D400 family."""
 Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
 

@@ -196,7 +196,7 @@ def _lz4_unpacked(packed: bytes, most: int, path: Path) -> bytes:
         RuntimeError: if the chunk is damaged.
     """
     need("lz4", "bags", str(path))
-    import lz4.frame  # only some bags need it
+    import lz4.frame  # Imported here, because only some bags need it.
 
     return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=most)
 

@@ -15,7 +15,7 @@ from enliven_edge.sensors.profile import typical_camera
 _SHORTEST = 10.0
 """Minimum focal length in pixels. Below it a camera has reported none: depth cameras have 150 to 1,000."""
 _FARTHEST = 65535
-"""Millimetres, the largest depth in an image."""
+"""Largest depth in an image, in millimetres."""
 
 
 def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:

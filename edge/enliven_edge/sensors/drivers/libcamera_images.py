@@ -66,7 +66,7 @@ class LibcameraImages:
             for camera in found:
                 self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
             wishes = _wishes(fps, exposure_us, gain)
-            # Followers wait for the clock, so they are started before it.
+            # The followers wait for the clock of the leader, so start them first.
             for eye in reversed(self._eyes):
                 beat = {} if len(found) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
                 eye.start({**wishes, **beat})
@@ -177,7 +177,8 @@ class _Eye:
         told = {control.name: value for control, value in request.metadata.items()}
         self.celsius = told.get("SensorTemperature", self.celsius)
         time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
-        # Virtual cameras of libcamera 0.4 leave the status of good images uninitialised.
+        # The virtual cameras of libcamera 0.4 leave the status of good images uninitialised. So reject only
+        # images with the status Error.
         sound = about.status != self._lib.FrameMetadata.Status.Error
         image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
         request.reuse()

@@ -23,8 +23,8 @@ from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
-"""Milliseconds that the library searches for a camera (default 10 s). A connected camera answers
-immediately."""
+"""Time for which the library searches for a camera, in milliseconds (its default is 10 s). A connected camera
+answers immediately."""
 _NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
 """The library's messages if it finds no camera at all, or not the requested one."""
 _FELT_HZ = 100
@@ -32,7 +32,7 @@ _FELT_HZ = 100
 _KINDS = {"LITE": "oak-d-lite"}
 """The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
 _HOT = 105.0
-"""Degrees Celsius of the chip at which it throttles and then stops (RVC2 data sheet)."""
+"""Chip temperature at which the chip throttles and then stops, in degrees Celsius (RVC2 data sheet)."""
 
 
 class OakSensor(Sensor):
@@ -63,7 +63,7 @@ class OakSensor(Sensor):
         before: str = "",
     ) -> None:
         os.environ.setdefault("DEPTHAI_SEARCH_TIMEOUT", _SEARCH_MS)
-        # A crash dump of the firmware is stored here, and not sent to its makers without consent.
+        # Store crash dumps of the firmware here. They must not be sent to the manufacturer without consent.
         os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
         os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
         self._dai = library("depthai", "oak")

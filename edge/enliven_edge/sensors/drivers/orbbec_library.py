@@ -45,7 +45,7 @@ def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
     try:
         listed = context.query_devices()
         known = [_names(listed, index) for index in range(len(listed))]
-        # A camera without permission to open has no serial number.
+        # If the user has no permission to open a camera, the camera has no serial number.
         found = {names[0] or names[2]: index for index, names in enumerate(known)}
         meant = {name: index for name, index in found.items() if wanted in ("", *known[index])}
         if not meant and _is_address(wanted):

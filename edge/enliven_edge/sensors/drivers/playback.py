@@ -34,7 +34,7 @@ _MOST_BYTES = 1 << 30
 """Maximum bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is
 played."""
 _HEADER_SIZE = 4096
-"""Bytes of the first record, which is rewritten at the end."""
+"""Size of the first record, in bytes. It is rewritten at the end."""
 _OP_MESSAGE, _OP_HEADER, _OP_INDEX, _OP_CHUNK, _OP_CHUNK_INFO, _OP_CONNECTION = (
     b"\2",
     b"\3",
@@ -279,7 +279,7 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         else:
             written = write_playback(path, Path(folder) / "rehearsal.bag")
             files = [(part.path, part.shift_ns) for part in written]
-        # The library has the files open; they disappear with their last user.
+        # The library keeps the files open, so they disappear when their last user closes them.
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:

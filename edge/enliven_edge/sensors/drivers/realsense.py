@@ -164,7 +164,8 @@ class RealSenseSensor(Sensor):
         """Converts an image to a frame. The library does not check that all its bytes are present."""
         self._held, seconds = image, 1e-3 * image.get_timestamp()
         size = width, height = image.get_width(), image.get_height()
-        there = image.get_data_size() or 2 * width * height  # A software device does not report it.
+        # A software device does not report the size of its data.
+        there = image.get_data_size() or 2 * width * height
         if image.get_stride_in_bytes() != 2 * width or there < 2 * width * height:
             raise InputError(f"an image of it lacks some of its {width}x{height} pixels", where=self.name)
         if not math.isfinite(seconds):

@@ -80,7 +80,8 @@ def whole(millimetres: float) -> float:
 
 
 _PATIENCE_MS = 15
-"""Milliseconds that a depth image waits for its colour: half a frame interval at 30 fps."""
+"""Longest time that a depth image waits for its colour image, in milliseconds: half a frame interval at 30
+fps."""
 _LONGEST_MS = 10_000
 """Maximum milliseconds in which the library joins or aligns two available images."""
 

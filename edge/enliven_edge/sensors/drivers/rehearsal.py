@@ -21,11 +21,12 @@ _TURN = 0.1
 WAITING = 4
 """Maximum number of images waiting in a library. The next is sent after the driver has taken one."""
 _HEAD_START = 0.002
-"""Seconds that the driver has for an image before the next is decoded: a device needs no decoding here."""
+"""Time that the driver gets for an image before the next one is decoded, in seconds. A real device needs no
+decoding here."""
 _LONGEST_PAUSE = 0.5
 """Maximum seconds of silence: after one second a driver would count as lost, and restart endlessly."""
 _GRACE = 0.5
-"""Seconds in which the last images pass through a library, also on a busy machine."""
+"""Time in which the last images pass through a library, in seconds, also on a busy machine."""
 _CLOCK_NS = 2_000
 """Nanoseconds of rounding by a library's clock: a frame interval is several thousand times longer."""
 _MOST_COUNTED = 1 << 31

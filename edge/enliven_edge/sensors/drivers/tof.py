@@ -106,7 +106,7 @@ class TofSensor(Sensor):
             if over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
-        # The library does not document the unit and the clock of its times.
+        # Use this machine's clock, because the library does not document the unit and the clock of its times.
         time_ns, number = time.monotonic_ns(), self._number
         if self._rehearsal is not None:
             self._lens, number = frame.lens, frame.number
@@ -207,6 +207,6 @@ def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trust
     for i in range(depth.shape[0]):
         for j in range(depth.shape[1]):
             millimetres = np.rint(depth[i, j])
-            # A NaN depth or confidence fails every comparison.
+            # If depth or confidence is NaN, every comparison fails, so the pixel counts as unknown.
             known = confidence[i, j] >= least and low <= millimetres <= high
             trusted[i, j] = np.uint16(millimetres) if known else np.uint16(0)

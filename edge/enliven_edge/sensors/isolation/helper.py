@@ -45,9 +45,10 @@ def serve(
     Python's report of a crash is written to ``words``.
     """
     speak_into(words)
-    # Ctrl-C reaches all processes of a terminal. The edge releases the device and then ends this process.
+    # Ignore Ctrl-C here, because it reaches all processes of a terminal. The edge first releases the device,
+    # and then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # The prints of a library must not mix with the program's own output.
+    # Redirect the standard output, because prints of a library must not mix with the program's own output.
     sys.stdout.flush()
     os.dup2(2, 1)
     told = _Pipe(pipe)
@@ -145,7 +146,7 @@ class _Helper:
         while (slot := self._slots.write(frame.depth, frame.colour)) is None:
             if not self._every or self._pipe.poll(_FULL):
                 return
-        # Intrinsics are sent only when they change.
+        # Send the intrinsics only when they change.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
         self._camera = frame.intrinsics
         colour = None if frame.colour is None else frame.colour.shape

@@ -20,12 +20,12 @@ from enliven_edge.sensors.isolation.last_words import LastWords
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 SILENT = 1.0
-"""Seconds without an image after which a device counts as lost, whatever its library reports: thirty
+"""Time without an image after which a device counts as lost, in seconds, whatever its library reports: thirty
 frames."""
 OPENING = 45.0
 """Maximum seconds for opening: a library that searches a network needs some twenty."""
 _CLOSING = 0.4
-"""Seconds that a driver has to close its device, before its process is ended."""
+"""Time that a driver gets to close its device before its process is killed, in seconds."""
 _MOST_WAITING = 3
 """Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
 
@@ -174,8 +174,8 @@ class HelperProcess:
                 case ("attached",):
                     pass
                 case ("frame", *about):
-                    # The message keeps a reference to the memory of its image, since other memory may be in
-                    # use when it is read.
+                    # Keep a reference to the memory of the image in the message, because other memory may be
+                    # in use when the message is read.
                     self._waiting.append(("frame", self._slots, *about))
                 case _:
                     self._waiting.append(message)

@@ -46,6 +46,6 @@ class LastWords:
 def speak_into(far: Connection | None) -> None:
     """Sends the report of a crash of this process through the pipe, which must be kept open."""
     if far is not None:
-        # A crashing process must not block on a missing reader.
+        # Do not block on writing, because the reader of a crashing process may be missing.
         os.set_blocking(far.fileno(), False)
         faulthandler.enable(file=far.fileno())

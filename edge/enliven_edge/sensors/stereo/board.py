@@ -21,9 +21,9 @@ _MOST_MARKERS = 50
 _MM = 72 / 25.4
 """PDF units per millimetre."""
 _PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0)}
-"""Millimetres of sheets in landscape orientation, the smallest first."""
+"""Sizes of sheets in landscape orientation, in millimetres, the smallest first."""
 _EDGE = 8.0
-"""Millimetres of margin that a printer may leave white."""
+"""Margin that a printer may leave white, in millimetres."""
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from enliven.files import write_file
 from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
 
 _LENGTH = 1e-3
-"""Metres of tolerated difference between baseline and length of the translation: an edit by mistake is
-larger."""
+"""Tolerated difference between the baseline and the length of the translation, in metres. A mistake in an
+edited file is larger."""
 _CROOKED = 1e-3
 """Tolerance of a rotation's orthonormality."""
 _Row = tuple[float, float, float]

@@ -12,9 +12,10 @@ from enliven_edge.sensors.stereo.calibration import StereoCalibration
 from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, StereoSolution
 
 _STILL = 0.01
-"""Fraction of the image's width. If corners moved less since the previous pair, the board is still."""
+"""Maximum motion of the corners since the previous pair for which the board counts as still, as a fraction of
+the image's width."""
 _FRESH = 0.06
-"""Fraction of the image's width that corners must differ from those of each kept pair."""
+"""Minimum distance of the corners from those of each kept pair, as a fraction of the image's width."""
 _COMMON = 8
 """Minimum number of shared corners to compare two sightings."""
 
@@ -63,11 +64,13 @@ def _moved(one: BoardSighting, other: BoardSighting) -> float:
 
 
 _GOOD_REPROJECTION = 0.35
-"""Pixels of reprojection error that still count as good: a sharp image gives corners to 0.1 to 0.3 px."""
+"""Maximum reprojection error that still counts as good, in pixels. A sharp image gives corners to 0.1 to 0.3
+px."""
 _WORST_REPROJECTION = 1.0
 """Maximum pixels of reprojection error: beyond it, the lens model does not fit."""
 _GOOD_EPIPOLAR = 0.3
-"""Pixels between matching rows that still count as good: the matcher searches along one row."""
+"""Maximum distance between matching rows that still counts as good, in pixels. The matcher searches only
+along one row."""
 _WORST_EPIPOLAR = 0.6
 """Maximum pixels between matching rows: half a pixel off its row the matcher loses fine texture."""
 _FAR = 2.0
@@ -77,9 +80,10 @@ _GOOD_ERROR = 0.01
 _WORST_ERROR = 0.03
 """Maximum expected relative depth error: beyond it, limbs are hardly thicker than the error."""
 _MATCHER = 0.12
-"""Pixels, the matcher's median disparity error on rendered people: sensors.stereo_error_mm."""
+"""Median disparity error of the matcher on rendered people, in pixels (benchmark sensors.stereo_error_mm)."""
 _LEAST_COVERED = 0.6
-"""Minimum fraction of the image's fields with corners: elsewhere the lens distortion is only extrapolated."""
+"""Minimum fraction of the image's fields with corners. In the other fields the lens distortion is only
+extrapolated."""
 _LEAST_TILT = 20.0
 """Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")

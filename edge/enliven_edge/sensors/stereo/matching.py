@@ -27,11 +27,12 @@ _UNIQUE = 10
 _BOTH_SIDES = 1
 """Maximum pixels between the match from the right and that from the left (left-right check)."""
 _SPECK = 150
-"""Pixels: smaller islands of one depth are noise. A hand at 3 m has 400 in an image of 640 x 400."""
+"""Minimum area of an island of one depth, in pixels. Smaller ones are noise. A hand at 3 m has 400 pixels in
+an image of 640 x 400."""
 _SPECK_STEP = 1
 """Maximum pixels of disparity between neighbours of one island."""
 _MOST_DISPARITIES = 256
-"""Maximum search range in pixels: with more the matcher takes longer than a frame."""
+"""Maximum search range in pixels. With a larger range the matcher takes longer than a frame."""
 
 
 class StereoMatcher:

@@ -20,7 +20,7 @@ _WORSE = 3.0
 """Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
 was bent."""
 _FINE = 0.3
-"""Pixels of error below which no pair is dropped."""
+"""Error, in pixels, below which no pair is dropped."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ _AHEAD = (0.0, -0.5, 0.866)
 """Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
 _SHORT = 1e-3
-"""Metres: a shorter bone has no direction, since a millimetre is below the noise of joints."""
+"""Length below which a bone has no direction, in metres. A millimetre is below the noise of joints."""
 
 
 def standing() -> Float:
@@ -82,7 +82,7 @@ class Bones:
         known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
         gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
         turns, sure = _trunk(body, known)
-        # If the hips are not visible, because the performer is too near, the chest gives the facing.
+        # If the performer is too near for the hips to be visible, use the chest as the facing direction.
         self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
         back = turn_about_y(-yaw)

@@ -40,7 +40,7 @@ def cast_puppet(
     project, puppet = _read(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
     actor = cast_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
-    character_to_message(actor.character, 0)  # reports now if viewers cannot be sent the character
+    character_to_message(actor.character, 0)  # Raises now if the character cannot be sent to viewers.
     return actor
 
 

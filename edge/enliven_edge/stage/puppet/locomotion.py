@@ -29,11 +29,11 @@ _LEGS = (
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 )
 _CREEP = 0.01
-"""Metres per second. The floor estimate rises at most this fast: slow, since a jump lasts less than a
-second."""
+"""Maximum speed at which the floor estimate rises, in metres per second. It is slow, because a jump lasts
+less than a second."""
 _DEAD = 0.025
-"""Fraction of body height. Feet lifted less than this are not in the air: heels lift, and joints are
-noisy."""
+"""Minimum lift of a foot that is in the air, as a fraction of body height. Standing heels lift by less, and
+joints are noisy."""
 _SURE = 0.5
 """Minimum contact probability of a foot that starts to stand: more likely than not."""
 _STILL_SURE = 0.3
@@ -46,9 +46,10 @@ _LEG = 0.5
 _HIGHEST = 1.0
 """Maximum lift as a fraction of body height: people do not jump higher."""
 _ADULT = 1.7
-"""Metres: the height assumed for a performer of unknown height, that of an average adult."""
+"""Height that is assumed for a performer of unknown height, in metres: that of an average adult."""
 _LOWEST = 0.3
-"""Metres: a smaller height comes from missing joints and counts as unknown."""
+"""Minimum plausible height of a performer, in metres. A smaller height comes from missing joints, and counts
+as unknown."""
 LEFT_FOOT = 0
 """The side of a control point that stands with the left leg: an index into (left, right, either)."""
 RIGHT_FOOT = 1
@@ -113,7 +114,7 @@ class Feet:
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
         leg = _LEG * height_of(body)
-        # A runner's foot rolls fast while it stands, but is slow compared with the other foot.
+        # A runner's standing foot rolls fast, but it is slow relative to the mean of both feet.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
             more = self._how.release if self._down[k] else 1.0

@@ -32,9 +32,11 @@ LEGS = (
 )
 """The joints of the left and the right leg, from the trunk outwards."""
 _ARM = np.array([0.29, 0.26, 0.08])
-"""Metres: an average adult's upper arm, forearm and hand. They give the places of the joints along an arm."""
+"""Lengths of an average adult's upper arm, forearm and hand, in metres. They give the places of the joints
+along an arm."""
 _LEG = np.array([0.42, 0.42, 0.16])
-"""Metres: an average adult's thigh, shank and foot. They give the places of the joints along a leg."""
+"""Lengths of an average adult's thigh, shank and foot, in metres. They give the places of the joints along a
+leg."""
 _PELVIS = 0
 """Index of the pelvis among the rotations of the trunk."""
 _CHEST = 1

@@ -69,7 +69,7 @@ class RigActor(ChosenActor):
             self.live_shape.hand_over(bodies, self._idle(bodies), time_ns, self.settings.hand_over)
         pose = self.live_shape.pose(bodies, time_ns)
         self._choose(bodies)
-        if self.chooser.pick.accepted:  # by holding still
+        if self.chooser.pick.accepted:  # The performer has accepted the match by holding still.
             self._bind(bodies, "join")
         return pose
 
@@ -104,7 +104,8 @@ class RigActor(ChosenActor):
 
     def board(self) -> Board:
         own, chooser = self.character.id, self.chooser
-        if self.holds:  # While it is held, another performer's match would hide the driven chains.
+        if self.holds:
+            # While a performer drives the rig, another performer's match would hide the driven chains.
             rows = tuple(self._driven(hold) for hold in self.holds)
             return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)

@@ -50,8 +50,8 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
             length = np.sqrt(px * px + py * py + pz * pz) + np.float32(1e-9)
             facing = (px * seen[3, i] + py * seen[4, i] + pz * seen[5, i]) / length
             cost = abs(length - (start + t * growth)) + side * max(zero, one - facing) + scale * likes[i]
-            # Costs are not negative, so their bit patterns are ordered like the costs. With the capsule's
-            # index in the last bits, an integer minimum finds the nearest capsule without a branch.
+            # Costs are not negative, so their bit patterns have the same order as the costs. The last bits
+            # hold the capsule's index. So an integer minimum finds the nearest capsule without a branch.
             bits = (np.float32(cost).view(np.int32) & np.int32(~_NUMBER)) | np.int32(c)
             which[i] = min(which[i], bits)
     for i in range(len(which)):
@@ -147,7 +147,7 @@ def clear_of_rays(points, eye, near, far, ends, radii):
         rays[0, i], rays[1, i] = points[i, 0] + first * x, points[i, 1] + first * y
         rays[2, i], rays[3, i] = points[i, 2] + first * z, long * x
         rays[4, i], rays[5, i] = long * y, long * z
-    # The closest points of two segments, with parameters s on the ray and t on the axis.
+    # Find the closest points of two segments. Parameter s runs along the ray, and t along the axis.
     a, start, growth = long * long, radii[:, 0], radii[:, 1] - radii[:, 0]
     for c in range(len(ends)):
         sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
@@ -160,7 +160,8 @@ def clear_of_rays(points, eye, near, far, ends, radii):
             vx, vy, vz = rays[3, i], rays[4, i], rays[5, i]
             b, f = vx * dx + vy * dy + vz * dz, x * dx + y * dy + z * dz
             d = x * vx + y * vy + z * vz
-            # If both are parallel, all places are equally near. Take the start of the segment.
+            # If the two segments are parallel, all points on them are equally near. In that case take the
+            # start of the segment.
             s = min(one, max(zero, (b * f - d * e) / (a * e - b * b + tiny)))
             t = min(one, max(zero, (b * s + f) / e))
             s = min(one, max(zero, (b * t - d) / a))

@@ -19,7 +19,7 @@ _FARTHER = 0.4
 """Additional hip flexion in radians for a person that is already tracked: 138 degrees against a level
 pelvis."""
 _FREE = 10.0
-"""A half width in radians that means no limit: it is larger than any rotation vector."""
+"""Half width, in radians, that means no limit. It is larger than any rotation vector."""
 
 
 def mirrored(rotations: Float) -> Float:

@@ -183,7 +183,8 @@ def deviation_into(out, reference, rotation):
             out[i] += reference[a, k] * rotation[a, j] - reference[a, j] * rotation[a, k]
     sine = 0.5 * np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     if sine < _SMALL and trace < 1.0:
-        copy_row(out, logarithm(product(reference.T, rotation)))  # near half a turn
+        # The angle is near half a turn, where this formula loses its precision.
+        copy_row(out, logarithm(product(reference.T, rotation)))
         return
     scale = 0.5 if sine < _SMALL else 0.5 * np.arctan2(sine, 0.5 * (trace - 1.0)) / sine
     for i in range(3):
@@ -221,8 +222,8 @@ def logarithm(r):
         return v * (0.5 * angle / sine)
     if cosine > 0.0:
         return v * 0.5
-    # Near half a turn r is nearly 2 a a' - 1. Its largest column gives the axis a except for its sign, and v
-    # gives the sign.
+    # Near half a turn, r is nearly 2 a a' - 1. The largest column of r gives the axis a except for its sign,
+    # and the vector v gives the sign.
     axis = 0
     for i in range(1, 3):
         if r[i, i] > r[axis, axis]:

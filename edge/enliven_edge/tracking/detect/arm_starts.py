@@ -120,7 +120,7 @@ def _at_surface(view, joints):
         if abs(along - here[2]) >= _FARTHEST:
             continue
         for a in range(3):
-            # The sensor, the joint and the place on the surface are on one line.
+            # Place the point on the line through the sensor and the joint, at the depth of the surface.
             made[n, a] = pose[a, 3] + (joints[n, a] - pose[a, 3]) * (along / here[2])
     return made
 

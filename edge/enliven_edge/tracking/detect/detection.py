@@ -113,7 +113,7 @@ def detect(
     ranked = yield from coarse.ranked(starts)
     kept = _best_distinct(ranked, _REFINED)
     best = yield from _refined(fitter, observation, seen, kept, height)
-    # Front and back are easily confused, so the flipped best posture is tried as well.
+    # Also try the best posture flipped, because front and back are easily confused.
     other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report

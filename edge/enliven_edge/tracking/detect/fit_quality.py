@@ -30,8 +30,8 @@ from enliven_edge.tracking.fit import FitReport
 from enliven_edge.tracking.frame import Observation
 
 _MEMORY = 15.0
-"""Frames over which the evidence is averaged: half a second, longer than the network's errors in one posture
-last."""
+"""Number of frames over which the evidence is averaged: half a second. The network's errors in one posture
+last for a shorter time."""
 _FIRST_VERDICT = 12
 """Minimum number of frames of evidence before the first decision. With fewer the mean is unreliable."""
 _SETTLED = 1.0

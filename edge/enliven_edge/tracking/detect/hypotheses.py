@@ -73,9 +73,11 @@ _ARMS = (
 _LEFT_ARM = [model.UPPER_ARM_L, model.FOREARM_L]
 _RIGHT_ARM = [model.UPPER_ARM_R, model.FOREARM_R]
 _SIDE_YAW = 1.2
-"""Radians from facing the sensor of the two postures turned sideways: just short of hiding an arm."""
+"""Angle from facing the sensor of the two postures that are turned sideways, in radians. It is just too small
+to hide an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
-"""Radians from facing the sensor at which each posture of the bank is tried: a quarter turn apart."""
+"""Angles from facing the sensor at which each posture of the bank is tried, in radians: a quarter turn
+apart."""
 _THINNED = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
 _FARTHEST_POINT = 0.4
@@ -205,7 +207,8 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     tops = (ends[..., 1] + radii).max(1)
     highest = int(np.argmax(tops))
     crown = observation.crown
-    # A head is horizontally near the middle of the body. A raised hand is not.
+    # Put a head half-way between the top and the middle of the body, because a head is horizontally near the
+    # middle. A raised hand is not.
     under = 0.5 * (crown[0] + centre[0]) if model.CAPSULES.frame[highest] == model.HEAD else centre[0]
     head = np.array([under, crown[1] - tops[highest], 0.0])
     away = centre - observation.view.world_from_camera[:3, 3]

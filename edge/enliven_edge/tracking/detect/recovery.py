@@ -69,8 +69,7 @@ _RAREST_LIMB = 6
 """Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
 trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
 _BADLY = 0.9
-"""Fraction of the points explained (minus the fraction seen through) below which the whole body is
-doubtful."""
+"""Fraction of points below which the whole body is doubtful: those explained minus those seen through."""
 _YAWS = (0.8, -0.8)
 """Rotations in radians at which a whole body is tried: about half a right angle to either side, never to the
 back."""
@@ -167,7 +166,8 @@ class PoseRecovery:
         for limb, capsules in _OUTER.items():
             sure = min(sure_of[c] for c in capsules)
             if sure > _SURE:
-                # The frames of a limb are contiguous, and a slice is cheaper than a list of indices.
+                # The frames of a limb are contiguous, so use a slice, which is cheaper than a list of
+                # indices.
                 self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
             elif sure < _DOUBTFUL:
                 doubtful.append(limb)

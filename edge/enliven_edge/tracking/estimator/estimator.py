@@ -130,7 +130,7 @@ class PoseEstimator:
         options.log_severity_level = 3
         try:
             self._session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-        except Exception:  # ONNX Runtime has no common base class of errors
+        except Exception:  # The errors of ONNX Runtime have no common base class.
             raise InputError(
                 "the network cannot be read",
                 where=str(path),

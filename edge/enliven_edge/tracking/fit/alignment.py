@@ -66,7 +66,8 @@ def align(
         iterations: maximum number of steps.
     """
     made = start.copy()
-    sure = np.ascontiguousarray(weights)  # Numba would compile and load a second version for a column's view
+    # Copy to a contiguous array: for a view of a column, numba would compile and load a second version.
+    sure = np.ascontiguousarray(weights)
     energy = _align(
         made.position, made.rotations, made.lengths, frames, local, targets, sure, width, _SKELETON,
         _LIMITS, iterations,

@@ -111,21 +111,21 @@ def _moments(squares, firsts, powers, points, here, axis, width):
     xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
     rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
     for i in range(here[0], here[1]):
-        # The residual: the distance from the axis minus the radius there.
+        # Compute the residual: the distance from the axis minus the radius at that point.
         a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
         t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
         a, b, c = a - t * dx, b - t * dy, c - t * dz
         length = np.sqrt(a * a + b * b + c * c) + np.float32(1e-9)
         scale = one / length
         residual = length - start - t * growth
-        # The Geman-McClure energy and weight.
+        # Compute the Geman-McClure energy and weight.
         ratio = residual / width
         kept = one / (one + ratio * ratio)
         energy += residual * residual * kept
         within += one if abs(residual) < width else zero
         w = kept * kept
         a, b, c = a * scale, b * scale, c * scale
-        # The weighted sums.
+        # Add to the weighted sums.
         wt = w * t
         wtt, wr = wt * t, w * residual
         wrt = wr * t
@@ -174,8 +174,8 @@ def _add_pose_terms(total, pull, squares, firsts, start, way, room):
 
     ``room`` (2, 3, 3) is overwritten.
     """
-    # By rows of n: u[a] = sum w n_a (x cross n), and v the same with t. Both give the block of x cross n with
-    # itself.
+    # Compute two vectors for each component a of n: u[a] = sum w n_a (x cross n), and v[a], which is the same
+    # with t. Both give the block of x cross n with itself.
     u, v = room[0], room[1]
     for a in range(3):
         p, q, r = squares[1, a, 0], squares[1, a, 1], squares[1, a, 2]
@@ -220,7 +220,7 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, r
     here, beyond = room[0], room[1]
     for m in range(count):
         p = lengths[m]
-        # The gradient, and the sums ``here`` and ``beyond`` of this length.
+        # Compute the gradient, and the sums ``here`` and ``beyond`` of this length.
         thick = growth[0] if p == model.GIRTH else 0.0
         more = growth[1] - growth[0] if p == model.GIRTH else 0.0
         tug[p] -= thick * powers[3] + more * powers[4]
@@ -233,13 +233,13 @@ def _add_length_terms(cross, own, tug, squares, firsts, powers, axis, lengths, r
                 g, h = by_ends[0, b, p], by_ends[1, b, p] - by_ends[0, b, p]
                 here[m, a] += squares[0, a, b] * g + squares[1, a, b] * h
                 beyond[m, a] += squares[1, a, b] * g + squares[2, a, b] * h
-        # The block of this length with the pose.
+        # Compute the block of this length with the pose.
         about = _cross(start, here[m, 0], here[m, 1], here[m, 2])
         along = _cross(way, beyond[m, 0], beyond[m, 1], beyond[m, 2])
         for a in range(3):
             cross[a, p] += here[m, a]
             cross[3 + a, p] += about[a] + along[a]
-        # The block of this length with the lengths up to it.
+        # Compute the blocks of this length with the lengths up to it.
         for n in range(m + 1):
             q, value = lengths[n], 0.0
             for a in range(3):

@@ -83,7 +83,8 @@ def minimise(
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
         if gain < _ENOUGH * energy:
             break
-    # The information matrix of the frame: without the temporal prior, which only adds to the diagonal.
+    # Compute the information matrix of the frame. It leaves out the temporal prior, which only adds to the
+    # diagonal.
     for i in range(model.DOFS):
         for j in range(i, model.DOFS):
             information[i, j] = matrix[i, j]

@@ -136,7 +136,7 @@ def gather(matrix, gradient, sums, body):
                 cross[parent, i, p] += cross[f, i, p]
     turns = _turns(world, pivots, dof_frame, body.dof_axis)
     _gather_turns(matrix, gradient, total, pull, turns, body.moves, dof_frame)
-    # The lengths: with themselves, with the translation, and with the rotations.
+    # Compute the blocks of the lengths with themselves, with the translation, and with the rotations.
     first = _MOVES + len(turns)
     for p in range(len(tug)):
         gradient[first + p] += tug[p]

@@ -20,7 +20,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
         if _clear(ends[i], radii[i], ends[j], radii[j]):
             continue
         for s in range(samples):
-            # The sample on the first axis, and the nearest point of the second axis.
+            # Take a sample on the first axis, and find the nearest point on the second axis.
             t = (s + 0.5) / samples
             along, square = 0.0, 1e-12
             for a in range(3):
@@ -33,7 +33,7 @@ def self_intersection(matrix, gradient, surface, body, pairs, weight, samples):
             for a in range(3):
                 centre[a] = ends[j, 0, a] + along * (ends[j, 1, a] - ends[j, 0, a])
                 square += (point[a] - centre[a]) ** 2
-            # The residual: how far the distance is below 85 % of the sum of both radii.
+            # The residual: how far the distance falls below 85 % of the sum of both radii.
             reach = radii[i, 0] + t * (radii[i, 1] - radii[i, 0])
             reach += radii[j, 0] + along * (radii[j, 1] - radii[j, 0])
             distance = np.sqrt(square)

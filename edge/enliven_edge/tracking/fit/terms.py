@@ -99,7 +99,7 @@ def free_space(sums, surface, view, weight, width, samples, violated):
             if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0]:
                 continue
             seen, inside = depth[v, u], mask[v, u]
-            # Inside the silhouette: push the surface behind the observed depth, with a tolerance of 3 cm.
+            # Inside the silhouette, push the surface behind the observed depth, with a tolerance of 3 cm.
             if inside:
                 residual = seen - (z - radius) - 0.03
                 if residual <= 0.0:
@@ -107,7 +107,8 @@ def free_space(sums, surface, view, weight, width, samples, violated):
                 for a in range(3):
                     normal[a] = -pose[a, 2]
             else:
-                # Outside: skip occluded and unknown pixels, and pull the rest towards the silhouette.
+                # Outside the silhouette, skip occluded and unknown pixels, and pull the other samples towards
+                # the silhouette.
                 if seen == 0.0 or seen < z - radius - 0.05:
                     continue
                 near_v, near_u = nearest_pixel(v, u, view.nearest)

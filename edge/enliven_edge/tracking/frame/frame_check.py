@@ -91,8 +91,8 @@ class FrameTiming:
             return
         ordered = sorted(self._steps)
         self._rate = 1e9 * count / sum(ordered)
-        # A short interval is close to the true period. The shortest one may be too short because of clock
-        # jitter, so take the lowest eighth.
+        # Take the interval at the lowest eighth. Short intervals are close to the true period, but the
+        # shortest one may be too short because of clock jitter.
         period = ordered[count // 8]
         due = sum(round(step / period) for step in self._steps)
         self._lost = 1.0 - count / max(count, due)

@@ -167,7 +167,7 @@ def nearest_columns(mask):
         while not shown[first]:
             first += 1
         row[:first], last = first, first
-        # Stop at the last masked pixel. All pixels to its right get its column below.
+        # Stop at the last masked pixel. All pixels to its right get its column after the loop.
         for u in range(first, width):
             if not shown[u]:
                 continue
@@ -239,7 +239,7 @@ def sampled(mask, points):
     kept = min(points, total)
     out = np.empty((kept, 2), np.int64)
     for n in range(kept):
-        # Take index floor((n + 1/2) total / kept): evenly spread, and never twice.
+        # Take index floor((n + 1/2) total / kept), which spreads the pixels evenly and takes none twice.
         pixel = pixels[((2 * n + 1) * total) // (2 * kept)]
         out[n, 0], out[n, 1] = pixel // width, pixel % width
     return out

@@ -83,7 +83,7 @@ def reduce_depth(depth, stride, height, width):
     out = np.empty((height, width))
     step = max(1, stride // _SIDE)
     side = min(_SIDE, (stride + step - 1) // step)
-    # A small block has fewer samples. The missing ones stay 0, which is unknown.
+    # A small block has fewer samples. Leave the missing ones at 0, which means unknown.
     samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
     for v in range(height):
         for r in range(side):

@@ -10,7 +10,8 @@ from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
 _COOLER = 5.0
-"""Degrees Celsius below its limit at which a device counts as hot, early enough to act."""
+"""Difference from the temperature limit at which a device counts as hot, in degrees Celsius. It is early
+enough to act."""
 _LEVEL = 4.0
 """Angle in degrees between floor and accelerometer below which they agree again. Mounting error and bias are
 1 to 3 degrees."""

@@ -233,7 +233,7 @@ class HealthMonitor:
         together = (tracker.joined if tracker is not None else ()) or touching(bodies)
         names = " and ".join(str(i) for i in sorted(together))
         self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
-        # The confidence from sensors that track people themselves, or from fused ones, is not checked here.
+        # Do not check confidences from fused bodies, or from sensors that track people themselves.
         if isinstance(frame, DepthFrame):
             for body in bodies:
                 self._judge_body(body, now)
@@ -253,8 +253,8 @@ class HealthMonitor:
         """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
         self.fault, do = why, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
-            # A frame of any kind proves that the sensor is connected. A lost sensor leaves the state of its
-            # frames unknown.
+            # A frame of any kind proves that the sensor is connected. If the sensor is lost, the state of its
+            # frames is unknown (None).
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
             self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
         self._alarms.tell()

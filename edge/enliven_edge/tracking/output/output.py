@@ -145,6 +145,7 @@ def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])
     forward = world_from_camera[:3, 2] * np.array([1.0, 0.0, 1.0])
     length = float(np.linalg.norm(forward))
-    if length < 0.1:  # it looks straight down: take the world's x
+    if length < 0.1:
+        # The sensor looks straight down, so use the x axis of the world as the forward direction.
         return world_from_camera[:3, 3], np.array([1.0, 0.0, 0.0])
     return world_from_camera[:3, 3], np.array([-forward[2], 0.0, forward[0]]) / length

@@ -159,7 +159,7 @@ def moved_on(joints, speed, seconds):
         far = seconds[j] * _limit(speed[j], _FASTEST)
         for a in range(3):
             out[j, a] = joints[j, a] + far * speed[j, a]
-    for j in range(len(out)):  # parents come first
+    for j in range(len(out)):  # Parents come before their children.
         parent = _PARENTS[j]
         if parent < 0:
             continue

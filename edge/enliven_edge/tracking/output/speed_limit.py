@@ -65,7 +65,7 @@ def _are_units(turns):
     """Returns True if all of (J, 4) quaternions have unit length."""
     for j in range(len(turns)):
         w, x, y, z = turns[j]
-        # The comparison is negated so that a NaN length fails as well.
+        # Negate the comparison, so that a length of NaN fails as well.
         if not abs(w * w + x * x + y * y + z * z - 1.0) < 1e-6:
             return False
     return True

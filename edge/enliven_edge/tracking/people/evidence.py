@@ -177,8 +177,8 @@ def capsule_shares(ends, radii, view):
                 x += pose[b, 0] * offset
                 y += pose[b, 1] * offset
                 z += pose[b, 2] * offset
-            # Project the sample, and compare its depth with the measured one: 0 visible, 1 occluded, 2 seen
-            # through, 3 outside.
+            # Project the sample, and compare its depth with the measured one. The result is 0 (visible), 1
+            # (occluded), 2 (seen through) or 3 (outside the image).
             kind = 3
             if z > 0.2:
                 u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
@@ -242,7 +242,8 @@ def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, f
     joints_into(joints, world, pivots, lengths, frames, local)
     factor = np.zeros(matrix.shape)
     cholesky(factor, matrix, 0.0)
-    # One column for every joint and axis: the triangular system is solved for all of them at once.
+    # Prepare one column for each joint and axis, so that the triangular system is solved for all of them at
+    # once.
     columns, row, axis = np.empty((len(matrix), 3 * len(joints))), np.empty(len(matrix)), np.zeros(3)
     for k in range(columns.shape[1]):
         j, a = k // 3, k % 3
@@ -251,7 +252,8 @@ def joints_held(matrix, position, rotations, lengths, parents, offsets, turns, f
         point_row(row, 1.0, frames[j], joints[j], axis, local[j], body)
         for i in range(len(row)):
             columns[i, k] = row[i]
-    # Forward substitution with U'. The squared solutions add up to the trace of each joint's covariance.
+    # Solve by forward substitution with U'. The squared solutions add up to the trace of each joint's
+    # covariance.
     loose = np.zeros(len(joints))
     for i in range(len(matrix)):
         for k in range(i):

@@ -161,7 +161,7 @@ class Follower:
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
-            # Search again without objects that touch the person, such as a table.
+            # Search again without the pixels of objects that touch the person, such as a table.
             if entire or not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
                 return None
             return (yield from cls.sought(view, bare, settings, fitter))
@@ -209,7 +209,7 @@ class Follower:
             observation = guided_by(observation, seen, self.settings.fit.affinity)
         posture, report = self._fitted_to(observation, predicted, self._proportions())
         certain = capsule_confidence(report, observation, posture)
-        # Only one kind of search per frame, because a frame with both would be the slowest.
+        # Run only one kind of search per frame, because a frame with both kinds would be the slowest.
         reconsider, arms = self._recovery.reconsider, not self.redetecting
         posture, report = reconsider(observation, posture, report, certain, seen, arms=arms)
         velocity = self._moving(posture.position, view.time_ns)
@@ -262,7 +262,7 @@ class Follower:
         height = self.settings.body_height
         now = cost(report, posture, seen, eye, height)
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
-        # Start a detection if the person is doubtful and the wait is over.
+        # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
             if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER
@@ -278,7 +278,8 @@ class Follower:
         if not under_way.task.go_on(self.budget):
             return None
         self._redetection, found = None, under_way.task.result
-        # Compare with the fit in the frame where the detection began, then in the present frame.
+        # Compare the detection with the fit, first in the frame in which the detection began, then in the
+        # present frame.
         better = (
             found is not None
             and cost(found[1], found[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost

@@ -133,7 +133,8 @@ class Register:
         )
         if len(found) == len(self.absent) == 1 and self._just_there(found[0], time_ns):
             return [(self.absent[0], True)]
-        # The cost of being a new person equals that of the largest accepted mismatch.
+        # Add columns for new people. Being a new person costs as much as the largest mismatch that is still
+        # accepted.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
         rows, columns = least_cost(padded)
         made: list[tuple[Absent | None, bool]] = []

@@ -24,8 +24,8 @@ from enliven_edge.tracking.work_budget import Budget, frame_budget
 _COVERED = 0.55
 """Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
 _OUTSIDE = 0.85
-"""Fraction of a body outside the image above which few remaining pixels mean that the person is gone, not
-hidden."""
+"""If more than this fraction of a body is outside the image, few remaining pixels mean that the person is
+gone, not hidden."""
 _HANDICAP = 0.06
 """Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
 _DARK = 0.01
@@ -141,8 +141,8 @@ class MultiPersonTracker:
         whole = frame_budget(self.settings.search.fits_per_frame, elapsed).left
         redetecting = [p.follower for p in self.people if p.follower.redetecting]
         for person in self.people:
-            # A search that begins in this frame continues in the next one, because its share is not known
-            # earlier.
+            # A search that begins in this frame continues only in the next one, because its share of the
+            # budget is not known earlier.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
             follower.budget = Budget(_REDETECTION * whole / len(redetecting))
@@ -214,7 +214,7 @@ class MultiPersonTracker:
             while True:
                 try:
                     each = waiting.popleft()
-                except IndexError:  # another thread took the last item
+                except IndexError:  # Another thread has taken the last item.
                     return
                 each.person.follow(view, each.pixels, whole=each.whole, expected=each.expected)
                 each.fitted = True
@@ -225,7 +225,7 @@ class MultiPersonTracker:
         others = [self._threads.submit(fit) for _ in range(beside)] if self._threads is not None else []
         try:
             fit()
-        finally:  # no thread may continue into the next frame
+        finally:  # Wait for the other threads, because none of them may continue into the next frame.
             wait(others)
         for other in others:
             other.result()

@@ -16,7 +16,8 @@ from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
 _GONE_NS = 200_000_000
-"""Nanoseconds after which an unseen candidate is no longer searched: longer than noise lasts."""
+"""Time after which an unseen candidate is no longer searched, in nanoseconds. Noise lasts for a shorter
+time."""
 _LOOSE = 0.4
 """Minimum free fraction of a candidate's outline for its pixels to be kept out of the background model."""
 _FRAGMENT = 0.12
@@ -175,7 +176,8 @@ class PeopleFinder:
             return body.shown.pixels
         same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
         if same and newcomer.seen_ns == view.time_ns:
-            # If furniture was attached or removed, the centre does not show how the body moved.
+            # The area is nearly unchanged, so the centre shows how the body moved. If furniture was attached
+            # to the body or removed from it, the centre would not show this.
             follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
         free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
         if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:

@@ -63,7 +63,7 @@ _SAME = 0.25
 """Distance in metres between two hip centres below which both belong to one person. Raised arms were found as
 a second person."""
 _MOSTLY = 0.5
-"""Fraction of a blob on a body just found above which the blob is not searched."""
+"""If more than this fraction of a blob lies on a body that was just found, the blob is not searched."""
 Found = tuple[Candidate, Follower, float]
 """The candidate in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 

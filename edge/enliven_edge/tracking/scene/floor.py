@@ -87,8 +87,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
         normal[0] = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
         normal[1] = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
         normal[2] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        # The plane through three points. Skip points in a line, and planes that are too steep, too near or
-        # too far.
+        # Compute the plane through the three points. Skip points on a line, and planes that are too steep,
+        # too near or too far.
         length = np.sqrt((normal**2).sum())
         if length < 1e-4:
             continue
@@ -97,7 +97,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
         height = -(normal * a).sum()
         if abs(upward) / length < steepest or not lowest < height < highest:
             continue
-        # The score: inliers minus three times the points below. A floor has no points below it.
+        # The score is the number of inliers minus three times the number of points below. A floor has no
+        # points below it.
         on, below = 0, 0
         for i in range(len(points)):
             p = points[i]
@@ -113,7 +114,9 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
 def world_above_floor(normal: Float, height: float) -> Float:
     """Returns (4, 4) world_from_camera for a floor with a (3,) upward normal, ``height`` metres below."""
     backward = np.array([0.0, 0.0, -1.0])
-    if abs(normal[2]) > 0.98:  # looking straight down or up: the image's up is away from the sensor
+    if abs(normal[2]) > 0.98:
+        # The camera looks straight down or up, so the upward direction of the image points away from the
+        # sensor.
         backward = np.array([0.0, 1.0, 0.0])
     z = backward - (backward @ normal) * normal
     z /= np.linalg.norm(z)
@@ -184,7 +187,7 @@ def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
     axis = np.cross(normal, [0.0, 1.0, 0.0])
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     turn = np.eye(3) + cross + cross @ cross / (1.0 + normal[1])
-    # Rotate about the floor point under the sensor, so that nothing shifts sideways.
+    # Rotate about the point of the floor that is under the sensor, so that nothing shifts sideways.
     foot = np.array([world_from_camera[0, 3], 0.0, world_from_camera[2, 3]])
     made = world_from_camera.copy()
     made[:3, :3] = turn @ world_from_camera[:3, :3]
@@ -216,8 +219,8 @@ def _level_plane(points, ranges):
     kept, weights = np.empty_like(points), np.empty(points.shape[1])
     noise, spread = 0.0, 0.0
     for step in range(_PASSES):
-        # The noise factor: the median deviation of the points near the current plane, relative to their
-        # range.
+        # Estimate the noise factor: the median deviation of the points near the current plane, relative to
+        # their range.
         near = 0
         for i in range(points.shape[1]):
             off[i] = abs(points[1, i] - plane[0] * points[0, i] - plane[1] * points[2, i] - plane[2])
@@ -227,7 +230,7 @@ def _level_plane(points, ranges):
         if near < _FEWEST:
             return np.zeros(3), 0.0
         noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
-        # The weighted fit to the inliers of that noise.
+        # Fit a plane to the inliers for that noise, with weights.
         count = 0
         for i in range(points.shape[1]):
             if off[i] < _NOISES * noise * ranges[i] + _UNEVEN:

@@ -240,7 +240,7 @@ class Mounting:
             self.world_from_camera = world_from_level_camera(self._guess, scene.tilt, roll)
         known = z > 0
         if known.mean() < _ENOUGH_DEPTH:
-            return  # the camera is still starting, or covered
+            return  # The camera is still starting, or it is covered.
         self._looked += 1
         if self._looked % _LOOK_EVERY != 1:
             return

@@ -36,8 +36,8 @@ then be taken for background."""
 _AT_ONCE = 0.1
 """Seconds at the start in which everything is learnt at once, because the whole background is new."""
 _SEEN_FOR = 0.25
-"""Seconds for which a depth must stay the same to be learnt later at a pixel without known background. An arm
-that the fit lost, in front of a hall too deep for the sensor, moves on sooner."""
+"""Time for which a depth must stay constant before it is learnt at a pixel without known background, in
+seconds. If the fit has lost an arm, in front of a hall too deep for the sensor, the arm moves on sooner."""
 _DARK = 2.0
 """Seconds without a measurement after which the background is forgotten at a pixel. Flicker is shorter."""
 _MEASURED = 0.5

@@ -115,7 +115,8 @@ def learn_frame(z, person, hold, state, rate):
     """
     height, width = z.shape
     compared, count_nearer, count_farther = 0, 0, 0
-    # Unpack the state once. At every access through the tuple Numba would update the array's reference count.
+    # Unpack the state once, because Numba would otherwise update the array's reference count at every access
+    # through the tuple.
     room, nearer, waited, away = state.z, state.nearer, state.waited, state.away
     guarded, guard_z, flips = state.guarded, state.guard_z, state.flips
     still, still_z = state.still, state.still_z
@@ -133,19 +134,20 @@ def learn_frame(z, person, hold, state, rate):
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
                 continue
-            # Without known background: learn the depth after it was constant for long enough.
+            # If the background is unknown here, learn the depth after it was constant for long enough.
             if not known:
                 same = abs(d - nearer[v, u]) <= _margin(d)
                 if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
                     room[v, u], waited[v, u] = d, 0.0
                     continue
-            # Farther than the background: an object was removed.
+            # If the depth is farther than the background, an object was removed.
             elif d > room[v, u]:
                 compared, count_farther = compared + 1, count_farther + 1
                 guarded[v, u] = -1
                 _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clear_after)
                 continue
-            # Nearer, or not yet learnt: wait, unless a person is guarded at this depth.
+            # The depth is nearer, or the background is not learnt yet. Learn it only after waiting, and not
+            # while a person is guarded at this depth.
             compared, count_nearer = compared + known, count_nearer + known
             away[v, u] = 0.0
             if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
@@ -212,7 +214,8 @@ def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clea
     waited[v, u] = max(0.0, waited[v, u] - step)
     away[v, u] += step
     if away[v, u] > clear_after:
-        # An edge may flicker slowly: remember the old depth, so that it is absorbed sooner than a new object.
+        # An edge may flicker slowly. So remember the old depth, and absorb it sooner than a new object if it
+        # returns.
         nearer[v, u], waited[v, u] = room[v, u], _BACK * absorb_after
         room[v, u], away[v, u] = d, 0.0
 

@@ -90,7 +90,8 @@ def _lying_on(seen, line):
     for n in range(len(on)):
         x, z, deep = seen[0, n], seen[1, n], seen[2, n]
         on[n] = abs(x * line[0] + z * line[1] + line[2]) < _THICK + _THICKER * deep * deep
-        # Write without a branch. The next point overwrites the value unless this one is on the plane.
+        # Write every point without a branch. If this point is not on the plane, the next point overwrites its
+        # value.
         along[count] = z * line[0] - x * line[1]
         count += on[n]
         squares += deep * deep if on[n] else 0.0
@@ -130,7 +131,7 @@ def _best_line(points, thickness, weight, pairs):
         c = -(a * p[0] + b * p[1])
         on = 0.0
         for i in range(len(x)):
-            # Without a branch, so that the compiler can vectorise the loop.
+            # Add without a branch, so that the compiler can vectorise the loop.
             on += weight[i] if abs(a * x[i] + b * z[i] + c) < thickness[i] else 0.0
         if on > best:
             best = on

@@ -166,7 +166,7 @@ class Candidate:
         """
         if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
             return False
-        if not self._knowable:  # the answer would not matter
+        if not self._knowable:  # The answer of the network would not change the decision.
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
             return False
@@ -205,7 +205,8 @@ class Candidate:
         late = self.convincing and self._stands and self.plain > 0.5
         if not (self.proven or late or (room_age < YOUNG and there)):
             return False
-        # Wait for a person that comes out from behind an object until re-identification is possible.
+        # A person that comes out from behind an object may be a known one. Wait until re-identification is
+        # possible.
         if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
             return False
         return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS

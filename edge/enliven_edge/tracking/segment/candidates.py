@@ -17,7 +17,7 @@ from enliven_edge.tracking.segment.segmentation import Segments
 _SAME = 0.45
 """Maximum movement of a candidate's centre between frames in metres: about the width of a person."""
 _FORGET_NS = 400_000_000
-"""Nanoseconds after which an unseen candidate is forgotten. It survives a few bad frames."""
+"""Time after which an unseen candidate is forgotten, in nanoseconds. So it survives a few bad frames."""
 _MOST = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
 _MOST_AT_FIRST = 16
@@ -26,7 +26,7 @@ _REFUSED = 0.4
 """Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
 about its size."""
 _REFUSED_NS = 20_000_000_000
-"""Nanoseconds for which that holds: longer than the background model takes to absorb the object."""
+"""Time for which that holds, in nanoseconds. The background model needs less time to absorb the object."""
 _USUAL = 0.5
 """Approximate visible area of a person in square metres."""
 _PARTED_AREA = 0.45
@@ -90,7 +90,7 @@ class Candidates:
                 present.append(same)
                 continue
             mask, shape = all_of(segments, group, view)
-            if not mask.any():  # all of it belongs to a person again
+            if not mask.any():  # All pixels of the group belong to a known person again.
                 continue
             bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
             parts: list[Part] = [(part, None) for part in bare]
@@ -129,7 +129,7 @@ class Candidates:
         if not SMALLEST_AREA < area < LARGEST_AREA:
             return None
         shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
-        # In front of removed walls any outline is free. So the candidate also needs a head.
+        # In front of removed walls, any outline passes as a person. So the candidate also needs a head.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
         known = [n for n in self._known if n.seen_ns != view.time_ns]

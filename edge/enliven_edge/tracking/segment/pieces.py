@@ -112,7 +112,7 @@ def _summit(points, x, z, top):
     right, deep, count = 0.0, 0.0, 0
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        # Without a branch, so that the compiler can vectorise the loop.
+        # Compare without a branch, so that the compiler can vectorise the loop.
         on = (points[1, i] > top - _TOP) & (dx * dx + dz * dz < _HEAD * _HEAD)
         right += points[0, i] if on else 0.0
         deep += points[2, i] if on else 0.0
@@ -246,7 +246,7 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
         and other.box[3] >= left - _TOUCHING
     ]
     for other in near:
-        # Only pixels near the fragment's box can touch it, so search only this window.
+        # Search only the window around the fragment's box, because other pixels cannot touch the fragment.
         top, left, bottom, right = other.box
         window = np.s_[
             max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING

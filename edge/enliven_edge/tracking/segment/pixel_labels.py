@@ -30,14 +30,14 @@ def _boxes(ends, radii, reach, camera, pose, shape):
         top, left, bottom, right = np.inf, np.inf, -np.inf, -np.inf
         for c in range(ends.shape[1]):
             for e in range(2):
-                # The end of the capsule in the camera's frame.
+                # Transform this end of the capsule into the camera's frame.
                 x, y, z = 0.0, 0.0, 0.0
                 for b in range(3):
                     offset = ends[k, c, e, b] - pose[b, 3]
                     x += pose[b, 0] * offset
                     y += pose[b, 1] * offset
                     z += pose[b, 2] * offset
-                # The tangents to the ball around the end, vertically and horizontally.
+                # Find the tangents to the ball around this end, vertically and horizontally.
                 around = radii[k, c, e] + reach
                 first, last = _span(y, z, around)
                 top, bottom = (
@@ -49,7 +49,8 @@ def _boxes(ends, radii, reach, camera, pose, shape):
                     min(left, camera[0] * first + camera[2]),
                     max(right, camera[0] * last + camera[2]),
                 )
-        if not (bottom > top and right > left):  # a capsule has an infinite or missing coordinate
+        if not (bottom > top and right > left):
+            # The box is empty or NaN, because a capsule has an infinite or missing coordinate.
             out[k] = 0
             continue
         out[k, 0] = int(min(max(np.floor(top), 0.0), shape[0]))

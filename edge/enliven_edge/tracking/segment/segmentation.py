@@ -119,7 +119,7 @@ def segmented(
     if count > 1:
         kept, counts = counts, return_detached(owner, view.z, counts)
         if (kept != counts).any():
-            # The owners changed, so count again which people each group touches.
+            # The owners have changed, so count again which people each group touches.
             table = _table(view, pixels, labels, groups, owner, count)
             loose = [replace(each, contact=table[each.label, 15:].astype(np.int64)) for each in loose]
     return Segments(owner, labels, loose, counts)
@@ -181,7 +181,7 @@ def groups_of(z, pixels, tightness):
         tightness: factor on the maximum depth step.
     """
     shape, width, z = z.shape, z.shape[1], z.ravel()
-    # Until the groups are numbered, a pixel's label is its position in ``pixels``, counted from 1.
+    # Until the groups are numbered, use a pixel's position in ``pixels``, counted from 1, as its label.
     labels, parent, row = np.zeros(len(z), np.int32), np.arange(len(pixels), dtype=np.int32), 0
     for n in range(len(pixels)):
         here = pixels[n]
@@ -195,14 +195,14 @@ def groups_of(z, pixels, tightness):
             root = root_of(parent, n - 1)
         if above >= 0 and labels[above] > 0 and abs(z[here] - z[above]) < step:
             other = root_of(parent, labels[above] - 1)
-            # The root of a group is its first pixel.
+            # The root of a group is its first pixel, so join by the smaller root.
             root, later = min(root, other), max(root, other)
             parent[later] = root
         parent[n] = root
     count = 0
     for n in range(len(pixels)):
         root = root_of(parent, n)
-        # The root is numbered before all other pixels of its group.
+        # The root comes first in its group, so it is numbered before the other pixels.
         count += root == n
         labels[pixels[n]] = count if root == n else labels[pixels[root]]
     return labels.reshape(shape), count
@@ -234,7 +234,8 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
         row[0] += depth[i] * depth[i] * pixel
         for a in range(3):
             p = place[i, a]
-            # Few pixels extend the box, so a comparison is cheaper than a store.
+            # Compare before storing, because few pixels extend the box, and a comparison is cheaper than a
+            # store.
             if p < row[1 + a]:
                 row[1 + a] = p
             if p > row[4 + a]:

@@ -93,7 +93,7 @@ def outline_of_pixels(z, mask, pixels):
                 farther += z[y, x] > z[v, u] + step
                 nearer += z[y, x] < z[v, u] - step
                 other += abs(z[y, x] - z[v, u]) <= step
-    # The image border counts as a part of the outline.
+    # Count the image border as a part of the outline.
     border = np.count_nonzero(mask[0]) + np.count_nonzero(mask[:, 0]) + np.count_nonzero(mask[:, width - 1])
     cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
     total = max(1.0, farther + nearer + other + border)

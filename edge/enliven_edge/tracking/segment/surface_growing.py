@@ -108,7 +108,8 @@ def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
     Returns:
         (K,) each person's number of pixels afterwards.
     """
-    if not _meet(owner, z, z, 0.0):  # anywhere: all depths are above 0
+    if not _meet(owner, z, z, 0.0):
+        # If two people touch nowhere, nothing changes. Depths are above 0, so the limit 0 applies everywhere.
         return counts
     number, owner_of, size = _pieces(_joined(owner, z), owner)
     largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])
@@ -166,7 +167,7 @@ def _pieces(parent, owner):
         if parent[here] < 0:
             continue
         v, u, root = here // width, here % width, root_of(parent, here)
-        # The root is the smallest index of its piece, so it was numbered before all other pixels.
+        # The root is the smallest index of its piece, so it is numbered before all other pixels of the piece.
         if root == here:
             number[v, u], owner_of[pieces], pieces = pieces, owner[v, u], pieces + 1
         number[v, u] = number[root // width, root % width]

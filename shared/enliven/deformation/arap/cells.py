@@ -190,7 +190,7 @@ def _squash(block, exaggeration, most):
         r00, r10, r20 = block[9 * 64 + n], block[10 * 64 + n], block[11 * 64 + n]
         r01, r11, r21 = block[12 * 64 + n], block[13 * 64 + n], block[14 * 64 + n]
         r02, r12, r22 = block[15 * 64 + n], block[16 * 64 + n], block[17 * 64 + n]
-        # X = sym(S Rᵀ) = sum of w e'(R e)ᵀ, Y = R rest Rᵀ = sum of w (R e)(R e)ᵀ.
+        # Compute X = sym(S Rᵀ) = sum of w e'(R e)ᵀ and Y = R rest Rᵀ = sum of w (R e)(R e)ᵀ.
         x00 = s00 * r00 + s01 * r01 + s02 * r02
         x11 = s10 * r10 + s11 * r11 + s12 * r12
         x22 = s20 * r20 + s21 * r21 + s22 * r22
@@ -212,7 +212,8 @@ def _squash(block, exaggeration, most):
         b00, b11 = block[18 * 64 + n] - 2.0 * x00 + y00, block[21 * 64 + n] - 2.0 * x11 + y11
         b01, b12 = block[19 * 64 + n] - 2.0 * x01 + y01, block[22 * 64 + n] - 2.0 * x12 + y12
         b02, b22 = block[20 * 64 + n] - 2.0 * x02 + y02, block[23 * 64 + n] - 2.0 * x22 + y22
-        # A residual of rounding errors is not an axis; B is then 0, and V the identity.
+        # If only rounding errors are left, they define no axis. The tiny constants then make B zero and V the
+        # identity.
         t = 1.0 / (abs(b00 + b11 + b22) + 1e-12 * block[30 * 64 + n] + 1e-300)
         b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
         # Square the matrix five times, so that the main axis dominates.
@@ -225,7 +226,7 @@ def _squash(block, exaggeration, most):
             b00, b01, b02, b11, b12, b22 = c00, c01, c02, c11, c12, c22
         t = 1.0 / (b00 + b11 + b22 + 1e-60)
         b00, b01, b02, b11, b12, b22 = b00 * t, b01 * t, b02 * t, b11 * t, b12 * t, b22 * t
-        # Eq. 8 along the axis gives the stretch s.
+        # Equation 8 along the main axis gives the stretch s.
         above = b00 * x00 + b11 * x11 + b22 * x22 + 2.0 * (b01 * x01 + b02 * x02 + b12 * x12)
         below = b00 * y00 + b11 * y11 + b22 * y22 + 2.0 * (b01 * y01 + b02 * y02 + b12 * y12)
         steady = _STEADY * block[30 * 64 + n] + 1e-300
@@ -234,7 +235,8 @@ def _squash(block, exaggeration, most):
         s = (s - 1.0) * exaggeration + 1.0
         s = s if s > least else least
         s = s if s < most else most
-        # V has s along the axis and sqrt(1/s) across it. The result is V R.
+        # V stretches by s along the axis and by sqrt(1/s) across it, which keeps the volume. The result is V
+        # R.
         across = math.sqrt(1.0 / s)
         along = s - across
         v00, v11, v22 = across + along * b00, across + along * b11, across + along * b22

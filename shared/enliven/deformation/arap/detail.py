@@ -54,7 +54,7 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
             cells.rest[6 * i + 4],
             cells.rest[6 * i + 5] + own,
         )
-        # Inverse of the symmetric matrix by its cofactors.
+        # Invert the symmetric matrix by its cofactors.
         k00, k01, k02 = d_ * f - e_ * e_, c_ * e_ - b * f, b * e_ - c_ * d_
         k11, k12, k22 = a * f - c_ * c_, b * c_ - a * e_, a * d_ - b * b
         t = 1.0 / (a * k00 + b * k01 + c_ * k02)
@@ -79,8 +79,8 @@ def carry(maps, start, near, weights, rest, out, first, last):
     room = np.empty(4)
     for v in range(first, last):
         c0 = c1 = c2 = t = splat4(0.0)
-        # The last weight is one minus the others, because float32 weights do not add up to 1, and a figure
-        # far from the origin would shake.
+        # Compute the last weight as one minus the others. Float32 weights do not add up to exactly 1, so a
+        # character far from the origin would shake.
         left, last_one = 1.0, start[v + 1] - 1
         for k in range(start[v], last_one + 1):
             w, at = left if k == last_one else np.float64(weights[k]), 16 * near[k]

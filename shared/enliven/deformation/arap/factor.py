@@ -101,7 +101,7 @@ def _supernodes(start, row):
         first[size], entries[size] = c, start[c + 1] - start[c]
         size += 1
         first[size] = c + 1
-        # The supernode before is this one's child if its next row belongs to this one.
+        # The previous supernode is a child of this one if its next row belongs to this one.
         while size > 1:
             child = first[size - 1] - 1
             if start[child + 1] - start[child] < 2 or row[start[child] + 1] != first[size - 1]:

@@ -130,6 +130,7 @@ def rigid_between(home: Float, places: Float) -> tuple[Float, Float, Float]:
     """Returns the rotation (3, 3) and the two centres (3,) of the best rigid motion of points (P, 3)."""
     old, new = home.mean(0), places.mean(0)
     covariance = (places - new).T @ (home - old)
-    # For points on a line, one rotation is undetermined: use the smallest.
+    # If all points lie on a line, the rotation about the line is undetermined. A tiny multiple of the
+    # identity selects the smallest rotation.
     covariance += 1e-12 * max(float(np.abs(covariance).max()), 1e-300) * np.eye(3)
     return to_matrix(np.array(nearest_quaternion(covariance))), old, new

@@ -109,7 +109,7 @@ def pull(held, frames, targets, z):
             y += u * z[p + 1]
             w += u * z[p + 2]
         at = 16 * held.places[h] + 12
-        # The right-hand side: handle targets minus the positions without handle forces.
+        # Set up the right-hand side: the handle targets minus the positions without handle forces.
         right[h, 0] = targets[h, 0] - frames[at] - x
         right[h, 1] = targets[h, 1] - frames[at + 1] - y
         right[h, 2] = targets[h, 2] - frames[at + 2] - w
@@ -147,7 +147,8 @@ def follow(held, frames, shown, targets, share):
             before += (targets[h, r] - frames[16 * held.places[h] + 12 + r]) ** 2
             for c in range(3):
                 m[r, c] += (targets[h, r] - new[r]) * (frames[16 * held.places[h] + 12 + c] - old[c])
-    # For handles on a line, one rotation is undetermined: use the smallest.
+    # If all handles lie on a line, the rotation about the line is undetermined. A tiny multiple of the
+    # identity selects the smallest rotation.
     push = 1e-12 * np.abs(m).max()
     for r in range(3):
         m[r, r] += push
@@ -161,7 +162,8 @@ def follow(held, frames, shown, targets, share):
             for c in range(3):
                 gap -= m[r, c] * (frames[at + c] - old[c])
             after += gap * gap
-    # Between ``share`` and twice that, apply a part of the motion, so that small changes stay small.
+    # If the squared error after the motion lies between ``share`` and twice ``share`` of the error before it,
+    # apply only a part of the motion. Then small changes of the input cause only small changes of the result.
     part = 2.0 - after / (share * before) if before > 0.0 and share > 0.0 else 0.0
     if part <= 0.0:
         return

@@ -53,7 +53,7 @@ def _polar_fast(block):
         p1 = -8.0 * (a * c00 + b * c01 + c * c02)
         p0 = c00 * c00 + c01 * c01 + c02 * c02 + c10 * c10 + c11 * c11 + c12 * c12
         p0 = 1.0 - 4.0 * (p0 + c20 * c20 + c21 * c21 + c22 * c22)
-        # Laguerre's method for the largest root.
+        # Find the largest root by Laguerre's method.
         x = 1.7320508075688774
         for _ in range(6):
             square = x * x
@@ -62,11 +62,12 @@ def _polar_fast(block):
             root = 9.0 * slope * slope - value * (144.0 * square - 48.0)
             x = x - 4.0 * value / (slope + math.sqrt(root if root > 0.0 else 0.0) + 1e-30)
         slope = (4.0 * x * x - 4.0) * x + p1
-        # The matrix K - x, and its adjugate.
+        # Build the matrix K - x and its adjugate.
         k00, k11, k22, k33 = a + e + i - x, a - e - i - x, e - a - i - x, i - a - e - x
         k01, k02, k03 = h - f, c - g, d - b
         k12, k13, k23 = b + d, c + g, f + h
-        # Upper half of the adjugate, from 2x2 minors of the lower two rows and of the upper two.
+        # Compute the upper half of the adjugate from the 2x2 minors of the lower two rows and of the upper
+        # two rows.
         m01, m02, m03 = k02 * k13 - k03 * k12, k02 * k23 - k03 * k22, k02 * k33 - k03 * k23
         m12, m13, m23 = k12 * k23 - k13 * k22, k12 * k33 - k13 * k23, k22 * k33 - k23 * k23
         u01, u02, u03 = k00 * k11 - k01 * k01, k00 * k12 - k02 * k01, k00 * k13 - k03 * k01
@@ -100,7 +101,7 @@ def _polar_fast(block):
         q1 = a13 if other > best else q1
         q2 = a23 if other > best else q2
         q3 = a33 if other > best else q3
-        # The rotation matrix of the quaternion.
+        # Convert the quaternion into a rotation matrix.
         length = 2.0 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3 + 1e-300)
         block[n + 9 * 64] = 1.0 - length * (q2 * q2 + q3 * q3)
         block[n + 10 * 64] = length * (q1 * q2 + q0 * q3)

@@ -99,7 +99,7 @@ def _crossing(vertices, corners, of_face, boxes):
     stack = np.empty((128, 2), np.int64)
     stack[0, 0], stack[0, 1] = 1, 1
     size = 1
-    # Traverse the tree against itself: a pair of nodes is split until both are leaves.
+    # Traverse the tree against itself. Split each pair of overlapping nodes until both nodes are leaves.
     while size > 0:
         size -= 1
         a, b = stack[size]

@@ -98,7 +98,8 @@ class ArapSolver:
             raise InputError(f"two handles have one name: {', '.join(names)}", where=WHERE)
         places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
         soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
-        # A vertex of several hard handles is added once; solve() checks that they agree.
+        # If several hard handles hold the same vertex, add it only once. solve() checks that their targets
+        # agree.
         chosen = np.ones(len(places), bool)
         hard = np.flatnonzero(soft == 0.0)
         chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False

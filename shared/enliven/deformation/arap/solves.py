@@ -36,7 +36,8 @@ def forward(factor, z, room):
         for block in range((width + 3) // 4):
             at = factor.value_start[s] + 4 * block * height
             c = 4 * (a + 4 * block)
-            # The padding's columns are zeros, and they are multiplied only with finite numbers.
+            # The padding columns contain zeros. They are only multiplied with finite numbers, so they add
+            # nothing.
             t0, t1, t2, t3 = loadq(z, c), loadq(z, c + 4), loadq(z, c + 8), loadq(z, c + 12)
             for r in range(4 * block, width):
                 v = loadq(room, 4 * r)

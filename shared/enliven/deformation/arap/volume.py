@@ -119,7 +119,7 @@ def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
     if pressed < 1e-3 * whole:
         return 0.0
     most = _MOST * volume.rest / volume.ease
-    # Without pressure, the volume would be its present value minus the effect of the pressure.
+    # Estimate the volume without pressure: the present volume minus the effect of the pressure.
     ease = volume.ease * pressed / whole
     pressure += _STEP * (kept * missing - (1.0 - kept) * pressure * ease) / ease
     pressure = min(max(pressure, -most), most)

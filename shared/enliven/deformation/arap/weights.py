@@ -109,9 +109,9 @@ def _near_neighbours(vertices: Float, label: Int) -> Int:
     shells = int(label.max()) + 1
     order = np.argsort(lengths, kind="stable")
     a, b = np.minimum(label[rows], label[columns]), np.maximum(label[rows], label[columns])
-    # The first of each pair of shells is the shortest.
+    # The edges are sorted by length, so the first edge of each pair of shells is the shortest.
     keys, first = np.unique(a[order] * shells + b[order], return_index=True)
-    # SciPy ignores an edge with a length of exactly 0.
+    # SciPy ignores edges with a length of exactly 0, so a tiny length is added.
     tree = minimum_spanning_tree(
         coo_matrix((lengths[order][first] + 1e-12, (keys // shells, keys % shells)), (shells, shells)).tocsr()
     ).tocoo()

@@ -135,8 +135,8 @@ class FloorContact:
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
         low = now[:, 1] < floor + 0.1 * self.height
-        # Keep planes for all feet. A foot that the floor has pushed high up would fall through it in a frame
-        # without its plane.
+        # If one foot is near the floor, keep the planes of all feet. A foot that the floor has pushed high up
+        # would otherwise lose its plane for a frame and fall through the floor.
         low[: len(self.soles)] |= low.any()
         near = np.flatnonzero(low)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))

@@ -108,7 +108,8 @@ class ObservedSurface:
         met = nearest >= 0
         nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
         gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (own.doubt * metre)
-        # The weight fades to zero at the maximum distance, so that matches appear and disappear smoothly.
+        # Fade the weight to zero at the maximum distance, so that the weight does not jump when a match
+        # appears or disappears.
         fade = 1.0 - (lengths / max(farthest, 1e-12)) ** 2
         weights = own.weight * fade / (1.0 + gap * gap) ** 2
         offsets = np.einsum("ma,ma->m", normals, points)

@@ -101,7 +101,8 @@ def _inner_radii(points, normals, surface, largest):
                 d = points[i, a] - surface[j, a]
                 square += d * d
                 deep += normals[i, a] * d
-            # Skip points to the side: they depend little on the thickness and much on the roughness.
+            # Skip points that lie far to the side, because they say little about the thickness and react
+            # strongly to surface roughness.
             if deep > 0.3 * np.sqrt(square) and square < 2.0 * deep * out[i]:
                 out[i] = square / (2.0 * deep)
     return out

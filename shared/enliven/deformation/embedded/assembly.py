@@ -76,7 +76,8 @@ def _hold_stretches(s, w):
 
     Parts that would make either block indefinite are left out.
     """
-    # Local variables, because reading a field of the structure, or passing it on, takes as long as a block.
+    # Copy the fields into local variables, because reading a field of the structure takes as long as
+    # computing a block.
     start, linear, held, lower = s.start, s.linear, s.held, s.lower
     coupling, coupled, compliance = s.coupling, s.coupled, s.compliance
     room, block, inverse = np.empty((3, 3, 3)), np.zeros(SIZE, np.float32), np.zeros(SIZE, np.float32)
@@ -102,7 +103,8 @@ def _add_edges(t, s):
         _add_end(lower, SIZE * start[i], a, w, -1.0)
         _add_end(lower, SIZE * start[j], b, w, 1.0)
         at = SIZE * s.edge_block[e]
-        # Rows of the node that is eliminated later: for i, [[0, -a x], [-b x, -2]]; for j, its transpose.
+        # Fill the rows of the node that is eliminated later. They are [[0, -a x], [-b x, -2]] for node i, and
+        # the transpose for node j.
         up, down = (a, b) if i > j else (b, a)
         sign = -w if i > j else w
         _add_cross(lower, at + 3, up, sign)

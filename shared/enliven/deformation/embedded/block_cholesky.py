@@ -102,14 +102,15 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
             below[a].add(b)
     for node in range(count):
         if below[node]:
-            # Eliminating a node couples all its neighbours; the next one of them passes the rest on.
+            # Eliminating a node couples all its neighbours. Record the couplings at the neighbour that is
+            # eliminated next, which passes them on in its turn.
             heir = min(below[node])
             below[heir] |= below[node] - {heir}
     rows = [np.array([node, *sorted(below[node])]) for node in range(count)]
     start = np.concatenate([[0], np.cumsum([len(r) for r in rows])])
     row = np.concatenate(rows).astype(np.int32)
     column = np.repeat(np.arange(count, dtype=np.int32), np.diff(start))
-    # A stable sort keeps the columns of a row ascending.
+    # Use a stable sort, which keeps the columns of each row in ascending order.
     beside = np.flatnonzero(row != column)
     beside = beside[np.argsort(row[beside], kind="stable")]
     by_row = np.full(len(row), -1, np.int32)
@@ -148,7 +149,8 @@ def factorise(pattern, lower, column, rows, scales, inverse):
             times(lower, SIZE * b, inverse, own, made, 0)
             transpose6(made, 0, column, SIZE * (b - first))
             place = CLOSE * by_row[b]
-            # The write covers two numbers of the next block, which may be complete already, so restore them.
+            # The write also overwrites two numbers of the next block, which may be complete already. So save
+            # and restore them.
             one, two = rows[place + CLOSE], rows[place + CLOSE + 1]
             scales[by_row[b]] = shorten6(made, 0, rows, place)
             rows[place + CLOSE], rows[place + CLOSE + 1] = one, two

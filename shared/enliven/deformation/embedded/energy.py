@@ -114,7 +114,8 @@ def _smoothness(x, edges, offsets, w, out):
         a, b, c = offsets[e, 0], offsets[e, 1], offsets[e, 2]
         apart = load4(x, i + 12) - load4(x, j + 12)
         forth = fma4(a, load4(x, i), fma4(b, load4(x, i + 4), fma4(c, load4(x, i + 8), apart)))
-        # The opposite direction with its sign flipped: |-v| = |v|.
+        # Compute the residual of the opposite direction with a flipped sign, which does not matter because
+        # |-v| = |v|.
         back = fma4(a, load4(x, j), fma4(b, load4(x, j + 4), fma4(c, load4(x, j + 8), apart)))
         energy = fma4(w[e], forth * forth + back * back, energy)
         k = splat4(2 * w[e])

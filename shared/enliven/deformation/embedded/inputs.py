@@ -38,7 +38,7 @@ def rows_of(
     place = np.take_along_axis(place, order, 1)
     rows = np.take_along_axis(rows, order[..., None], 1)
     for k in (3, 2, 1):
-        # A duplicate node is merged, with the sum of both weights.
+        # If a node occurs twice, merge both entries and add their weights.
         twice = place[:, k] == place[:, k - 1]
         rows[twice, k - 1] += rows[twice, k]
         rows[twice, k] = 0.0

@@ -184,7 +184,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
     age = work.age
     age[2] = 1
     spent = 0.0
-    # Compute a new matrix if the old one has aged or the constraints changed.
+    # Compute a new preconditioner if the old one is outdated or the constraints have changed.
     aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _LEAST
     if aged or outdated(t, planes, system, _REPULLED):
         refactor(x, t, planes, work.raw, system)
@@ -192,7 +192,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         spent += allowance.matrix
     else:
         align(x, system)
-    # np.int64, because a literal 0 has its own type, and numba would compile the callees again
+    # Use np.int64: a literal 0 has its own Numba type, for which Numba would compile the callees again.
     kept = np.int64(0)
     soft = False
     for iteration in range(most):
@@ -217,7 +217,7 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
                 return iteration
             kept, soft = np.int64(0), False
             continue
-        # Stop if the step promised little enough.
+        # Stop if the predicted decrease of the energy is small enough.
         was_soft, soft = soft, energy - work.energies[5] > -_SOFT * 0.5 * slope
         enough = tolerance * (_SURE if soft or was_soft else 1.0) * energy
         if -slope <= 2.0 * enough + _NEGLIGIBLE:
@@ -248,7 +248,7 @@ def _step(x, slope, t, planes, work):
                 for i in range(work.own.shape[0]):
                     work.own[i] *= np.float32(length)
             return tried + 1
-        # Minimum of the parabola through the two energies and the slope.
+        # Find the minimum of the parabola through the two energies and the slope.
         rise = energies[5] - energy - length * slope
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))

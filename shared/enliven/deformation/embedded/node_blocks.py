@@ -39,7 +39,7 @@ def couple(linear, held, first, out):
                 t += w * linear[at + 3 * k + 2]
             w = first[3 * j + b]
             for a in range(3):
-                # S = e_a e_bᵀ: R S u = r_a u_b.
+                # For S = e_a e_bᵀ, the product is R S u = r_a u_b.
                 x, y, z = linear[at + 3 * a], linear[at + 3 * a + 1], linear[at + 3 * a + 2]
                 q = SIZE * j + 8 * (a if a == b else a + b + 2)
                 out[q] += v * z - t * y
@@ -112,12 +112,13 @@ def add_geometric(x, raw, stretch, start, lower):
     for j in range(start.shape[0] - 1):
         _sum_of_levers(x, raw, 4.0 * stretch[j], 16 * j, rows)
         trace, at = rows[0] + rows[5] + rows[10], SIZE * start[j]
-        # Half of it, like everything in the matrix.
+        # Use half of the term, because all entries of the matrix are halved.
         xx, yy, zz = 0.5 * (rows[0] - trace), 0.5 * (rows[5] - trace), 0.5 * (rows[10] - trace)
         xy, xz, yz = 0.25 * (rows[1] + rows[4]), 0.25 * (rows[2] + rows[8]), 0.25 * (rows[6] + rows[9])
         square = xx * yy - xy * xy
         cube = xz * (xy * yz - xz * yy) + yz * (xy * xz - xx * yz) + zz * square
-        # Sylvester's criterion: most are definite, so either all of it or nothing is added.
+        # Test definiteness by Sylvester's criterion. A negative definite term is skipped, a positive definite
+        # one is added unchanged, and of any other only the positive part is added. Most terms are definite.
         if square > 0.0 and xx < 0.0 and cube < 0.0:
             continue
         if not (square > 0.0 and xx > 0.0 and cube > 0.0):
@@ -208,7 +209,7 @@ def stretch_block(linear, held, at, w, whole, room, out):
                 a, b = (_ROW[p], _COLUMN[p]) if first == 0 else (_COLUMN[p], _ROW[p])
                 for second in range(1 if q < 3 else 2):
                     c, d = (_ROW[q], _COLUMN[q]) if second == 0 else (_COLUMN[q], _ROW[q])
-                    # tr(E X E' Y) of E = e_a e_bᵀ and E' = e_c e_dᵀ is X_bc Y_da.
+                    # For E = e_a e_bᵀ and E' = e_c e_dᵀ, the trace tr(E X E' Y) equals X_bc Y_da.
                     total += square[b, c] if d == a else 0.0
                     total += 0.5 * (gram[b, c] * z[d, a] + gram[d, a] * z[b, c])
             out[8 * p + q] = out[8 * q + p] = total

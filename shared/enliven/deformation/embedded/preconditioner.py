@@ -183,7 +183,7 @@ def outdated(t, planes, s, repulled):
     for m in range(t.pulls.shape[0]):
         strongest = max(strongest, t.pulls[m])
         change = max(change, abs(t.pulls[m] - s.pulls[m]))
-    # The first number of the inverse is 0 only before the first factorization.
+    # A zero as the first number of the inverse means that no factorization has been computed yet.
     return s.inverse[0] == 0.0 or planes.nodes.shape[0] > 0 or change > repulled * strongest
 
 

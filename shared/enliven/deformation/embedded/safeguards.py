@@ -49,7 +49,7 @@ def set_upright(flat, edges):
                 nearest_rotations(mean, turn)
                 _copy_turn(x[n], turn[0])
         if (found == sound).all():
-            # No node is sound: each takes the nearest rotation to its own matrix.
+            # No node is sound, so give each node the rotation that is nearest to its own matrix.
             for n in range(count):
                 if not sound[n]:
                     _copy_turn(mean[0], x[n])

@@ -68,7 +68,8 @@ def _go_on(x, last, out):
         q = fma4(total4(turn * b), turn, fma4(-square, b, q))
         r = fma4(total4(turn * c), turn, fma4(-square, c, r))
         if total4(p * cross4(q, r)) < _SHRUNK * total4(a * cross4(b, c)):
-            # A node under compression would become flat, or inside out, after another frame.
+            # The node shrinks so fast that one more frame of extrapolation would make it flat or turn it
+            # inside out. So keep its current matrix.
             p, q, r = a, b, c
         here = load4(x, at + 12)
         store4(out, at, p)
@@ -119,8 +120,8 @@ def _rigid_motion(x, t, turn, middle, goal):
             size += t.pulls[m] * (points[m, a] - middle[a]) ** 2
             for b in range(3):
                 spread[0, a, b] += t.pulls[m] * (t.targets[m, a] - goal[a]) * (points[m, b] - middle[b])
-    # A bias towards the identity, because the points may lie on a line, about which any rotation is equally
-    # good.
+    # Add a small bias towards the identity. If the points lie on a line, every rotation about it fits equally
+    # well, and the bias selects the smallest.
     for a in range(3):
         spread[0, a, a] += 1e-6 * size + 1e-12
     nearest_rotations(spread, turn.reshape(1, 3, 3))

@@ -187,7 +187,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     ways = between_nodes(count, cells.borders, cells.lengths)
     detours = ways > DETOUR * straight + SLACK * spacing
     far = detours | (ways > _REACH * spacing)
-    # Pairs without a finite D come after all others, by their distance along the surface.
+    # Sort pairs without a finite D after all others, by their distance along the surface.
     around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
@@ -195,7 +195,7 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     opposite = np.where(through, straight, np.inf)
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
-    # Paths along the surface come first: every link between shells counts as longer than all of them.
+    # Prefer paths along the surface: make every link between shells longer than all of these paths.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
     links = np.where(np.isfinite(ways), ways, longest + across)
     edges = np.concatenate([edges, joints(count, edges, links)])

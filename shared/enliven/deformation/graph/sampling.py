@@ -51,7 +51,8 @@ def scatter(
     total = float(along[-1]) if len(along) else 0.0
     if not (np.isfinite(total) and total > 0):
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    # Stratified along the area: the same distribution, with a lower chance of holes.
+    # Sample in equal strata of the area. This gives the same distribution, but leaves fewer holes than
+    # independent samples.
     chosen = (np.arange(count) + rng.random(count)) / count * total
     faces = np.minimum(np.searchsorted(along, chosen), len(along) - 1)
     a, b = rng.random((2, count))
@@ -220,14 +221,15 @@ def distance(p, n_p, q, n_q):
     along_p = dx * n_p[0] + dy * n_p[1] + dz * n_p[2]
     along_q = dx * n_q[0] + dy * n_q[1] + dz * n_q[2]
     along = min(abs(along_p), abs(along_q))
-    # |d + 2 (d.n) n|^2 = |d|^2 + 8 (d.n)^2, so the smaller d.n gives the smaller distance.
+    # |d + 2 (d.n) n|^2 = |d|^2 + 8 (d.n)^2, so the smaller (d.n)^2 gives the smaller distance.
     return np.sqrt(dx * dx + dy * dy + dz * dz + 8.0 * along * along) / facing
 
 
 def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
     """Returns (K,) the kept candidates, in order: each is at least ``radius`` (D) from all kept before."""
     low = positions.min(0)
-    # D >= the Euclidean distance, so a conflict lies in the same or a neighbouring cell of side R.
+    # The distance D is never smaller than the Euclidean distance. So if cells have the side R, conflicting
+    # samples lie in the same cell or in neighbouring cells.
     size = max(radius, float((positions.max(0) - low).max()) / 500)
     cells = ((positions - low) / size).astype(np.int64) + 1
     shape = cells.max(0) + 2

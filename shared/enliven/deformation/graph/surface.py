@@ -99,8 +99,8 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.clusters(faces, cells)
     if count > _CROWDED:
-        # A soup of tiny pieces has many per cell, and paths along them lead nowhere, so each cell becomes one
-        # point.
+        # A mesh of many tiny pieces has several pieces in each cell, and paths along them lead nowhere. So
+        # merge all points of a cell into one.
         occupied, by_cell = np.unique(cells, return_inverse=True)
         if count > _PIECES * len(occupied):
             label, count = by_cell.reshape(-1).astype(np.int32), len(occupied)
@@ -256,7 +256,8 @@ def ways_from_nodes(
     offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
         ends, which, metres = geodesic_kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
-        # If a long object has few nodes, a point may have none in reach.
+        # On a long object with few nodes, some points may have no node within reach. In that case search
+        # again without a limit.
         if (np.diff(ends) > 0).all() or np.isinf(reach):
             return ends, nodes.astype(np.int32)[which], metres
         reach = 4 * reach if reach < 100 * spacing else np.inf
@@ -284,7 +285,7 @@ def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf)
     """
     if len(edges) == 0:
         return np.where(np.eye(count, dtype=bool), 0.0, np.inf)
-    # csr_matrix would add up duplicate edges, so each edge is given once.
+    # Remove duplicate edges, because csr_matrix would add up their lengths.
     pairs, shortest = _shortest(edges.astype(np.int64), lengths)
     graph = csr_matrix((np.maximum(shortest, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count))
     return np.asarray(dijkstra(graph, directed=False, limit=limit))

@@ -69,7 +69,8 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
     """
     if not mesh.area > 0:
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
-    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))  # excludes vertices without a face
+    # The submesh excludes vertices without a face.
+    surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
     ways = _ways(net)
     from_sources = _spread_out(ways, _SOURCES)
@@ -186,7 +187,8 @@ def _beside(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
     largest = int(size.argmax())
     small = np.flatnonzero((size[label] <= _SMALL) & (label != largest))
     if len(small):
-        # With one more neighbour than the largest small shell has points, at least one is on another shell.
+        # Ask for one more neighbour than the largest small shell has points. Then at least one neighbour lies
+        # on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
         yield small, near[rows, place], around[rows, place]

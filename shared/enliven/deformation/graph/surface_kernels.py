@@ -49,7 +49,7 @@ def clusters(faces, cells):
     label = np.empty(cells.shape[0], np.int32)
     count = 0
     for v in range(cells.shape[0]):
-        # The root is the smallest vertex, so its label is set before it is needed.
+        # The root is the smallest vertex of its group, so its label is set before another vertex needs it.
         r = root_of(parent, v)
         if r == v:
             label[v] = count
@@ -222,7 +222,8 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     length = x * x + y * y + z * z
                     if length > farthest:
                         continue
-                    # Two points are behind each other if each lies behind the tangent plane of the other.
+                    # Two points are on opposite sides of a thin part if each lies behind the tangent plane of
+                    # the other.
                     depth_i = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
                     depth_j = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
                     behind = depth_i > 0.0 and depth_j > 0.0
@@ -239,7 +240,7 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
                         near = insert(best, who, near, length, j)
-            # Write the link through the part, and the links to other shells.
+            # Write the link through the thin part, and the links to other shells.
             if through >= 0:
                 out[found, 0], out[found, 1] = min(i, through), max(i, through)
                 found += 1

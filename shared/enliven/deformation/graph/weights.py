@@ -112,7 +112,8 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
             found = insert(near, who, found, length, np.int64(j))
-        # With too few nodes, a fifth one is missing, and the farthest keeps a little weight.
+        # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
+        # farthest node, so that this node keeps a little weight.
         most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
         most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
         total = 0.0
@@ -174,7 +175,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
             continue
-        # Collect the nodes of the points around this one, as columns of a table of weights.
+        # Collect the nodes of all points around this one. They become the columns of a table of weights.
         first, some = offsets[c], 0
         last = first
         while last < min(offsets[c + 1], first + _AROUND) and metres[last] <= cells[1]:
@@ -192,9 +193,10 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     table[b - first, place[j]] = shares[around[b], m]
         for m in range(some):
             place[union[m]] = -1
-        # Keep only the nodes that may be among the largest of a vertex.
+        # Drop nodes that cannot be among the largest of any vertex.
         some = _drop_small_columns(table, last - first, union, some, largest, who)
-        # Average the table for each vertex of this point, and keep the four largest nodes minus the fifth.
+        # Average the table for each vertex of this point. Keep the four largest weights, each reduced by the
+        # fifth.
         for i in range(starts[c], starts[c + 1]):
             v = order[i]
             mean[:some] = 0.0

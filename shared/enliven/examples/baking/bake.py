@@ -196,7 +196,7 @@ class _Fit:
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
-        # If the mean error is too large, blame the vertices with errors above it.
+        # If the mean error is too large, blame the vertices with errors above the mean.
         own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
         return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 

@@ -19,8 +19,7 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matrix
 
 _PLACE = 1e-6
-"""Weight that keeps a pivot at the position given by its rotation, where the surface does not determine
-it."""
+"""Weight that keeps a pivot at the position given by its rotation if the surface does not determine it."""
 _GLOBAL = 1e-3
 """Weight of the whole surface's rotation in that of each transform. It resolves the ambiguity if its own
 surface is a line."""
@@ -54,8 +53,8 @@ class Maps:
         mass = np.array([self._gram[k, 3, k, 3] for k in range(count)])
         typical = max(float(spread.mean()), 1e-30)
         self._pull = np.empty((count, 4))
-        # Give a transform with few vertices the regularization of a larger one, or it would stretch wildly to
-        # fit them.
+        # A transform with few vertices would stretch wildly to fit them. So its regularization grows with the
+        # mean of its own spread and a typical spread.
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
         self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
@@ -216,7 +215,7 @@ def separable(gram, right, axes, sweeps, maps):
 def _block(own, left, axes, fresh, found):
     """Computes the best R Q diag(s) Q' and position of one transform, into ``found`` (4, 3)."""
     mass = own[3, 3]
-    # N = A H by elimination of the position, in the scale axes: rows of the world, columns of the axes.
+    # Find N = A H by eliminating the position. Rows are world axes, and columns are the scale axes.
     flat, spread = np.zeros((3, 3)), np.zeros((3, 3))
     for a in range(3):
         for e in range(3):

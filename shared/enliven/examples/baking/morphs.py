@@ -96,7 +96,7 @@ def _components(moved: Float, most: int) -> tuple[Float, Float]:
         order = np.array([len(values) - 1])
     shapes = vectors[:, order].T @ moved
     length = np.linalg.norm(shapes, axis=1, keepdims=True)
-    # Orthogonalize again: the eigenvectors of small values are not orthogonal to full precision.
+    # Orthogonalize again, because eigenvectors with small eigenvalues are not orthogonal to full precision.
     shapes = np.linalg.qr((shapes / np.where(length > 0, length, 1.0)).T)[0].T
     spread = np.sqrt(((moved @ shapes.T) ** 2).mean(0))
     return shapes, np.where(spread > 0, spread, 1.0)

@@ -28,7 +28,7 @@ class EdgeGraph:
         links, _ = virtual_edges(mesh.vertices, edges)
         self.edges = np.concatenate([edges, links])
         lengths = np.linalg.norm(mesh.vertices[self.edges[:, 0]] - mesh.vertices[self.edges[:, 1]], axis=1)
-        # SciPy does not treat a length of exactly 0 as an edge.
+        # SciPy ignores edges with a length of exactly 0, so give each edge a tiny minimum length.
         lengths = np.maximum(lengths, 1e-12)
         half = coo_matrix((lengths, (self.edges[:, 0], self.edges[:, 1])), (count, count)).tocsr()
         self.lengths: csr_matrix = (half + half.T).tocsr()

@@ -40,7 +40,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
     room = np.empty((most, most + 2))
     free = np.empty(most, np.bool_)
     for v in range(count):
-        # Gram matrix D of the candidates' errors over all frames.
+        # Build the Gram matrix D of the candidates' errors over all frames.
         there = 0
         while there < most and candidates[v, there] >= 0:
             there += 1
@@ -49,7 +49,7 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
             _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
             for d in range(c + 1):
                 gram[c, d] = gram[d, c] = _dot(away[c], away[d])
-        # Old weights of the candidates, and the cost of keeping them.
+        # Collect the old weights of the candidates, and the cost of changing them.
         _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
         for c in range(there):
             found[c] = 0.0

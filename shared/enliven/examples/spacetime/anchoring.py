@@ -29,8 +29,8 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
         anchor = _anchor(turned[f], feet, stands[f], before, lowest + grip)
         anchors[f] = anchor
         if f > 0:
-            # The new anchor does not move between the previous frame and this one, even if another point was
-            # the anchor then.
+            # Between the previous frame and this one, keep the new anchor fixed, even if another point was
+            # the anchor in the previous frame.
             for c in range(3):
                 root[f, c] = root[f - 1, c] + turned[f - 1, anchor, c] - turned[f, anchor, c]
         root[f, 1] = -lowest

@@ -69,7 +69,7 @@ def factor(give, weight, inverse, one, two):
                 d[i, j] = s * (give[r, i, j] + 4.0 * give[r + 1, i, j] + give[r + 2, i, j])
             d[i, i] += 1.0
         if r > 1:
-            # after: the block of row r on the second subdiagonal; two = after D^-1.
+            # ``after`` becomes the block of row r on the second subdiagonal, and ``two`` becomes after D^-1.
             for i in range(3):
                 for j in range(3):
                     after[i, j] = s * give[r, i, j]
@@ -80,7 +80,7 @@ def factor(give, weight, inverse, one, two):
                 for j in range(3):
                     middle[i, j] = -2.0 * s * (give[r, i, j] + give[r + 1, i, j])
             if r > 1:
-                # Subtract L(r, r-2) D(r-2) L(r-1, r-2)'; after = L(r, r-2) D(r-2).
+                # Subtract L(r, r-2) D(r-2) L(r-1, r-2)' from the block. ``after`` holds L(r, r-2) D(r-2).
                 _take(middle, after, one[r - 1])
             _product(middle, inverse[r - 1], one[r])
             _take(d, one[r], middle)

@@ -129,7 +129,8 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
                 if state[f, e] == 0:
                     fits &= low - 1e-12 <= w[e] <= high + 1e-12
                 else:
-                    # At a bound, the energy must not decrease towards the interior.
+                    # At a bound, the energy must not decrease towards the interior. Otherwise the bound is
+                    # wrong.
                     slope = reach[f, e, 0] * qx + reach[f, e, 1] * qy + reach[f, e, 2] * qz - right[f, e]
                     for k in range(most):
                         slope += matrix[f, e, k] * w[k]
@@ -142,7 +143,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
         cy = base[f, 1] - give[f, 1, 0] * qx - give[f, 1, 1] * qy - give[f, 1, 2] * qz
         cz = base[f, 2] - give[f, 2, 0] * qx - give[f, 2, 1] * qy - give[f, 2, 2] * qz
         places[f, 0], places[f, 1], places[f, 2] = cx, cy, cz
-        # The gradient of the least energy is the position: exact within a quadratic piece.
+        # The positions are the gradient of the least energy. Within one quadratic piece they are exact.
         along = qx * (base[f, 0] + cx) + qy * (base[f, 1] + cy) + qz * (base[f, 2] + cz)
         energy += least[f] + 0.5 * along
     return changed, energy
@@ -192,7 +193,7 @@ def _pivot(matrix, f, work, low, high):
         if first < 0:
             return
         last = most if turn < _AT_ONCE else first + 1
-        # Judge all weights by the same values: they do not change within this loop.
+        # Judge all weights by the same values, which do not change within this loop.
         for e in range(first, last):
             if _is_wrong(matrix, f, g, state, w, low, high, e):
                 state[e] = 0 if state[e] != 0 else (-1 if w[e] < low else 1)
@@ -268,7 +269,7 @@ def _linear(node, known, f, qx, qy, qz, work):
             x, y, z = x - times * swing[f, b, 0], y - times * swing[f, b, 1], z - times * swing[f, b, 2]
         over = factor[a, a]
         swing[f, e, 0], swing[f, e, 1], swing[f, e, 2] = x * over, y * over, z * over
-    # Start from the fixed offset and the slack; then add the contribution of each weight.
+    # Start from the fixed offset and the slack. Then add the contribution of each weight.
     for i in range(3):
         base[f, i] = offset[f, i]
         for j in range(3):

@@ -130,7 +130,8 @@ class _Forest:
                 mend = "Remove or change one of them."
                 raise InputError(f"{why} contradicts {others}", where=_WHERE, mend=mend)
             return False
-        # The ground stays a root. of_x is x - root.
+        # If one of the roots is the ground (None), keep the ground as the root, so that values remain
+        # absolute. ``of_x`` is x minus its root.
         if root_a is None:
             self._above[root_b] = (root_a, of_a - of_b - value)
         else:

@@ -69,7 +69,8 @@ class Following:
             down and abs(held - pull) > max(self._most, abs(held))
             for held, down in zip(self.held, stands, strict=True)
         ):
-            # A standing foot has reached its maximum displacement, so the slow pull waits for the next step.
+            # A standing foot has already reached its maximum displacement. So the slow part of the correction
+            # waits until the foot is lifted.
             pull = at_once
         for k, down in enumerate(stands):
             self.held[k] = self._limited(self.held[k] - pull) if down else self.held[k] * (1.0 - self._back)

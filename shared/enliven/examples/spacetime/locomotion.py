@@ -77,8 +77,8 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
         return np.ones(feet.shape[:2], np.bool_)
     floor = np.percentile(feet[:, :, 1].min(1), 5)
     velocity = np.gradient(feet, step, axis=0)
-    # A runner's standing foot rolls fast. It is slow relative to the mean of all feet, which moves at running
-    # speed.
+    # A runner's standing foot rolls fast, but it is slow relative to the mean of all feet, which moves at the
+    # running speed.
     runs = np.linalg.norm(velocity.mean(1)[:, [0, 2]], axis=1)
     slow = np.maximum(how.speed * size, settings.runner * runs)
     stands = np.empty(feet.shape[:2], np.bool_)
@@ -226,7 +226,8 @@ def _without_short(touches: Bool, shortest: float) -> Bool:
     out = touches.copy()
     for kind in (False, True):
         for a, b in runs_of(out == kind):
-            # A contact at the start or the end may be part of a longer one.
+            # A contact at the start or the end of the take may be the rest of a longer one. So do not drop it
+            # for being short.
             cut = kind and (a == 0 or b == len(out) - 1)
             if not cut and b - a + 1 < shortest:
                 out[a : b + 1] = not kind

@@ -86,13 +86,13 @@ def _windows(node, known, y, goal, how, work, places, marks, band):
         if not wanted[f] or f < done:
             continue
         start, end = max(f - 2 - _AROUND, 0), min(f + 1 + _AROUND, rows)
-        # Merge windows that touch.
+        # Merge windows that overlap or touch.
         ahead = f + 1
         while ahead < len(wanted) and ahead - 2 - _AROUND <= end:
             if wanted[ahead]:
                 end = min(ahead + 1 + _AROUND, rows)
             ahead += 1
-        # A window with all rows would repeat the next whole step.
+        # A window with all rows would repeat the next whole step, so it is skipped.
         if end - start < rows:
             _, steps = _range(node, known, y, goal, start, end, how, work, places, marks, band, _MOST_STEPS)
             factored += steps * (end - start)
@@ -136,7 +136,7 @@ def _value(node, known, y, a, b, how, work, places, marks, band):
     for r in range(a, b):
         value += 0.5 * (y[r, 0] * y[r, 0] + y[r, 1] * y[r, 1] + y[r, 2] * y[r, 2])
     for f in range(a, last):
-        # q = lambda A' y: row r affects frames r, r + 1 and r + 2.
+        # Compute q = lambda A' y. Row r affects frames r, r + 1 and r + 2.
         qx, qy, qz = 0.0, 0.0, 0.0
         for k in range(3):
             r = f - k
@@ -160,7 +160,7 @@ def _step(node, known, y, goal, a, b, how, band):
     for r in range(a, b):
         for i in range(3):
             right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])
-    # Rows outside affect the first two and the last two frames inside.
+    # Add the effect of rows outside the window on the first two and the last two frames inside it.
     for r in range(max(a - 2, 0), min(b + 2, rows)):
         if a <= r < b:
             continue

@@ -63,7 +63,7 @@ def solve(
         only: the points to solve; the others are 0. None for all.
     """
     places = np.zeros(conditions.held.shape)
-    # Reuse nodes: allocating new memory costs as much as the computation.
+    # Reuse the nodes, because allocating new memory takes as long as the computation.
     spare: list[Nodes] = []
 
     def one(group: list[int]) -> int:
@@ -151,7 +151,7 @@ class _System:
             changed, new = self._answer(to_y, to_nu, places)
             if changed == 0:
                 break
-            # Halve the step until the dual does not increase.
+            # Halve the step until the dual energy does not increase.
             share = 1.0
             while new > value + 1e-12 * (abs(value) + 1.0) and share > _SHORTEST:
                 share *= 0.5

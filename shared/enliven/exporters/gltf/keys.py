@@ -29,7 +29,9 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
 def _needed(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
-    begin = kept[0]  # a literal 0 would be another type, and _holds would be compiled again for it
+    # Read the zero from the array: a literal 0 has another Numba type, for which Numba would compile _holds
+    # again.
+    begin = kept[0]
     last = len(values) - 1
     while begin < last:
         # Double the step while all frames stay within the tolerance, then bisect.

@@ -50,7 +50,7 @@ class GltfScene(MeshScene):
         """
         document = self.document
         inverse = np.tile(np.eye(4), (len(joints), 1, 1))
-        # Column-major, as the format stores matrices: the translation is the last row here.
+        # The format stores matrices by columns, so the translation is the last row here.
         inverse[:, :3, :3] = np.eye(3) if axes is None else axes
         inverse[:, 3, :3] = -np.einsum("ja,jab->jb", pivots, inverse[:, :3, :3])
         matrices = self.blob.add(inverse.reshape(-1, 16).astype(np.float32))
@@ -96,7 +96,7 @@ class GltfScene(MeshScene):
         rows = np.stack([keys.slopes[:, 0], keys.values, keys.slopes[:, 1]], 1)
         rows = rows.reshape(-1, rows.shape[2])
         if keys.turns:
-            rows = np.roll(rows, -1, -1)  # the format has w last
+            rows = np.roll(rows, -1, -1)  # glTF stores the component w last.
         self.channel(keys.seconds, node, path, self.blob.add(rows.astype(np.float32)), "CUBICSPLINE")
 
     def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:

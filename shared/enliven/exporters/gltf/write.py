@@ -177,7 +177,8 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     none = [0.0] * len(morphs.targets)
     document.meshes.append(pygltflib.Mesh(name=performance.name, primitives=primitives, weights=none))
     node = scene.node(holder, name=performance.name, mesh=len(document.meshes) - 1)
-    # A weight moves no vertex farther than the largest displacement of its target.
+    # The product of a weight and the largest displacement of its target bounds the motion of any vertex. So
+    # the tolerance for dropping keys can be given in metres.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)
     within = performance.keys / np.sqrt(len(far))
     keys = needed_keys(morphs.weights * far, within, times=performance.times)

@@ -16,21 +16,25 @@ from enliven.formats.motion.capture import Capture
 _TOO_FAST = 8.0
 """Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
 _JUMP = 4.0
-"""Times as fast as the rest of the take that the jump is at least: captures have glitches of their own."""
+"""Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
+Captures have smaller glitches of their own."""
 _FADE = 1.5
-"""Times as fast as the rest of the take that frames are in which a pose fades into the motion."""
+"""Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
+take."""
 _LONGEST_FADE_S = 0.3
-"""Seconds that such a fade lasts at most: resampled files have spread the jump over some frames."""
+"""Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
+some frames."""
 _FAR = 0.15
-"""Body sizes that a joint moves at least: a smaller jump hardly shows."""
+"""Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
 _LONGEST_HOLD_S = 2.0
-"""Seconds that an added pose is held at most."""
+"""Longest time for which an added pose is held, in seconds."""
 _STILL = 1e-5
 """Body sizes within which a held pose is one and the same: people are never that still."""
 _LEAST_REST = 5
-"""Steps between frames that the rest of a take has at least, to be called smooth."""
+"""Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
 _AT_REST = 0.05
-"""Body sizes that joints are away from the rest pose on average at most, in a frame that shows it."""
+"""Maximum mean distance of the joints from the rest pose in a frame that shows it, as a multiple of the body
+size."""
 
 
 def added_frames(
@@ -80,7 +84,7 @@ def _leading(places: Float, seconds: float, rest: Float | None, only_rest: bool)
     moving = np.flatnonzero(steps > _STILL)
     held = int(moving[0]) if len(moving) else 0
     fade = max(round(_LONGEST_FADE_S / seconds), 1)
-    # The other end may have a pose of its own.
+    # Leave out the other end as well, because it may have an added pose of its own.
     others = steps[held + fade : len(steps) - fade]
     if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
         return 0

@@ -18,14 +18,15 @@ from enliven.meshes import WrongWord, blocks, lines_of, numbers_in, word_starts
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
 _LONGEST_FRAME = 1.0
-"""Seconds: a longer time between frames is a damaged header, since no capture is slower than one frame a
-second."""
+"""Longest plausible frame time, in seconds. No capture is slower than one frame a second, so a longer time
+means that the header is damaged."""
 _MOST_DEEP = 256
 """Joints above one another: the deepest known skeletons, with tails and ropes, have some 60."""
 _MOST_JOINTS = 4096
 """As many as a pose on the wire has."""
 _MOST_PLACES = 1 << 24
-"""Frames times joints, 3 GB of turns and places: 93 min of 25 joints at 120 frames a second."""
+"""Maximum number of frames times joints: 93 min of 25 joints at 120 frames a second. It takes 3 GB of
+rotations and positions."""
 _MAX_HEAD_BYTES = 1 << 24
 """Most bytes of a hierarchy: 4096 joints, 256 deep and indented by tabs, take 8 MB."""
 _BLANK = r"(?:\s|(?:#|//)[^\n]*)*"
@@ -141,7 +142,8 @@ def read_bvh(path: Path | str) -> Capture:
     with open_file(path) as file:
         head = file.read(_MAX_HEAD_BYTES)
     if len(head) == _MAX_HEAD_BYTES and "MOTION" not in decode_text(head).upper():
-        # A hierarchy of this length has a wrong line, which is found without the rest of the file.
+        # A hierarchy of this length must contain a wrong line. Parse only this part, which is enough to
+        # report the line.
         words = _Words(path, decode_text(head))
         _begin_file(words)
         _read_hierarchy(words)

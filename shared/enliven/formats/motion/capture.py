@@ -11,7 +11,7 @@ from enliven.arrays import Float
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
 """Metres in a unit. CMU's files count 0.45ths of an inch."""
 _LEG = 0.82
-"""Metres from hip to ankle of an average adult, from which a file's unit is guessed."""
+"""Distance from hip to ankle of an average adult, in metres. The unit of a file is guessed from it."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ from enliven.formats.motion.capture import Capture, composed
 from enliven.rotation import from_rotation_vector, to_matrix
 
 COLUMNS = 117
-"""Numbers of a frame: 3 for the root's place and 3 for each of 38 joints."""
+"""Number of values in a frame: 3 for the root's position, and 3 for each of 38 joints."""
 SECONDS = 1.0 / 120.0
-"""Seconds between frames: CMU captures at 120 Hz and the files do not state it."""
+"""Frame time, in seconds. CMU captures at 120 Hz, and the files do not contain the frame rate."""
 
 _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("Hips", -1, (0.0, 0.0, 0.0)),

@@ -40,12 +40,13 @@ _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Zip methods that are read: stored and deflated; other methods can ask for gigabytes before the first byte.
 """
 _FREE_BYTES = 1 << 28
-"""Bytes that any file may unpack to: 256 MB of equal numbers pack to 300 kB."""
+"""Size, in bytes, to which any file may unpack: 256 MB, because equal numbers of that size pack to 300 kB."""
 _MOST_RATIO = 20
 """Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
 room."""
 _LEVEL = 1
-"""How hard zip tries: 3 % larger than by its usual 6, in a quarter of the time: an edit on a stage waits."""
+"""Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
+An edit on a stage waits for it."""
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 
@@ -63,7 +64,7 @@ def write_project(path: Path | str, project: Project) -> None:
 
 def refuse_later_project(path: Path) -> None:
     """Raises LaterVersionError if a file is a project of a later version, so that it is not replaced."""
-    if not path.is_file():  # a pipe would wait for its other end
+    if not path.is_file():  # Opening a pipe would block until its other end is opened.
         return
     try:
         with zipfile.ZipFile(path) as archive:
@@ -71,7 +72,9 @@ def refuse_later_project(path: Path) -> None:
                 return
             header = json.loads(_unpacked_entry(archive, _HEADER))
     except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
-        return  # there is none, or it is another file: writing says so if it cannot be replaced
+        # The file does not exist, or it is not a project. The writer reports an error if it cannot be
+        # replaced.
+        return
     if isinstance(header, dict) and header.get("format") == _FORMAT:
         _refuse_later(header, str(path))
 
@@ -192,7 +195,8 @@ def _header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[str, Any]
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
         raise _foreign(data, where)
     version, project = header.get("version"), header.get("project")
-    _refuse_later(header, where)  # first, since a later version may state everything else in another way
+    # This check comes first, because a later version may store everything else in another way.
+    _refuse_later(header, where)
     if not _is_whole(version) or not isinstance(project, dict) or version < 1:
         raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")
     for step in range(version, VERSION):

@@ -32,16 +32,17 @@ _KINDS: tuple[tuple[int, bytes, str, str], ...] = (
     (0, b"MZ", "a program", ""),
     (0, b"SQLite format 3", "a database", ""),
 )
-"""Where a kind of file has its mark, the mark, its name, and the ending by which enliven opens it."""
+"""The known kinds of files: the offset of the magic bytes, the magic bytes, the name, and the suffix with
+which enliven opens the kind."""
 _INSIDE = {
     "[Content_Types].xml": "an Office document",
     "mimetype": "an OpenDocument file or e-book",
     "META-INF/MANIFEST.MF": "a Java program",
     "AndroidManifest.xml": "an Android app",
 }
-"""Entries by which a ZIP archive is known to be something else."""
+"""Entries that show that a ZIP archive is something else."""
 _SAMPLE = 4096
-"""Bytes that are looked at to tell text from other data."""
+"""Number of bytes that are examined to distinguish text from other data."""
 _NAMED = 40
 """Letters of an entry's name that are shown."""
 

@@ -16,18 +16,18 @@ from enliven.document import stretched
 from enliven.rotation import rotate, stretch_of
 
 _LOOSE = 0.01
-"""Share of the model's size: a joint that leaves its parent by more counts as detached."""
+"""Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
 _NEARNESS = 0.5
-"""Metres of misfit that weigh as much as a metre of distance at rest: near joints win over equally good far
-ones."""
+"""Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
+that fits equally well."""
 _BETTER = 3.0
-"""Factor by which another joint's misfit must be smaller than that of the file's parent to replace it: the
-file is mostly right."""
+"""Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file
+is mostly right."""
 _HEAVY = 0.1
-"""Share of the surface that a root must carry: lighter branches are loose parts, not the body."""
+"""Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150
-"""Frames of all animations together that are compared: enough to see a link break, and quadratic in joints.
-"""
+"""Number of frames of all animations together that are compared. It is enough to see a link break, and the
+cost is quadratic in the joints."""
 
 
 @dataclass
@@ -103,7 +103,8 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
     if not tops:
-        # Joints side by side that each move a little (a baked surface): the one that moves most of it.
+        # If several sibling joints each move a little, as on a baked surface, take the joint that moves most
+        # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
     made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
     links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
@@ -169,7 +170,8 @@ def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Flo
     inside = {j for j in range(len(bodies)) if tops[j] == root}
     waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
     while waiting:
-        # Those whose parent is in the tree already come first: what hangs on them must find them there.
+        # Attach bodies first if their parent is already in the tree, because their own children may have to
+        # be attached to them.
         t = next((t for t in waiting if before[t] in inside), waiting[0])
         waiting.remove(t)
         parents[t] = _home(bodies, t, before[t], inside, off)

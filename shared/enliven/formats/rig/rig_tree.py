@@ -28,18 +28,23 @@ from enliven.formats.rig.rig_links import LinkBody, downward, links_of
 from enliven.rotation import conjugate, rotate, stretch_of
 
 _SAME_PLACE = 2e-5
-"""Share of the size within which two joints are at one place: less is rounding."""
+"""Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
+errors of files."""
 _SEEN = 1e-4
-"""Share of the size by which a joint moves on its parent at least to keep its track: less is rounding."""
+"""Minimum motion of a joint relative to its parent to keep the joint's track, as a fraction of the size. Less
+is a rounding error."""
 _STRAY = 0.01
-"""Share of the surface that follows a body at most by stray weights: it is drawn with the root."""
+"""Maximum fraction of the surface that follows a body only by stray weights. Such a body is drawn with the
+root."""
 _PARTED = 1e-3
-"""Share of the size by which joints of one place may part over time and still be one: less is not visible."""
+"""Maximum distance over time of joints of one place that still count as one, as a fraction of the size. Less
+is not visible."""
 _STRAIGHT = np.cos(np.radians(25.0))
 """Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
 _TWIN = 0.02
-"""Share of their length by which two bones of a fork differ at most, and by which the cosines of their bends
-do, to be a pair: two shoulders, neither of which is the neck."""
+"""Maximum difference between two bones of a fork that count as a pair. It bounds the relative difference of
+their lengths, and the difference of the cosines of their bends. Such a pair can be two shoulders, so
+neither of them is the neck."""
 _STUB = 0.4
 """Length of a forking joint's own bone, in lengths of the bone that comes in: too short for a limb."""
 

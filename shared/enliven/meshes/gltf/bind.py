@@ -104,7 +104,7 @@ class Bind:
         ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
         theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
         size = max(float(np.ptp(ours, axis=0).max()), 1e-9)
-        # Rotation and scale must agree too, or the whole bind pose would differ.
+        # Rotation and scale must also agree, because otherwise the whole bind pose would differ.
         lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
         near = np.abs(ours - theirs).max() < _NEAR * size and lever < _NEAR * size
         return np.asarray(by_node if near else by_joint)
@@ -133,7 +133,8 @@ class Bind:
             parent = self._file.parents[node]
             if node in known or parent not in known:
                 continue
-            # A node above a joint has no influence. A node below a joint keeps its place relative to it.
+            # The node is not a joint. A node above a joint has no influence here, and a node below a joint
+            # keeps its place relative to the joint.
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
 
@@ -152,12 +153,12 @@ class Bind:
         }
         bound = self.world.copy()
         sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
-        # True for nodes that are mirrored relative to binding.
+        # Mark nodes that are mirrored at rest relative to the bind pose.
         mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
         moving = set[int]()
         if document.animations and not self._still and _blends(parts, mirrored):
-            # Vertices partly bound to a mirrored joint would move wrongly, so the clips mirror their bones
-            # instead.
+            # A vertex that is only partly bound to a mirrored joint would move wrongly. So the clips mirror
+            # the bones instead.
             for node in self._order:
                 if node in known and (mirrored[node] or self._file.parents[node] in moving):
                     moving.add(node)

@@ -76,7 +76,7 @@ class Colours:
                 else:
                     data = self._file.data_of_uri(image.uri)
                 self._pictures[texture] = self._decoded(data)
-            except Exception as error:  # libraries that read foreign bytes raise any kind of exception
+            except Exception as error:  # Third-party decoders may raise any exception for damaged data.
                 reason = plain_reason(error)
                 self.notes.append(f"texture {texture} cannot be read ({reason}): it is taken as white")
                 self._pictures[texture] = None

@@ -45,7 +45,7 @@ def draco_arrays(
         mesh = decoder.decode(data)
         held: dict[int, Any] = {each["unique_id"]: each["data"] for each in mesh.attributes}
         faces = np.asarray(mesh.faces, np.uint32).reshape(-1, 1)
-    except Exception:  # libraries that read foreign bytes raise any kind of exception
+    except Exception:  # Third-party decoders may raise any exception for damaged data.
         raise InputError(f"its data compressed by {DRACO} is damaged") from None
     lacking = [name for name, number in attributes.items() if number not in held]
     if lacking:
@@ -92,7 +92,7 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
         way = packed.mode, packed.filter or "NONE"
         made = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
         unpacked = np.ascontiguousarray(made).tobytes()
-    except Exception:  # libraries that read foreign bytes raise any kind of exception
+    except Exception:  # Third-party decoders may raise any exception for damaged data.
         raise InputError("it is damaged") from None
     if len(unpacked) != size:
         raise InputError("it is damaged")

@@ -149,7 +149,7 @@ class GltfFile:
             return read(index)
         except EnlivenError:
             raise
-        except Exception as error:  # numbers that are out of range raise any kind of exception
+        except Exception as error:  # Numbers out of range may raise any exception.
             raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
 
     def _accessor(self, index: int) -> AnyArray:

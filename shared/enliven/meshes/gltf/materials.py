@@ -116,7 +116,7 @@ class Materials:
                     del made[key]
                 else:
                     made[key]["index"] = number
-            # Empty objects are dropped. An empty extension is kept, because its presence has a meaning.
+            # Drop empty objects, but keep an empty extension, because its mere presence has a meaning.
             elif not in_extensions and _is_empty(made[key]):
                 del made[key]
         return made

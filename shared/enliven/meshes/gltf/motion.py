@@ -31,7 +31,7 @@ JUMP = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME = 1e-4
-"""Seconds within which two times count as equal: rounding of float32."""
+"""Maximum difference of two times that count as equal, in seconds. It covers the rounding of float32."""
 MOST_PLACES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 
@@ -174,7 +174,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     gaps = [float(np.median(np.diff(k))) for k in keys if len(k) > 1]
     gap = max(min(gaps, default=_LONGEST_STEP), _SHORTEST_STEP)
     longest = _CURVED_STEP if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _LONGEST_STEP
-    # A whole number of frames between two keys keeps the keys on frames.
+    # Divide the gap between two keys into a whole number of frames, so that each key lies on a frame.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
     if (steps + 1) * len(file.parents) > MOST_PLACES:
@@ -201,7 +201,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
-    # Two keys less than a jump apart would be equal in float32.
+    # Drop a key that follows another one too closely, because their times would be equal in float32.
     return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME])
 
 
@@ -289,7 +289,7 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
         made = _hermite(values, before, span[:, None], share[:, None])
         return unit(made) if path == "rotation" else made
     if path == "rotation":
-        # slerp works with any order of components, if both quaternions use the same one.
+        # slerp works with any order of the components, if both quaternions use the same order.
         a, b = unit(points[before]), unit(points[before + 1])
         return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), share), -1, -1)
     return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))

@@ -41,7 +41,7 @@ class GltfSurface:
     notes: list[str]
 
 
-@np.errstate(all="ignore")  # numbers of a damaged file overflow before they are checked
+@np.errstate(all="ignore")  # Numbers of a damaged file may overflow before they are checked.
 def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> GltfSurface:
     """Reads the surface of a glTF, GLB or VRM file.
 

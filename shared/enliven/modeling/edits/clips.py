@@ -89,7 +89,8 @@ def trim_clip(
 
     def change(one: Segment) -> Segment:
         ends = sorted((one.begin - one.first / one.speed, one.begin + (length - one.first) / one.speed))
-        # A clip that already holds the first or last frame of its take may keep doing so.
+        # A clip cannot be extended beyond its take. If it already extends beyond, it keeps that length and
+        # holds the first or last frame.
         low, high = min(ends[0], one.begin), max(ends[1], one.end)
         start = one.begin if begin is None else min(max(begin, low), one.end - _SHORTEST)
         stop = one.end if end is None else max(min(end, high), start + _SHORTEST)
@@ -144,7 +145,7 @@ def stretch_clip(
         factor = lasts / max(stop - start, 1e-9)
         speed = min(max(abs(one.speed) * factor, _SLOWEST), _FASTEST)
         lasts *= abs(one.speed) / speed
-        # Keep the end that is not dragged.
+        # Keep the end that is not being dragged in place.
         start, stop = (stop - lasts, stop) if end is None else (start, start + lasts)
         return Segment(start, stop, one.first, speed if one.speed > 0.0 else -speed)
 

@@ -64,7 +64,8 @@ def give_performance(
     seen = vertices_of(project, target_id, time)
     mesh = replace(target.mesh, vertices=seen, name=target_id)
     take = project.bodies[layer.possession.take]
-    # The first mesh may have been fixed in the room; this one is elsewhere.
+    # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
+    # is placed where the performer meets it.
     settings = replace(settings_of(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
     ends, joints = _known(target, seen)

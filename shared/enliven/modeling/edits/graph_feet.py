@@ -173,7 +173,7 @@ def _held(
         for number, foot in enumerate(feet):
             seen = root(_surface(shape, foot, linear, positions))
             places[number, frame], soles[number, frame] = seen.mean(0), seen[:, 1].min()
-        # Maps a displacement in the world to the node's displacement at rest.
+        # Compute the map from a displacement in the world to the displacement of the node at rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
     lacking = np.stack([_lacking(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)])
     own, shares = _shares(shape, feet)

@@ -106,7 +106,7 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-    # D = above K. After a rotation w in the world it is above K', with K' = K D^-1 w D.
+    # The pose is D = above K. After a rotation w in the world it is above K', so K' = K D^-1 w D.
     own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     known, seen = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)

@@ -16,7 +16,7 @@ from enliven.modeling.rig import Merge
 
 _SEAM = SeamSettings()
 _LONGEST = 20.0
-"""Seconds after the merge that are recorded for loops with different lengths, or for loops that travel."""
+"""Time after a merge that is recorded, in seconds, for loops with different lengths or loops that travel."""
 _SAME = 1e-6
 """Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 

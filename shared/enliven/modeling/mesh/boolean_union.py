@@ -118,7 +118,8 @@ class UnionBuilder:
 
     def union(self, notes: tuple[str, ...]) -> Union:
         """Returns the union of both meshes, with its traces, skin and colours."""
-        # Number the result: kept vertices of the first mesh, of the second, then new ones.
+        # Number the vertices of the result: first the kept vertices of the first mesh, then those of the
+        # second, then the new ones.
         kept = [
             np.union1d(side.old[side.old >= 0], side.solid.leaves.faces).astype(np.int64)
             for side in self.sides
@@ -133,7 +134,7 @@ class UnionBuilder:
             used[side.used] = True
         new = np.flatnonzero(used & (number < 0))
         number[new] = ends[1] + np.arange(len(new))
-        # Faces: whole ones of both meshes, split ones of both, then the leaves.
+        # Collect the faces: first the uncut faces of both meshes, then the split ones, then the leaves.
         faces = np.concatenate(
             [*(self._kept_faces(side, number) for side in self.sides)]
             + [number[side.triangles[~side.whole]] for side in self.sides]
@@ -144,14 +145,15 @@ class UnionBuilder:
         )
         vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
         vertices = np.concatenate([vertices, self.places[new]])
-        # Skin and paint: old values for kept vertices, interpolated ones for new vertices.
+        # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
+        # ones.
         weights, paint = self._at_new(new)
         whole = skins.bone_count(skins.stacked(self.pair.skins))
         old_skins = [self._skin(k, kept[k], whole) for k in range(2)]
         skin = skins.stacked([*old_skins, skins.sparse(weights)])
         paint = np.concatenate([*(m.paint[k] for m, k in zip(self.meshes, kept, strict=True)), paint])
         colours, stiffness = mixed_paint(paint, *self.meshes)
-        # Trace each vertex to its number in either mesh.
+        # Record for each vertex of the result its number in the first and in the second mesh, or -1.
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
         first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)

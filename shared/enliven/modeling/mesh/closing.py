@@ -113,7 +113,7 @@ def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     away = corners[rows, (k + 2) % 3] - a
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     angle = np.arctan2(away @ np.cross(axis, across), away @ across)
-    # The solid behind a forward half-edge lies at smaller angles than its face.
+    # Seen from a forward half-edge, the solid lies at smaller angles than the face of that half-edge.
     wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
     while np.isfinite(wedge).any():
         one, other = np.unravel_index(int(wedge.argmin()), wedge.shape)
@@ -191,7 +191,9 @@ class _Work:
         cap = cap_of([np.arange(len(rim))], flattened(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
-        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:  # the border is a line, or crosses itself
+        if len(faces) != len(rim) - 2 + 2 * cap.inside.count:
+            # A border that is a straight line or crosses itself cannot be triangulated, so close it with a
+            # fan around its mean.
             turn = np.arange(len(rim))
             order, how = rim, _mean
             faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)

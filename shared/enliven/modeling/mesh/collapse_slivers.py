@@ -29,7 +29,7 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
     """
     touching: Bool = np.asarray(new[faces].any(1))
     near = faces[touching]
-    # Include the faces around those too: a contraction checks the neighbours of both its ends.
+    # Include the faces around these faces too, because a contraction checks the neighbours of both its ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
     patch.contract(_SHORT * _usual(vertices, faces[around], new))
@@ -82,7 +82,8 @@ class _Patch:
                 continue
             if not self.new[a]:
                 a, b = b, a
-            # Vertex a is removed. If both are new, they meet in the middle.
+            # Remove vertex a. If both vertices are new, move the remaining one to the middle, otherwise keep
+            # it at b.
             place = (self.vertices[a] + self.vertices[b]) / 2 if self.new[b] else self.vertices[b]
             if self._allowed(a, b, place):
                 self._contract(a, b, place)

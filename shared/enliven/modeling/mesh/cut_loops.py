@@ -35,7 +35,7 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     many = side.sum(1)
     crossed = np.flatnonzero((many == 1) | (many == 2))
     corners, side = faces[crossed], side[crossed]
-    # Rotate the corners of each face so that the one that is alone on its side comes first.
+    # Rotate the corners of each face so that the corner that is alone on its side of the cut comes first.
     lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
     turn = (lonely[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, 1)
@@ -43,7 +43,8 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     both = np.sort(np.stack([out_of, into], 1).reshape(-1, 2), 1)
     edges, number = np.unique(both, axis=0, return_inverse=True)
     pairs = number.reshape(-1, 2)
-    # If that corner is far, the border of the near part runs from the last edge to the first.
+    # If the lone corner is on the far side, the border of the near part runs from the last edge to the first.
+    # So reverse the pair.
     lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
     label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
@@ -76,7 +77,8 @@ def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) ->
     chain, forward, at = [start], 0, start
     while True:
         free = [k for k in beside[at] if unused[k]]
-        # If several links are free, prefer one in the direction of the chain.
+        # If several links are free, prefer one that starts here, because it follows the direction of the
+        # chain.
         k = next((k for k in free if pairs[k, 0] == at), free[0] if free else -1)
         if k < 0:
             break

@@ -69,7 +69,8 @@ class _Maker:
         rim_of[edges[::-1]] = base + np.arange(len(edges))[::-1]
         for cap in caps:
             if doubled:
-                # Flat-shaded meshes have one vertex for each side of an edge, so the rim is duplicated too.
+                # A flat-shaded mesh has one vertex for each side of an edge, so its rim must be duplicated
+                # too.
                 rim = count + np.arange(len(cap.rim))
                 count += len(rim)
             else:
@@ -110,7 +111,8 @@ class _Maker:
         corner = np.take_along_axis(own, (lonely[:, None] + np.arange(3)) % 3, 1)
         lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
-        # One new vertex for each pair of old ones. On flat-shaded meshes that is one for each face.
+        # Create one new vertex for each pair of old ones. On a flat-shaded mesh, this creates one for each
+        # face.
         ends = np.stack([corner[:, [0, 1]], corner[:, [2, 0]]], 1).reshape(-1, 2)
         crossed = pairs.reshape(-1)
         turned = work.of[ends[:, 0]] != work.found.edges[crossed, 0]

@@ -164,7 +164,8 @@ class CutPlan:
         if not around:
             self._without_a_cut(where)
             return
-        # Loops inside loops belong to one limb: the inner side of a shell, or a bone in a sleeve.
+        # Loops inside other loops belong to the same limb. Examples are the inner side of a shell, and a bone
+        # in a sleeve.
         outer = max(around, key=lambda i: abs(area(polygons[i])))
         inside = [
             i for i, polygon in enumerate(polygons) if abs(winding(polygons[outer], polygon.mean(0))) > 0.5

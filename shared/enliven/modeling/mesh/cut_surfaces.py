@@ -99,7 +99,8 @@ class StrokeCut(CutSurface):
         if len(points) == 0:
             return np.zeros((0, 2))
         along, _, depth = self._along(points)
-        # Metres per unit of the image at this depth, so that both coordinates are approximately metres.
+        # Compute the metres per unit of the image at this depth, so that both coordinates are approximately
+        # in metres.
         rows = self.picture_from_world
         unit = float(np.median(depth)) / np.linalg.norm(rows[0, :3])
         ahead = rows[3, :3] if np.any(rows[3, :3]) else np.cross(rows[0, :3], rows[1, :3])
@@ -139,7 +140,8 @@ def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
     rest = away - held[..., None] * units[None]
     distance = np.linalg.norm(rest, axis=2)
     cross = units[None, :, 0] * away[..., 1] - units[None, :, 1] * away[..., 0]
-    # At a corner two segments are equally near. The one more perpendicular to the offset decides the side.
+    # At a corner of the stroke, two segments are equally near. The segment that is more perpendicular to the
+    # offset decides the side.
     square = np.abs(cross) / np.maximum(distance, 1e-300)
     least = distance.min(1, keepdims=True)
     best = np.argmax(np.where(distance <= least * (1 + 1e-9) + 1e-300, square, -1.0), axis=1)

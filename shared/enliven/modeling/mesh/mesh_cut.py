@@ -89,7 +89,8 @@ def cut_across_bone(
     behind = 1.0 - ahead - own
     if len(work.chosen) == 0 or _belongs(cut, ahead, behind) > settings.belongs:
         return cut
-    # A plane through the middle of the body, as for a bone to a hip, would cut the body in half.
+    # The selected cut does not separate the bones' skin well. For example, a plane through the middle of the
+    # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
     other.choose_all()
@@ -113,8 +114,8 @@ def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
     for right, wrong, weight in ((cut.near, cut.far, behind), (cut.far, cut.near, ahead)):
         mine = float(weight[right.kept[right.kept >= 0]].sum())
         other = float(weight[wrong.kept[wrong.kept >= 0]].sum())
-        # Also penalize the side that wrong vertices went to: cutting off a foot must not take half a body
-        # along.
+        # Also penalize a cut if vertices of the wrong side make up much of a side. Otherwise cutting off a
+        # foot could remove half of the body.
         size = max(np.count_nonzero(wrong.kept >= 0), 1)
         worst = min(worst, mine / max(mine + other, 1e-9), 1.0 - other / size)
     return worst

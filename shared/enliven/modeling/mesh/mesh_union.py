@@ -63,7 +63,8 @@ def united(
 def _without_slivers(union: Union) -> Union:
     """Removes slivers at the new vertices of a union, where the seam has a crease."""
     new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
-    # If positions occur twice (flat-shaded meshes), moving one of the vertices would open a crack.
+    # If positions occur twice, as in a flat-shaded mesh, moving only one of the two vertices would open a
+    # crack. So keep the slivers of such a mesh.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
     vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)

@@ -66,7 +66,8 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
         InputError: if the mesh has no area.
     """
     size = max(float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0))), 1e-300)
-    # Centring on the samples keeps precision for a mesh far from the origin. Normals need no welding here.
+    # Subtract the mean of the samples, which keeps precision for a mesh far from the origin. The mesh
+    # is not welded, because the normals do not need it here.
     sampled = scatter(mesh, _MANY, np.random.default_rng(0), (mesh, np.arange(len(mesh.vertices))))
     middle = sampled.positions.mean(0)
     points = (sampled.positions - middle) / size
@@ -106,18 +107,20 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
     for _ in range(steps):
         pairs = cloud.points[_nearest(cloud, normal, offset)]
         middles, ways = (points + pairs) / 2, pairs - points
-        # Ignore parts without a counterpart (a raised hand): use the best 80 % of the pairs.
+        # Use only the best 80 % of the pairs, so that parts without a counterpart, such as a raised hand, are
+        # ignored.
         missed = np.linalg.norm(_mirrored(points, normal, offset) - pairs, axis=1)
         good = missed <= np.quantile(missed, 0.8)
         centre = middles[good].mean(0)
         about = middles[good] - centre
-        # The normal is parallel to the differences of the pairs, and their middles lie in the plane.
+        # The normal is parallel to the differences of the pairs, and the midpoints of the pairs lie in the
+        # plane.
         normal = np.linalg.eigh(about.T @ about - ways[good].T @ ways[good] / 4)[1][:, 0]
         offset = float(normal @ centre)
     nearest = _nearest(cloud, normal, offset)
     image = _mirrored(points, normal, offset)
     gaps = image - points[nearest]
-    # Measure the distance to the surface, not to its samples: ignore tangential offsets below the sample
+    # Measure the distance to the surface, not to its samples. So ignore tangential offsets below the sample
     # spacing.
     apart = np.linalg.norm(gaps, axis=1)
     through = np.abs((gaps * cloud.normals[nearest]).sum(1))

@@ -163,7 +163,7 @@ def _split(cells, beside, t, p, some):
 def _relax(points, cells, fixed):
     """Moves each point from index ``fixed`` on to the middle of its neighbours, unless a triangle would
     flip."""
-    # Target of each new point: the mean of its neighbours.
+    # Compute the target of each new point: the mean of its neighbours.
     total, many = np.zeros(points.shape), np.zeros(points.shape[0])
     for t in range(cells.shape[0]):
         for k in range(3):
@@ -176,7 +176,7 @@ def _relax(points, cells, fixed):
         if many[i] > 0.0:
             for a in range(2):
                 wanted[i, a] = total[i, a] / many[i]
-    # Restore the old corners of triangles that would flip or collapse, and check again.
+    # Move the corners of triangles that would flip or collapse back to their old places, and check again.
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):
@@ -188,7 +188,7 @@ def _relax(points, cells, fixed):
                     copy_row(wanted[i], points[i])
         if not wrong:
             break
-    # Give up if a flipped triangle remains.
+    # Give up if a triangle is still flipped.
     for t in range(cells.shape[0]):
         a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
         if _turn(wanted[a], wanted[b], wanted[c]) <= 0.0:

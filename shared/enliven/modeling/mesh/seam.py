@@ -132,7 +132,7 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     loose[of[free]] = True
     web, lengths = _neighbour_shares(welded)
     inner = np.flatnonzero(loose)
-    # The Laplacians of free vertices and of their neighbours depend on the free positions.
+    # Only the Laplacians of free vertices and of their neighbours depend on the free positions.
     rows = np.unique(np.concatenate([inner, web[inner].indices]))
     unknown = np.zeros(len(loose), bool)
     unknown[rows] = True
@@ -144,8 +144,8 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
     own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
     right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
-    # A weak pull to the old positions determines parts without any fixed vertex: small shells that are
-    # entirely free.
+    # Pull weakly towards the old positions. This determines small shells that are entirely free, because
+    # nothing else fixes their position.
     right = right + _HOLD * welded.vertices[inner]
     square = (own.T @ own + _HOLD * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
@@ -191,7 +191,7 @@ def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     total = np.asarray(web.sum(1)).ravel()
     web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
     many = np.bincount(starts, minlength=count)
-    # Root mean square, with the same weights as the Laplacian.
+    # Compute the root mean square with the same weights as the Laplacian.
     square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
     return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
 

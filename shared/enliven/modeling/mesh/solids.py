@@ -103,7 +103,7 @@ def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
     Args:
         label: (V,) vertices with equal labels are merged.
     """
-    # Loose vertices are left out, since manifold3d would count them as solids without faces.
+    # Leave out loose vertices, because manifold3d would count them as solids without faces.
     kept = np.unique(mesh.faces)
     _, first, of = np.unique(label[kept], return_index=True, return_inverse=True)
     target = first[of.reshape(-1)]

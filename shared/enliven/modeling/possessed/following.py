@@ -39,7 +39,7 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     reach = max(_REACH * size, _AROUND * float(np.median(near)) if len(near) else 0.0)
     shares = np.where(away < reach, (1.0 - np.minimum(away / reach, 1.0) ** 2) ** 2, 0.0)
     shares = np.minimum(shares, 1.0 - _EVEN)
-    shares[node] = 1.0  # the only node with the full share
+    shares[node] = 1.0  # The dragged node is the only node with the full share.
     own = np.flatnonzero(shares > 0.0)
     return own, np.concatenate([shares[own, None], _slopes(rest, edges, shares, node)[own]], 1)
 

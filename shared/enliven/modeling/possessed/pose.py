@@ -39,7 +39,8 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
         turn, move = part.turn, part.place
         here = slice(start, start + len(part.nodes))
         if part.ride is not None:
-            # Layers that act on this part must not also move its carrier: evaluate the carrier without them.
+            # Layers that move this part must not also move the part that carries it. So evaluate the carrier
+            # without these layers.
             carriers = [one for one in over if not one.moves[here].any()]
             node = np.array([part.ride.node])
             held = _layered((linear[node], positions[node]), carriers, node)

@@ -109,7 +109,8 @@ class GraphRig(RigEdits):
         centre, flip = self.centre(shape), Axes(IDENTITY, True)
         parts = []
         for part in shape.parts:
-            # M (turn S^k x + place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again.
+            # M (turn S^k x + place) = (M turn S) S^(k+1) x + M place, and M turn S is a rotation again. So a
+            # mirrored part only toggles its reflection.
             turn = normalized(multiply(axes.turn, flip.rotations(part.turn)))
             rest = normalized(multiply(axes.turn, flip.rotations(part.axes)))
             place, ride = centre + axes.vectors(part.place - centre), part.ride

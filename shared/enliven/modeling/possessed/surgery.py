@@ -163,8 +163,8 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
     for part in shape.parts:
         ride = part.ride
         if ride is not None:
-            # A node's map leads from rest to the world, so its rotation at the merge includes the new rest
-            # pose too.
+            # The map of a node leads from the old rest pose to the world. So its rotation at the merge must
+            # also contain the change of the rest pose.
             ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
         parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
     mesh = replace(shape.mesh, vertices=vertices)

@@ -154,7 +154,8 @@ def points_needed(
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
             if len(asked) == len(was):
                 return added, worst
-            # Finally check the key poses again that were within the tolerance before.
+            # Finally, check the key poses again that were within the tolerance before, because the added
+            # vertices may have changed them.
             asked, most = np.arange(len(was)), 0 if worst > tolerance else most
             continue
         asked = asked[each.max(1) > tolerance]

@@ -101,7 +101,8 @@ class PuppetRig(RigEdits):
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
         """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
         flip = Axes(IDENTITY, True)
-        # M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root), S the reflection in the plane x = 0.
+        # Mirroring gives M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). S is the reflection in the
+        # plane x = 0.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
         made = _mapped(puppet, flip.vectors, flip.vectors)
         return made.with_changes(

@@ -77,7 +77,7 @@ def parted_at(
     project = project.with_characters(shape)
     lower_id = unused(shape.id, project.characters)
     if time is None and _END < at < 1.0 - _END:
-        # In the rest pose there is no motion to compensate: insert a node and cut there.
+        # The rest pose has no motion that must be compensated, so insert a node and cut at that node.
         project, _ = insert_node(project, shape.id, j, at, name=name)
         shape, at = project.shape(shape.id), 1.0
     turns, joints = posed(project, shape, time)
@@ -106,7 +106,8 @@ def parted_at(
 def with_cut(before: Shape, upper: Shape, lower: Shape, cut: Cut) -> tuple[Shape, Shape]:
     """Gives the two sides of a mesh cut along a bone to the two shapes: the near side to the upper one."""
     node = lower.skeleton.names[0]
-    # For a cut inside a bone, skin of the bones above goes to the lower half; at a joint, to the root.
+    # If the cut is inside a bone, skin of the bones above goes to the lower half of that bone. If it is at a
+    # joint, this skin goes to the root.
     first = lower.skeleton.names[0 if node in before.skeleton.names else 1]
     return (
         with_piece(upper, cut.near, numbers_in(before, upper, node)),
@@ -144,8 +145,8 @@ def _between(project: Project, shape: Shape, j: int, at: float, time: float, nam
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)
     first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)
-    # The upper half turns as the whole bone did: m a_old a_new^-1. The root below it passes that rotation to
-    # the lower half, so the lower half's own motion is inverted.
+    # The upper half must turn as the whole bone did, so its rotation is m a_old a_new^-1. The root below it
+    # passes that rotation on to the lower half, so the lower half's own motion is inverted.
     kept = multiply(multiply(shape.modeling[j], old), conjugate(first))
     bones[j] = bones[j]._replace(modeling=normalized(kept))
     bones[j + 1] = bones[j + 1]._replace(modeling=normalized(conjugate(second)))

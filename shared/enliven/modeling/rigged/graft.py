@@ -24,7 +24,8 @@ def grafted(
     bones = bones_of(graft)
     names = _names(host, [bone.name for bone in bones])
     root = bones[0]
-    # W^-1 m_0 R^-1: the parent bone turns by W at the time of the merge, and R converts to the new axes.
+    # The first rotation is W^-1 m_0 R^-1. W is the rotation of the parent bone at the time of the merge, and
+    # R converts to the new axes.
     first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
     turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
     node = host.skeleton.names[j]

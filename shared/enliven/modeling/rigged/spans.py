@@ -99,7 +99,8 @@ def _scaled(spans: Sequence[Span], whole: float) -> Spans:
     """Scales the shares of the spans to sum to ``whole``. A bone without spans gets one without motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
-        # There are only rotations at the joint itself: the rest of the bone does not move.
+        # All rotations, if there are any, are at the joint itself. Add a span for the whole bone, which does
+        # not move.
         return (*spans, Span(whole))
     return tuple(replace(span, share=span.share * whole / total) for span in spans)
 

@@ -97,7 +97,7 @@ def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[lis
     fork, width = spur[0], _width(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)
-    # The end lies 0.4 radii before the tip; the two limbs meet one radius before it.
+    # The end of the spur lies 0.4 radii before the tip. The two limbs meet one radius before the tip.
     corner = axis.points[spur[-1]] - (1.0 - TIP) * width * back
     near = float(np.linalg.norm(axis.points[fork] - corner)) + 0.5 * width
     out = []

@@ -95,6 +95,6 @@ def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:
     """Returns the root joint: the thickest junction, or without junctions the thicker end."""
     degree: Int = np.bincount(np.array(links).ravel(), minlength=len(joints))
     most = degree == degree.max() if degree.max() > 2 else degree == 1
-    # Of two equal ones, take the lower.
+    # If two joints are equally thick, take the lower one.
     order = np.lexsort((joints[:, 1], -np.round(radii / radii.max(), 1), ~most))
     return int(order[0])

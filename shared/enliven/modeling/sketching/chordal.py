@@ -36,7 +36,7 @@ class _Tracer:
 
     def __post_init__(self) -> None:
         count = len(self.outline)
-        # Inner edges as (triangle, side); side k is opposite to corner k.
+        # List the inner edges as pairs of a triangle and a side. Side k is opposite to corner k.
         starts, ends = self.triangles[:, [1, 2, 0]], self.triangles[:, [2, 0, 1]]
         key = np.minimum(starts, ends) * count + np.maximum(starts, ends)
         flat = key.ravel()
@@ -125,7 +125,7 @@ class _Tracer:
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
         sizes, axes = np.linalg.eigh(spread)
-        # If it is about as long as wide, use the vertical.
+        # If length and width of the shape are about equal, use the vertical as its axis.
         along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])

@@ -44,7 +44,7 @@ def inflated(
         vertices, faces, parents, _ = split_long_edges(vertices, faces, _LONG * step)
         if len(parents) == 0 or count > 100_000:
             break
-        # Interpolating the squared height keeps the midpoint of an edge on the circle.
+        # Interpolate the squared height, which keeps the midpoint of an edge on the circle.
         between = (squared[parents[:, 0]] + squared[parents[:, 1]]) / 2
         squared = np.concatenate([squared, between])
         side = np.sign(vertices[parents[:, 0], 2] + vertices[parents[:, 1], 2])
@@ -63,7 +63,8 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
         return np.zeros(len(flat))
     out = poisson(points, cells.astype(np.int32), np.arange(len(flat)) >= rim)
     laplacian, _ = cotangents(points, cells.astype(np.int32))
-    # The factor rho: the axis pulls it to its circles, and it is as smooth as possible in between.
+    # Compute the factor rho. It makes the cross-sections round at the axis, and is as smooth as possible in
+    # between.
     far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
     nearest = inner[np.argmin(far, axis=1)]
     wanted = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
@@ -86,7 +87,8 @@ def _both_halves(
     lower = np.concatenate([flat[rim:], -height[rim:, None]], 1)
     under = np.concatenate([np.arange(rim), len(flat) + np.arange(len(flat) - rim)])
     faces = np.concatenate([cells, under[cells][:, ::-1]])
-    # A triangle with all corners on the outline would coincide in both halves: each copy gets an inner point.
+    # A triangle with all corners on the outline would coincide in both halves. So each of its two copies gets
+    # an inner point.
     whole = np.concatenate([upper, lower])
     return _opened(whole, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
 
@@ -137,7 +139,7 @@ def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
     out: list[list[int]] = []
     rest = list(corners)
     while len(rest) > 3:
-        # Cut off an old corner between two new ones, if there is one.
+        # Cut off an old corner between two new ones. If there is none, split the rest as a fan.
         size = len(rest)
         ear = next(
             (

@@ -39,7 +39,7 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
     if len(crossings):
         dense = _without_ends(dense, crossings)
     even = _resampled(_apart(dense, 1e-6 * extent), count, closed=True)
-    # Smoothing can make a thin tip cross itself; in that case smooth less.
+    # Smoothing can make a thin tip cross itself. In that case, smooth fewer times.
     points = even
     for times in range(smooth, -1, -1):
         points = _smoothed(even, times)
@@ -99,7 +99,8 @@ def _crossed(starts, ends, closed):
                 continue
             bx, by = ends[j, 0] - starts[j, 0], ends[j, 1] - starts[j, 1]
             cross = ax * by - ay * bx
-            # Parallel segments do not cross; for collinear ones, rounding would give arbitrary results.
+            # Skip parallel segments, which do not cross. For collinear segments, rounding would give
+            # arbitrary results.
             if abs(cross) <= 1e-9 * np.sqrt((ax * ax + ay * ay) * (bx * bx + by * by)):
                 continue
             x, y = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
@@ -117,7 +118,7 @@ def _without_ends(points: Float, crossings: Float) -> Float:
         where = points[int(crossings[0, 0])]
         what = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
         raise InputError(what, where=_WHERE, mend="Draw an outline that does not cross itself.")
-    # The innermost passage removes all other crossings of the ends.
+    # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]
     start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]
     first = points[int(start)] + (start - int(start)) * (points[int(start) + 1] - points[int(start)])

@@ -90,7 +90,7 @@ def heat_weights(
     laplacian, mass = cotangents(welded.vertices, welded.faces)
     _take_nearest_where_hidden(welded, laplacian, segments, chosen, distance)
     extent = float(np.ptp(welded.vertices, axis=0).max()) or 1.0
-    # A vertex on a bone would get infinite heat.
+    # Limit the distance from below, because a vertex on a bone would get infinite heat.
     near = np.maximum(distance, 1e-4 * extent)
     heat = np.where(np.isfinite(near), settings.heat / near**2, 0.0) * mass
     source = np.zeros((len(welded.vertices), bones))
@@ -113,7 +113,7 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     """
     count = len(vertices)
     area = face_areas(vertices, faces)
-    # Degenerate faces would have unbounded weights: clamp angles to at least half a degree.
+    # Clamp the angles to at least half a degree, because degenerate faces would have unbounded weights.
     longest = np.zeros(len(faces))
     halves = []
     for k in range(3):

@@ -36,7 +36,7 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
         chosen = np.where(less.sum(1, keepdims=True) > 0, less, chosen)
     chosen = np.maximum(chosen, 0.0)
     total = chosen.sum(1, keepdims=True)
-    # A vertex without weights follows its first bone.
+    # Let a vertex without weights follow its first bone.
     chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
     indices, kept = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
     indices[:, :some], kept[:, :some] = np.where(chosen > 0, order, 0), chosen

@@ -75,7 +75,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
     d = target - p
     if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _OUTWARD * np.sqrt((d * d).sum()):
         return True
-    # Set up the grid traversal (Amanatides and Woo): cell, direction, and next crossing per axis.
+    # Set up the grid traversal of Amanatides and Woo: cell, direction, and next crossing per axis.
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
     ahead, each = np.empty(3), np.empty(3)
     for a in range(3):
@@ -139,7 +139,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             for k in range(3):
                 points[i, k] = a[k] + u * (b[k] - a[k])
             found = min(found + 1, some)
-        # Take the nearest visible segment, and visible ones at nearly the same distance.
+        # Take the nearest visible segment, and other visible segments at nearly the same distance.
         taken = 0
         for i in range(found):
             far = np.sqrt(near[i])
@@ -151,7 +151,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
                 distance[v] = far
             chosen[v, taken] = who[i]
             taken += 1
-        # Increase the distance if nearer segments are occluded.
+        # If the nearest segments are occluded, increase the distance.
         if taken:
             distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
     return chosen, distance

@@ -23,7 +23,8 @@ from enliven.motion.contact.pin import HeldPin, pin_limb
 _RATE = 60.0
 """Samples per second at which feet are analysed."""
 _LONGEST = 120.0
-"""Seconds that are analysed if layers of unlike lengths are looped; after that no foot is pinned."""
+"""Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
+pinned."""
 _STRETCH = 0.998
 """Maximum fraction of its length to which a limb is stretched before the root is lowered."""
 
@@ -123,7 +124,8 @@ def standing_of(
         mode, most = None, np.full(count, pin.settings.drop)
         if asked is not None:
             mode = asked[number]
-            most[mode == ALWAYS] = 1.0  # a foot that is always held is reached, however deep the knees bend
+            # A foot that is always held must be reached, however deep the knees bend.
+            most[mode == ALWAYS] = 1.0
             grounds.append(_while(mode == GROUND, times))
         seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)

@@ -59,7 +59,8 @@ def between(a, b, t):
         return a
     if t == 1.0:
         return b
-    # e is the part of b perpendicular to a: its length is the sine, exact for small angles too.
+    # e is the part of b that is perpendicular to a. Its length is the sine, which is exact for small angles
+    # too.
     e = (b[0] - cosine * a[0], b[1] - cosine * a[1], b[2] - cosine * a[2], b[3] - cosine * a[3])
     sine = math.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3])
     if sine < 1e-300:

@@ -134,7 +134,7 @@ def limit_turns_towards(
         made = kept[:, None] * made + (1.0 - kept)[:, None] * far
     if joint.twist_reach < _UNLIMITED:
         about = known + _factor(joint, swing_off, np.abs(twists - known)) * (twists - known)
-        # Close to a swing of 180 degrees, the twist is undefined as well.
+        # Near a swing of 180 degrees, the twist is undefined too, so fade it out.
         about = about * kept * (1.0 - _rise(np.abs(twists), max(float(_FOLD), joint.twist_reach)))
     changed = (np.abs(made - swings).max(1) > _SAME) | (np.abs(about - twists) > _SAME)
     limited = multiply(

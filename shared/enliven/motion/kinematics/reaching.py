@@ -99,7 +99,7 @@ def unbend(points, goal, far, sizes):
         link = (link[0] * scale, link[1] * scale, link[2] * scale)
         for i in range(count - 1):
             if i > 0:
-                # A fraction of the bend, carried along by the less bent bones before it.
+                # Apply a fraction of the bend. The less bent bones before this one carry it along.
                 q = between((1.0, 0.0, 0.0, 0.0), load(bends, i), part)
                 old = minus(row(points, i), row(points, i - 1))
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))

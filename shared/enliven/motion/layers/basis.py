@@ -93,7 +93,8 @@ def _basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
     else:
         y = y / np.linalg.norm(y)
         sure = abs(float(y @ up)) >= UPRIGHT
-        # z x view makes x point away from the viewer; that is kept if up does not determine the side.
+        # The cross product of z and the view direction makes x point away from the viewer. Keep this side if
+        # up does not determine one.
         if float(y @ up) < -1e-12:
             y = -y
     return from_matrix(np.stack([np.cross(y, z), y, z], -1)), sure

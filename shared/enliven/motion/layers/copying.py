@@ -124,8 +124,8 @@ def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]
     cuts = _apart([min(max(x, 0.0), 1.0) for x in bounds])
     made: list[Span] = []
     for i, low in enumerate(cuts):
-        # A piece without length is at the joint itself. At the end of a bone, a piece belongs to the next
-        # bone.
+        # Copy the pieces without length at this end. A piece without length lies at the joint itself, and a
+        # piece at the end of a bone belongs to the next bone.
         made += [replace(span, share=0.0) for a, b, span in own if b - a <= _SLIVER and _near(a, low)]
         if i == len(cuts) - 1:
             break

@@ -104,7 +104,7 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
         chain = [int(shape.skeleton.parents[bone]), bone]
         end = intervals[bone][1]
         while True:
-            # A chain continues in the child with the interval that starts where this one ends.
+            # A chain continues in the child that has an interval starting where this interval ends.
             after = [
                 c
                 for c in shape.skeleton.children[chain[-1]]
@@ -129,7 +129,7 @@ def lead_at(
     """
     weights = chain.weight * heard
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
-    # Copied to a contiguous array, so that numba compiles the kernel only once.
+    # Copy to a contiguous array, so that numba compiles the kernel only once.
     apart = np.ascontiguousarray(knots)
     lead_end(parents, vectors, *fixed, apart, turns, joints)
 

@@ -142,7 +142,7 @@ class Player:
             links = links + offsets
             stretch = self._stretching.stretch(times, strains)
             links = links if stretch is None else stretched(stretch, links)
-            # read-only like a skeleton's arrays, so that numba compiles the kernels only once
+            # Make the array read-only like a skeleton's arrays, so that numba compiles the kernels only once.
             links.setflags(write=False)
         return links
 
@@ -190,7 +190,8 @@ class Player:
         turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
         if known is None or turns.shape != (1, len(known.skeleton), 4) or root.shape != (1, 3):
             raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
-        # A clip's arrays are read-only, and so are these, so that numba compiles the kernels only once.
+        # The arrays of a clip are read-only. Make these arrays read-only too, so that numba compiles the
+        # kernels only once.
         for array in (turns, root):
             array.setflags(write=False)
         self._sampler.feed(take, turns)

@@ -75,7 +75,7 @@ class _Stretched:
             return None
         played, most = self.clock.played(times), self.strains.argmax(1)
         here = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
-        # Between two frames, the first one applies: a mirroring cannot be interpolated.
+        # Between two frames, the first frame applies, because a mirroring cannot be interpolated.
         rows = track[np.floor(here + _ROUNDING).astype(int)][:, self.bones]
         heard = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
         return np.where(heard, rows[:, most], 1.0)
@@ -130,7 +130,8 @@ def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _St
         for share, ref in _refs(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
-                # A reference without length follows the bone before it, in proportion to the two lengths.
+                # If a reference has no length, it follows the bone before it, in proportion to the lengths of
+                # both bones.
                 there = int(place_of(line.knots, np.array([low]))[0][0])
                 theirs = float(skeleton.lengths[line.bones[there]])
                 taken[0, j, there] += share * shape.skeleton.lengths[j] / theirs if theirs > 0.0 else 0.0

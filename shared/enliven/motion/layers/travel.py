@@ -27,8 +27,8 @@ def height_of(skeleton: Skeleton) -> tuple[float, float]:
     The extent does not depend on the rotation about the vertical.
     """
     at, height = skeleton.positions, skeleton.positions[:, 1]
-    # The farthest two joints: neither a rotation about the vertical nor a node within a bone changes their
-    # distance.
+    # Use the two joints that are farthest apart horizontally. Neither a rotation about the vertical nor a new
+    # node within a bone changes their distance.
     across = at[:, None, [0, 2]] - at[None, :, [0, 2]]
     wide = float(np.linalg.norm(across, axis=2).max())
     return float(height[0] - height.min()), float(np.hypot(np.ptp(height), wide))

@@ -96,7 +96,7 @@ def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     for a, b in edges.tolist():
         neighbours[a].append(b)
         neighbours[b].append(a)
-    # union-find parent of each processed node; the root is its group's highest node
+    # peak holds the union-find parent of each processed node. The root of a group is its highest node.
     peak: dict[int, int] = {}
     length: dict[int, float] = {}
     for node in np.argsort(-height, kind="stable").tolist():

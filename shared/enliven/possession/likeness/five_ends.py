@@ -39,7 +39,7 @@ _HIGH = 0.4
 _LOW = 60.0
 """Cost per body height below that minimum."""
 _RAISED = 8.0
-"""Cost of both hands above the head, where ears and horns are more likely."""
+"""Cost of both hands above the head. Such ends are more likely ears or horns."""
 _FEET = 0.15
 """Fraction of the height below which feet are expected."""
 _KICK = 60.0

@@ -135,8 +135,8 @@ def cut_what_is_new(
     above = above_plane(mesh, support.normal, support.offset + s.clearance)
     told = _smoothed(above.faces, compared(above.vertices, images, noise))
     away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN)
-    # So close to the support, the comparison cannot separate object and support. There, surface above and
-    # next to the object belongs to it.
+    # So close to the support, the comparison cannot separate the object from the support. There, everything
+    # above the support and next to the object counts as object.
     low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
     meant = (told >= 0) & np.isfinite(away) | low
     kept = np.asarray(meant[above.faces].any(1))

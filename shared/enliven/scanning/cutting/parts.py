@@ -55,6 +55,6 @@ def set_down(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOu
     if 0.0 < cut_at < settings.clearance + _LEVEL:
         vertices[feet, 1] = 0.0
     low, high = vertices.min(0), vertices.max(0)
-    # If the floor is kept, it stays at y = 0.
+    # If the floor is kept, leave it at y = 0.
     vertices -= [(low[0] + high[0]) / 2, low[1] if cut_at > 0.0 else 0.0, (low[2] + high[2]) / 2]
     return CutOut(close_holes(replace(kept, vertices=vertices), feet, settings), parts, area)

@@ -106,7 +106,8 @@ def piece_tracker(settings: ScanSettings) -> CameraTracker:
     """Returns the tracker that aligns images with the submap that was last fused into its volumes."""
     plain, t = replace(settings.volume, colour=False), settings.tracking
     reaches = (plain.reach, plain.far)
-    # Fewer points carry the same information, because the noise of neighbouring pixels is correlated.
+    # With a larger stride, each point carries more independent information, because the noise of neighbouring
+    # pixels is correlated.
     told = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
         [DistanceVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],

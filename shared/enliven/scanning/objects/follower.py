@@ -134,7 +134,8 @@ class ObjectFollower:
         up = self._pose[:3, :3] @ room_from_camera[:3, :3].T @ up
         middle, poses = self._model.middle, list[Float]()
         for height in _LIFTS:
-            # In the object's frame, the camera sinks as the object rises.
+            # The pose belongs to the camera in the object's frame. If the object rises, the camera sinks in
+            # this frame.
             pose = self._pose.copy()
             pose[:3, 3] -= height * up
             poses.append(pose)
@@ -171,7 +172,7 @@ class ObjectFollower:
         """Returns (h, w) the points that are fused, and those of them that were known before."""
         distance = distances_in(self._model.volumes[_NEAR], view, self._pose)
         known = np.abs(distance) < _OWN
-        # A point in front of a known surface, in observed free space, belongs to a hand.
+        # A point in front of a known surface lies in observed free space, so it belongs to a hand.
         new = np.isnan(distance) | (distance < -_OWN)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
         may = self._model.reaches(local, _MARGIN) & self._above(view, room_from_camera)
@@ -208,7 +209,7 @@ class ObjectFollower:
             return False
         if found.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
             return False
-        # Motion of the object relative to the camera, about the object's own centre.
+        # Compute the motion of the object relative to the camera, about the centre of the object.
         step = inverse(found.world_from_camera) @ self._pose
         cosine = (np.trace(step[:3, :3]) - 1.0) / 2.0
         middle = np.append(self._model.middle, 1.0)

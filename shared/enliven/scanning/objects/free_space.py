@@ -41,7 +41,8 @@ def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
     height, width = (side // _THIN for side in z.shape)
     tiles = z[: height * _THIN, : width * _THIN].reshape(height, _THIN, width, _THIN)
-    # The nearest depth of a tile. It is unknown if any pixel is, because an edge runs through the tile.
+    # Use the nearest depth of each tile. If any pixel is unknown, the tile is unknown, because an edge runs
+    # through it.
     nearest = np.where((tiles > 0).all((1, 3)), tiles.min((1, 3)), 0.0).astype(np.float32)
     return SeenDepth(nearest, view.intrinsics, 2.0 * _THIN, frame_from_camera)
 

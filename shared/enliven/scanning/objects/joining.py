@@ -30,7 +30,7 @@ _REACH = 0.05
 _STEPS = 20
 """Number of ICP steps."""
 _WIDTHS = 0.02, 0.003
-"""Metres at which a residual has a quarter of its weight, in the first step and in the last."""
+"""Residuals, in metres, that get a quarter of the full weight, in the first step and in the last."""
 _NEAR = 0.01
 """Distance, metres, within which a point lies on the surface."""
 _CLEANED = 90

@@ -27,12 +27,12 @@ _STEPS = 12
 _FINE_STEPS = 20
 """ICP steps for the candidates that are refined."""
 _WIDTHS = 0.15, 0.01
-"""Metres at which a residual has a quarter of its weight, first and last step, so that non-overlapping
-parts lose influence."""
+"""Residuals, in metres, that get a quarter of the full weight, in the first step and in the last. They
+shrink, so that parts that do not overlap lose influence."""
 _DAMPING = 1e-4
 """Damping of the normal matrix, per weight of the points. Unconstrained directions stay unchanged."""
 _SAME = 0.05, 0.25
-"""Metres and radians within which two results count as the same."""
+"""Maximum difference of two results that count as the same, in metres and radians."""
 _FACING = 0.5
 """Cosine (60 degrees) between two normals below which points belong to two different sides."""
 
@@ -172,7 +172,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
             soft, agreeing, weight = widths[min(step, len(widths) - 1)], 0, 0.0
             matrix[:], right[:] = 0.0, 0.0
             for n in range(len(part)):
-                # Transform the point and find the nearest surface point in the grid.
+                # Transform the point, and find the nearest surface point in the grid.
                 x, y, z = part[n, 0], part[n, 1], part[n, 2]
                 rx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z
                 ry = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z
@@ -187,7 +187,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                     continue
                 at = nearest[cx, cy, cz]
                 nx, ny, nz = normals[at, 0], normals[at, 1], normals[at, 2]
-                # Reject pairs with normals on different sides.
+                # Reject the pair if the two normals point to different sides.
                 x, y, z = facing[n, 0], facing[n, 1], facing[n, 2]
                 alike = (
                     nx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z)
@@ -196,13 +196,13 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                 )
                 if alike < _FACING:
                     continue
-                # Point-to-plane residual, and the count of points on the surface.
+                # Compute the point-to-plane residual, and count the points on the surface.
                 dx, dy, dz = qx - points[at, 0], qy - points[at, 1], qz - points[at, 2]
                 away = nx * dx + ny * dy + nz * dz
                 distance = dx * dx + dy * dy + dz * dz
                 if distance < 4.0 * cell * cell and abs(away) < near:
                     agreeing += 1
-                # Robust weight (Geman-McClure) and normal equations.
+                # Compute the robust weight (Geman-McClure), and add to the normal equations.
                 robust = soft * soft / (soft * soft + distance)
                 w = robust * robust
                 j[0], j[1], j[2] = nx, ny, nz
@@ -213,7 +213,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                     right[a] -= w * j[a] * away
                 weight += w
             shares[k] = agreeing / len(part)
-            # The last pass only counts the points on the surface.
+            # Stop here in the last pass, which only counts the points on the surface.
             if step == len(widths) or weight == 0.0:
                 break
             for a in range(6):

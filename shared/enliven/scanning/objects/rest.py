@@ -137,7 +137,8 @@ class ObjectRest:
         """Returns whether floor and object were apart in the last image and in the one before."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
-        # If the room is too plain for a reliable camera pose, the pose is still approximately right.
+        # If the room has too little structure for a reliable camera pose, the pose is still approximately
+        # right.
         seen = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
         if step.state not in seen or view is None:
             return False
@@ -146,7 +147,8 @@ class ObjectRest:
         own = shown_in(self._region, view, pose)
         floor, apart = floor_plane(view, pose, self.ground, self._middle, own), False
         if floor is not None and len(self._floors) < _FIRST:
-            # The ground was found in coarse voxels; the reference is the floor as the images show it.
+            # The ground was found in coarse voxels. So measure the reference height of the floor in the first
+            # images instead.
             self._floors.append(floor)
         elif floor is not None:
             gap = floor - np.median(self._floors, axis=0)

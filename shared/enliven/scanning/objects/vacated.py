@@ -29,7 +29,7 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     back = inverse(world_from_camera)
     local = points @ back[:3, :3].T + back[:3, 3]
     x, y, z = local[local[:, 2] > _NEAREST].T
-    # 1e9 for unknown depth, so that the minimum around a pixel only considers known depth.
+    # Set unknown depth to 1e9, so that the minimum around a pixel considers only known depth.
     depth = np.where(view.worth > 0, view.points[..., 2], np.float32(1e9))
     nearest = minimum_filter(depth, _BESIDE, mode="nearest")
     lens = view.intrinsics

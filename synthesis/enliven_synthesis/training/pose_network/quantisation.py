@@ -40,12 +40,13 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
     Args:
         dataset: its samples from number ``first`` on calibrate the value ranges.
     """
-    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
+    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    import onnx
 
     with (
         tempfile.TemporaryDirectory() as spare,
         contextlib.redirect_stdout(io.StringIO()),
-    ):  # the calibrator prints its histogram bins
+    ):  # Discard the calibrator's output, because it prints its histogram bins.
         folded = Path(spare) / "folded.onnx"
         preparation = load_onnxruntime("onnxruntime.quantization.shape_inference")
         preparation.quant_pre_process(whole, folded, skip_symbolic_shape=True)

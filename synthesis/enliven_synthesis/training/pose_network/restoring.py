@@ -100,12 +100,13 @@ def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None
 
 def _weights(path: Path) -> dict[str, Float32]:
     """Returns the weights of an exported network by name. Eight-bit weights are converted to floats."""
-    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
+    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    import onnx
     from onnx import numpy_helper
 
     try:
         graph = onnx.load(path).graph
-    except Exception as error:  # onnx.load has no common base class of errors
+    except Exception as error:  # The errors of onnx.load have no common base class.
         raise _unfit(path, f"it cannot be read as a network ({type(error).__name__})") from None
     known = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     weights = {name: array for name, array in known.items() if array.dtype == np.float32}

@@ -161,7 +161,8 @@ def measure(path: Path, dataset: Dataset) -> Measured:
 
 def export(network: PoseNetwork, path: Path) -> None:
     """Writes a network as an ONNX file that accepts any batch size."""
-    import onnx  # belongs to the same extra as PyTorch; its absence is reported first
+    # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
+    import onnx
 
     example = (torch.zeros(2, CHANNELS, ROWS, COLUMNS), torch.zeros(2, 3))
     crops = torch.export.Dim("crops", min=1)

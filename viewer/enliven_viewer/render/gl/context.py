@@ -28,7 +28,7 @@ def offscreen_context() -> moderngl.Context:
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         return moderngl.create_standalone_context(require=GL_VERSION, **options)
-    except Exception as error:  # moderngl raises a plain Exception if the loader does not find something
+    except Exception as error:  # moderngl raises a plain Exception if its loader does not find OpenGL.
         raise _missing(error) from None
 
 

@@ -40,7 +40,8 @@ class RenderTarget:
             colour = ctx.renderbuffer(size, 4, samples=self.samples)
             depth = ctx.depth_renderbuffer(size, samples=self.samples)
             self.drawn = ctx.framebuffer([colour], depth)
-            self.resolved = ctx.framebuffer([self.texture])  # without depth, which would be averaged too
+            # This framebuffer has no depth, because the copy would average the depths too.
+            self.resolved = ctx.framebuffer([self.texture])
             self._own += [colour, depth, self.drawn, self.resolved]
 
     def begin(self, region: Region) -> None:
@@ -71,9 +72,10 @@ class RenderTarget:
     def resolve(self) -> None:
         """Averages the samples of the region into the image."""
         if self.drawn is not self.resolved:
-            self.drawn.use()  # its scissor region limits the copy
+            self.drawn.use()  # Bind the source first, because its scissor region limits the copy.
             self.ctx.copy_framebuffer(self.resolved, self.drawn)
-            self.resolved.use()  # otherwise the next framebuffer would be cleared only in this region
+            # Bind the target too. Otherwise the next framebuffer would be cleared only in this region.
+            self.resolved.use()
 
     def behind(self) -> moderngl.Texture:
         """Returns the current image as a texture, which transparent meshes drawn next can sample."""

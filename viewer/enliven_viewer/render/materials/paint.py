@@ -59,7 +59,8 @@ def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
     rows[:, 7:10] = 1.0, _BARE.metallic, _BARE.roughness
     if own is None:
         return PaintedFaces(np.arange(len(surface.faces)), ((PLAIN_PART, 0, len(surface.faces)),), rows)
-    materials = [*map(material_of, own.definitions), _BARE]  # index -1, no material, is the last one
+    # The last material has the index -1, which means no material.
+    materials = [*map(material_of, own.definitions), _BARE]
     parts = [*parts_of(materials[:-1], own.textures, own.uvs.shape[2]), PLAIN_PART]
     _paint(rows, own, materials, parts, surface)
     kinds = sorted(set(parts), key=lambda part: part.rank)

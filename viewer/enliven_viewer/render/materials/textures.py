@@ -154,6 +154,6 @@ def _pixels(source: Texture, most: int) -> UInt8:
             whole = picture.convert("RGBA")
             whole.thumbnail((most, most), Image.Resampling.BOX)
             return np.asarray(whole, np.uint8)
-    except Exception as error:  # a library that decodes untrusted bytes can raise any exception
+    except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
         log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
         return _WHITE

@@ -102,7 +102,7 @@ class Marks:
 
     def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
         ends = actor.pose.positions[actor.character.edges.reshape(-1)].astype(np.float32)
-        if len(ends) and actor.character.kind != "points":  # control points have no edges between them
+        if len(ends) and actor.character.kind != "points":  # Control points have no edges between them.
             self._points.orphan(ends.nbytes)
             self._points.write(np.ascontiguousarray(ends))
             self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA

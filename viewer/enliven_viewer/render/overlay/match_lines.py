@@ -54,7 +54,7 @@ def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
         if len(row.limbs) != len(row.lines):
             continue
         for limb, line, tint in zip(row.limbs, row.lines, tints_of(row), strict=True):
-            if len(line):  # a limb may drive nothing
+            if len(line):  # Skip limbs that drive nothing, which have no line.
                 tints.setdefault(row.body, {}).update(dict.fromkeys(joints_of_limb(limb), tint))
     return tints
 

@@ -76,7 +76,7 @@ class ActionTable:
         self.recent = [action_id, *(one for one in self.recent if one != action_id)][:_MOST_RECENT]
         try:
             action.do()
-        except Exception as error:  # an internal error must not close the artist's window
+        except Exception as error:  # An internal error must not close the user's window.
             if not isinstance(error, EnlivenError) and os.environ.get("ENLIVEN_DEBUG"):
                 raise
             self._toasts.tell(error, tr("Save your work, and report it."))

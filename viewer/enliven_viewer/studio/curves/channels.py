@@ -216,7 +216,8 @@ def _moving(
     def of_handle(time: float) -> tuple[Float, Float]:
         pose, handles = player(time)
         linear = np.asarray(pose.linear, np.float64)
-        if isinstance(character, Puppet):  # in the mesh's own frame, like its key poses
+        if isinstance(character, Puppet):
+            # A puppet's control points are given in the frame of its mesh, like its key poses.
             frame, place = linear[0], handles[handle] - pose.positions[0]
             return from_matrix(frame), frame.T @ place
         turn = from_matrix(linear[handle])

@@ -236,7 +236,7 @@ class CurveInput:
             self.editor.edit("move key", self._moved(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
-        # keys are numbered by time, so a key dragged past another one gets that one's number
+        # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
         self.chosen = self.chosen if dot is None else dot.number
 
     @property
@@ -303,7 +303,7 @@ class CurveInput:
         layout = self.timeline.layout
         time = dot.time + layout.time(x) - layout.time(from_x)
         value = dot.value + scale.value(y) - scale.value(from_y)
-        # A drag along one axis leaves the value on the other axis unchanged.
+        # A drag along one axis keeps the value on the other axis.
         return (
             dot.time if abs(x - from_x) < REACH / 2 else time,
             dot.value if abs(y - from_y) < REACH / 2 else value,
@@ -324,5 +324,7 @@ class CurveInput:
         (wanted, future), self._work = self._work, None
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
-            self.editor.toasts.tell(error)  # the panel that plays the character reports the other errors
+            # Report only internal errors here, because the panel that plays the character reports the other
+            # errors.
+            self.editor.toasts.tell(error)
         self._known = (wanted, {} if error is not None else future.result())

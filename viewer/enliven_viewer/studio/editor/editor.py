@@ -53,9 +53,10 @@ class Editor:
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
         self.keying = False  # auto-key: whether posing a bone sets a key at the playhead
-        self.growing = 0.0  # time in seconds that a running recording has reached
-        self.marked: tuple[float, float] | None = None  # the seconds at which recordings begin and end
-        self.beside_box: Box | None = None  # bounds of the live characters next to the project
+        self.growing = 0.0  # This is the time in seconds that a running recording has reached.
+        # These are the seconds at which recordings begin and end (punch-in and punch-out).
+        self.marked: tuple[float, float] | None = None
+        self.beside_box: Box | None = None  # These are the bounds of the live characters next to the project.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = Solving(self.toasts)
@@ -234,7 +235,8 @@ class Editor:
         """Sets the in point (0) or the out point (1) to the playhead."""
         first, last = self.marked or (0.0, self.length)
         marked = (self.time, last) if end == 0 else (first, self.time)
-        # the other point moves to the start or the end of the project
+        # If the marked range would become too short, move its other end to the start or the end of the
+        # project.
         if marked[1] - marked[0] <= SHORTEST_RANGE_S:
             marked = (self.time, self.length) if end == 0 else (0.0, self.time)
         self.marked = marked if marked[1] - marked[0] > SHORTEST_RANGE_S else None

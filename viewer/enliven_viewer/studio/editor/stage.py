@@ -61,8 +61,8 @@ class StudioStage:
 
     def _stands(self, project: Project, character: RigBase, time: float) -> StandingCharacter:
         known, played = self._players.get(character.id), character.needed().items()
-        # Editing a key replaces a take under the same name and leaves the character unchanged, so takes are
-        # compared too.
+        # Compare the takes too. Editing a key replaces a take under the same name, and leaves the character
+        # unchanged.
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
         if known is None or [*map(id, known[0])] != [*map(id, needs)]:

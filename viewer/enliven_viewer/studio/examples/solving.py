@@ -118,7 +118,8 @@ class Solving:
             if request.same(known.asked) and known.problem is not None:
                 return
             known.asked, known.future = request, self._begin(request)
-            wait_for([known.future], timeout=self.patience)  # only once, since others ask in the same frame
+            # Wait only once, because other panels request the result in the same frame.
+            wait_for([known.future], timeout=self.patience)
         if not known.future.done():
             return
         error, asked = known.future.exception(), known.asked

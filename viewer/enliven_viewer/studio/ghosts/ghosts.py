@@ -131,6 +131,8 @@ class Ghosts:
             self._known[name] = future.result()
         else:
             if not isinstance(error, EnlivenError):
-                self.editor.toasts.tell(error)  # the panel that plays the character reports the other errors
+                # Report only internal errors here, because the panel that plays the character reports the
+                # other errors.
+                self.editor.toasts.tell(error)
             self._known.pop(name, None)
             self._refused[name] = wanted

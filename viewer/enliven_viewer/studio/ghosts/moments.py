@@ -47,7 +47,7 @@ def _chosen_keys(
     keyed = [k for k, one in enumerate(playing) if getattr(project, one.source)[one.take].keys]
     if number not in keyed:
         if handle is not None and handle >= character.keyable:
-            return None  # a control point has key poses instead
+            return None  # The handle is a control point, which has key poses instead of keys.
         number = key_layer(project, character.id, handle)
     return None if number is None or playing[number].muted else playing[number]
 

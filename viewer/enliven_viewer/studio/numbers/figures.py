@@ -36,8 +36,8 @@ class Figures:
         editor, known = self.editor, self._known
         same = known is not None and known[0] is editor.project and known[1] == editor.selection
         if known is None or not same or not (editor.playing or known[2] == editor.time):
-            # During playback the numbers are not updated: they would be unreadable, and skinning would cost
-            # frames.
+            # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
+            # would cost frames.
             known = self._known = (editor.project, editor.selection, editor.time, self._seen())
         return known[3]
 

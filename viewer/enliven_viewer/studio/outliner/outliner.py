@@ -92,7 +92,8 @@ class Outliner:
     def begin_rename(self, row: Row | None = None) -> None:
         """Starts renaming a row, or the selected character if no row is given."""
         if row is None:
-            self.typed, self.followed = "", None  # make its row visible and scroll to it
+            # Clear the filter, so that the row becomes visible, and scroll to it.
+            self.typed, self.followed = "", None
             self.opened.add(f"{GROUP} shapes")
         row = row or next((one for one in self.rows if one.kind == CHARACTER and self.is_leading(one)), None)
         if row is not None and row.kind in (CHARACTER, TAKE):

@@ -59,7 +59,7 @@ def rows_of(
     if found is not None:
         return tuple(found)
     shown: list[Row] = []
-    closed = 99  # larger than any depth
+    closed = 99  # This value is larger than any depth, so no row is hidden at first.
     for row in _every(project, live):
         if row.depth > closed:
             continue
@@ -126,7 +126,8 @@ def _handles(one: RigBase) -> Iterator[Row]:
         yield Row(
             HANDLE, one.id, names[number], later("root") if _roots(parents, number) else word, number, depth
         )
-        # A chain stays at the same depth, so that an arm of twenty bones fits the panel.
+        # Indent only below a fork. A chain stays at the same depth, so that an arm of twenty bones fits the
+        # panel.
         deeper = depth + (len(children) > 1)
         waiting += [(child, deeper) for child in reversed(children)]
 

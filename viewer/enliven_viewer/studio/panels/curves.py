@@ -221,5 +221,5 @@ def _written(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "-"
     places = 0 if unit == "\u00b0" else 2
-    shown = round(value, places) + 0.0  # avoids "-0"
+    shown = round(value, places) + 0.0  # Adding 0 turns -0 into 0, which avoids the text "-0".
     return f"{shown:.{places}f}{' m' if unit == 'm' else unit}"

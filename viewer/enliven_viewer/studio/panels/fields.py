@@ -32,7 +32,7 @@ def slider(
     if isinstance(low, int):
         changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(said))
     else:
-        # A range over several powers of ten gets a logarithmic scale.
+        # Use a logarithmic scale for a range over several powers of ten.
         flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
         changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(said), flags)
     workspace.remember(name)

@@ -63,7 +63,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     editor, name, layer = workspace.editor, character.id, character.playing[number]
     if workspace.shown_layer != (name, number):
         if workspace.timeline.busy:
-            imgui.set_scroll_here_y(0.0)  # after a click on a clip, scroll its options into view
+            imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
         workspace.shown_layer = name, number
     heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
@@ -76,7 +76,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     _takes(workspace, layer)
     held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
-        held.discard("mirrored")  # not available for recorded streams, since their positions are absolute
+        held.discard("mirrored")  # Recorded streams cannot be mirrored, because their positions are absolute.
     for field, (low, high, said) in _NUMBERS.items():
         if field in held:
             change = _changing(name, number, field)

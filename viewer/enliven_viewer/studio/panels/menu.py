@@ -23,12 +23,14 @@ def draw_menu(workspace: Workspace) -> None:
         return
     names = list(workspace.actions.menus)
     letters = sum(imgui.calc_text_size(tr(name)).x for name in names)
-    # ImGui adds the item spacing on both sides of a menu's name.
+    # Add the item spacing twice for each name, because ImGui adds it on both sides.
     needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
     room = imgui.get_window_width() - rooms_width(narrow=True)
     if needed <= room:
         _menus(workspace)
-    else:  # one menu with all of them, so that the workspace tabs stay visible
+    else:
+        # The window is too narrow for the menu bar. Show one menu with all of the menus, so that the
+        # workspace tabs stay visible.
         opened = imgui.begin_menu(f"{_MENU_ICON}  {tr('Menu')}###all")
         workspace.remember("menu all")
         if opened:

@@ -43,7 +43,7 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
         each = imgui.get_content_region_avail().y / len(actions)
         is_low = each - _APART < _STACKED
         apart = _APART / 2 if is_low else _APART
-        if is_low:  # smaller margins, so that every tool is visible
+        if is_low:  # The window is low, so use smaller margins to keep every tool visible.
             imgui.set_cursor_pos_y(_LOW_PAD)
             each = (area.height - 2 * _LOW_PAD) / len(actions)
         size = ImVec2(_WIDE, min(max(each - apart, _HIGH[0]), _HIGH[1]))

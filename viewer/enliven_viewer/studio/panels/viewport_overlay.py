@@ -173,9 +173,10 @@ def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
 def _toasts(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     perform = workspace.perform
     live = perform.room == "Play" and perform.live is not None
-    bottom = area.y + area.height - (70 if live else 14)  # above the live timeline
+    bottom = area.y + area.height - (70 if live else 14)  # Leave room for the live timeline.
     if perform.room in ("Perform", "Play"):
-        # Also above the lines about performers, and about what a press of Possess waits for.
+        # Also leave room for the lines about performers, and for the line that shows what a press of Possess
+        # waits for.
         bottom -= HOLDER * (len(perform.holders) + perform.stepping_in.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8

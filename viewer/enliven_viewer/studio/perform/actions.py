@@ -40,7 +40,7 @@ class PerformAction:
     def id(self) -> str:
         """Returns a permanent name such as "perform.possess_alone"."""
         if self.label == _STAND:
-            return "perform.stand"  # the start page shows this action
+            return "perform.stand"  # The start page refers to this action, so its name is fixed.
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
     def lacks(self, session: PerformSession) -> str:

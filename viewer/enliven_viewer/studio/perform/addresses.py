@@ -35,7 +35,7 @@ class Addresses:
         """Moves an address to the top."""
         kept = (address, *(one for one in self.known if one != address))[:_KEPT]
         self._known = kept
-        with contextlib.suppress(OSError):  # a failure to store the address must not prevent the connection
+        with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
             self._path.write_text("\n".join(kept) + "\n", "utf-8")
 
     @property

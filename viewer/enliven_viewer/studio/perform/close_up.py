@@ -119,7 +119,7 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     if cues is None or cues.firm.all():
         return None
     nodes = cues.nodes[~cues.firm]
-    known = nodes < len(actor.pose.positions)  # an edge may send any node numbers
+    known = nodes < len(actor.pose.positions)  # Check the numbers, because an edge may send any node numbers.
     return np.asarray(actor.pose.positions[nodes[known]], np.float64)
 
 

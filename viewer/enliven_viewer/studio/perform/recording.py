@@ -78,7 +78,7 @@ class StageRecording:
             if self._left <= 0.0:
                 self._begin()
         elif self.phase == "recording":
-            # Playback follows the sensor's clock, regardless of the frame rate.
+            # Move the playhead by the sensor's clock, regardless of the frame rate.
             self.editor.growing = self.editor.time = self._start + self.seconds
             heard = self._connected() or any(guest.connected for guest in self._guests)
             self._silent = 0.0 if heard else self._silent + seconds

@@ -41,7 +41,8 @@ class StageSender:
         self._sent[name], self.states[name] = one, "being sent"
         told = partial(self._answered, name, again)
         if isinstance(one, Puppet) and len(one.poses) < 2 and one.mesh is not None:
-            # A puppet without examples cannot move by itself, so a person possesses its mesh.
+            # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
+            # possess.
             stage.put(project_of_mesh(one.mesh, name), name, fit=True, then=told)
         else:
             stage.put(project, name, then=told)

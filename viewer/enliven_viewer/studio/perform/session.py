@@ -77,7 +77,7 @@ class PerformSession:
         self._client: EdgeClient | None = None
         self._nearby: NearbyEdge | None = None
         self._framed: tuple[str, ...] = ()
-        self._soon: tuple[str, ...] = ()  # characters that wait for a stage
+        self._soon: tuple[str, ...] = ()  # These characters wait for a stage.
 
     @property
     def keys_of(self) -> str:

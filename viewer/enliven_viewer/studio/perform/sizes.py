@@ -20,9 +20,9 @@ from enliven_viewer.studio.editor import Editor
 _SAME = 0.005
 """Relative difference below which two sizes count as equal; an edge ignores it too."""
 _AGAIN = 1.0
-"""Seconds after which a size is sent once more, since a restarted edge has lost it."""
+"""Time after which a size is sent once more, in seconds. A restarted edge has lost it."""
 _SHOWN = 3.0
-"""Seconds for which the text stays after scaling has ended."""
+"""Time for which the text stays after scaling has ended, in seconds."""
 
 
 class StageSizes:

@@ -14,13 +14,11 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.sender import StageSender
 
 PATIENCE_S = 120.0
-"""Seconds for which a press waits while the stage, a character or a performer is missing. Kernels are
-compiled at the first start, and an artist alone walks from the keyboard to the camera.
-"""
+"""Longest time that a press waits while the stage, a character or a performer is missing, in seconds. Kernels
+are compiled at the first start, and an artist alone walks from the keyboard to the camera."""
 SEEN_S = 0.8
-"""Seconds that a newly appeared performer must be in view before the possession: completely visible, and
-still.
-"""
+"""Time for which a new performer must be in view before the possession, in seconds. By then, the performer is
+completely visible and still."""
 
 _ANSWERED_S = 0.3
 """Seconds without an answer after which the stage is reported as busy. Most answers take one frame."""

@@ -105,7 +105,8 @@ class Twins:
         posed = self.editor.posed(one.id)
         pose, drawn = known[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
-        # Cues refer to nodes of the mesh on the stage, which differ.
+        # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
+        # mesh.
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 

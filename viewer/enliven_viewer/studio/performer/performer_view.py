@@ -157,8 +157,8 @@ class PerformerView:
     def _made(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
-        # Face the same direction as the mesh: remove the performer's yaw and the facing direction of its rest
-        # pose.
+        # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing
+        # direction of its rest pose.
         back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))

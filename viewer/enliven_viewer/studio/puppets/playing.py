@@ -26,7 +26,7 @@ def played_state(editor: Editing, puppet: Puppet) -> tuple[Puppet, State]:
         return puppet, rest_state(puppet)
     try:
         state = state_of(project, solved, editor.time)
-    except EnlivenError:  # the examples panel reports the error
+    except EnlivenError:  # The examples panel reports this error.
         return puppet, rest_state(puppet)
     if solved.mesh is not puppet.mesh or solved.points != puppet.points:
         return solved, state

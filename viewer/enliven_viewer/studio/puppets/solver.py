@@ -76,7 +76,7 @@ class Solver:
         if self._refused == held or (self._work is not None and not self._work.done()):
             return None
         try:
-            # the control points have changed, so the refused ones no longer matter
+            # The control points have changed, so the ones that were refused no longer matter.
             if self._refused is not None:
                 self._refused, self._held, self._places = None, held, None
                 self._work = self._begin(puppet)
@@ -107,7 +107,7 @@ class Solver:
         self._rounds -= 1
         try:
             self._shown = self._surface.solve(self._places)
-        except EnlivenError:  # the error was reported when the surface was first requested
+        except EnlivenError:  # This error was reported when the surface was first requested.
             self._rounds = 0
             return False
         if float(np.abs(self._shown - before).max()) < _STILL * size_of(self.mesh):
@@ -119,7 +119,7 @@ class Solver:
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
-                surface.hold(*_split(self._held))  # the rest pose needs no solving
+                surface.hold(*_split(self._held))  # This is the rest pose, which needs no solving.
                 return surface.pose
             return surface.settle(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:

@@ -71,7 +71,7 @@ class DraggedBox:
             return
         end, axis = self._held
         through, eye, way = self._handle(end, axis), lens.view.eye, lens.ray(at)
-        # Closest point on the line to the ray.
+        # Compute the point on the line of the handle that is closest to the pointer's ray.
         across = np.cross(np.eye(3)[axis], way)
         square = float(across @ across)
         if square < 1e-6:

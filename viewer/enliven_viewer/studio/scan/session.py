@@ -258,7 +258,7 @@ class ScanSession:
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
         points = points @ place[:3, :3].T + place[:3, 3]
         camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
-        # Leave room for the camera on all sides, and for the instructions above.
+        # Leave room for the camera on all sides of the scan, and for the instructions above it.
         top = np.array([0.0, points[:, 1].max() + _WORDS, 0.0])
         points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)

@@ -109,7 +109,7 @@ def _way(said: ScanMessage) -> str:
     if abs(round_it) > _BEHIND:
         return tr("Walk round to the other side")
     if abs(round_it) > _BESIDE:
-        # Anticlockwise seen from above is to the right of a person facing the centre.
+        # Moving anticlockwise, as seen from above, is moving to the right for a person that faces the centre.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not held:
             return side

@@ -59,7 +59,7 @@ class SoundPlayer:
         self.heard = True
         self._stream: Stream | None = None
         self._sounds: tuple[Sound, ...] = ()
-        self._next = 0  # number of the project's sample that is requested next
+        self._next = 0  # This is the number of the project's sample that is requested next.
         self._failed = False
 
     def toggle(self) -> None:
@@ -78,7 +78,7 @@ class SoundPlayer:
             self._next = round(editor.time * SOUND_RATE)
             self._stream = self._begin()
         if self._stream is not None:
-            # Samples requested now are heard after the device's latency.
+            # The device plays the samples that are requested now after its latency, so request later samples.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
             if abs(wanted - self._next) > _APART * SOUND_RATE:
                 self._next = wanted
@@ -93,7 +93,7 @@ class SoundPlayer:
         """Opens the audio output. On failure reports it once, and the project plays silently."""
         try:
             return self._opened(self._fill)
-        except Exception as error:  # PortAudio's errors are not OSErrors
+        except Exception as error:  # PortAudio raises errors that are not OSErrors.
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
             mend = tr('Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.')

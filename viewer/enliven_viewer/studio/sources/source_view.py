@@ -66,7 +66,7 @@ class SourceView:
             self.camera.frame(
                 (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, room=1.25
             )
-            # Start with the front view: a chain is mapped as seen on screen.
+            # Start with the front view, because a chain is mapped as seen on the screen.
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 

@@ -45,7 +45,7 @@ _AS_FAR = 0.03
 """Maximum depth difference of that place, as a fraction of the chair's height, so that the two still
 touch.
 """
-# cached legs of the last surfaces, since they are needed in every frame
+# The legs of the last surfaces are cached, because they are needed in every frame.
 _KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []
 _KEPT = 4
 """Number of cached surfaces: the chair, and parts that were cut off."""
@@ -70,7 +70,8 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
     best: tuple[Int, ...] = ()
     for share in _HEIGHTS:
         parts = [one for one in _parts(mesh, heights < share * tall) if heights[one].min() < _STANDS * tall]
-        if len(parts) >= max(len(best), 2):  # if the number is equal, prefer the greater height
+        if len(parts) >= max(len(best), 2):
+            # If the number of legs is equal, prefer the greater height, which comes later.
             best = tuple(parts)
     if best:
         return best
@@ -116,7 +117,8 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     inside[leg] = True
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
     low, high = pixels[leg].min(0) - _BEYOND, pixels[leg].max(0) + _BEYOND
-    for axis in (0, 1):  # corner by corner, since reductions over three elements take ten times as long
+    for axis in (0, 1):
+        # Process corner by corner, because NumPy's reductions over three elements take ten times as long.
         one, two, three = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
         near &= np.maximum(np.maximum(one, two), three) > low[axis]
         near &= np.minimum(np.minimum(one, two), three) < high[axis]
@@ -176,7 +178,8 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
     near = np.abs(distances - distance.mean()) < _AS_FAR * heights.max()
     high = heights > _HIGH * heights.max()
     end = int(np.argmax(np.where(high & near, heights, -1.0) if (high & near).any() else heights))
-    start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]  # a point on the surface
+    # The path starts at a point on the surface, so take the vertex nearest to the mean.
+    start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]
     path = tuple((float(x), float(y)) for x, y in (start, there[end]))
     return Target(box=_aired(_box(own)), path=path)
 

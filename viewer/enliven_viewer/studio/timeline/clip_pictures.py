@@ -97,7 +97,7 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
     Each is centred and seen from the front.
     """
     flat = np.stack([points[..., 0], -points[..., 1]], -1)
-    # Each figure is centred horizontally; all figures have the same scale and floor.
+    # Centre each figure horizontally. All figures have the same scale and the same floor.
     low, high = flat.min(1), flat.max(1)
     wide = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
     tall = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)

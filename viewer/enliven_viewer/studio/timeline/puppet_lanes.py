@@ -38,7 +38,7 @@ class PuppetDetails:
         """Returns the kinds and heights in pixels of the rows below a layer's bar."""
         puppet = self.chosen
         if puppet is None or character is not puppet or number >= len(puppet.layers):
-            return ()  # layers that move only the root have no rows
+            return ()  # Layers that move only the root have no rows.
         layer = puppet.layers[number]
         rows = [("poses", POSES)]
         if layer.travel and any(point.foot for point in puppet.points):

@@ -97,7 +97,7 @@ class CarryTool(Tool):
         other = host
 
         def change(project: Project) -> Project:
-            # A merge at a node also positions the character, so it needs no move before.
+            # A merge at a node also positions the character, so do not move it before.
             moved = project if other.handle >= 0 else held.moved(project, pointer)
             return held.merged(moved, other, notes)
 
@@ -106,7 +106,7 @@ class CarryTool(Tool):
             editor.toasts.say(
                 tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
             )
-            for note in notes[-2:]:  # the last note says whether the two surfaces touch
+            for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
                 editor.toasts.say(note)
 
     def _beneath(self, pointer: Pointer) -> Hit | None:
@@ -121,7 +121,8 @@ class CarryTool(Tool):
         vertices = self.editor.posed(held.character).vertices
         if not len(vertices):
             return None
-        if not self._others:  # playback pauses during a drag, so the other characters do not move
+        if not self._others:
+            # Compute this only once. Playback pauses during a drag, so the other characters do not move.
             self._others = [
                 (one.id, scipy.spatial.cKDTree(_spread(one.vertices, one.character.mesh.faces)))
                 for one in self.editor.reachable

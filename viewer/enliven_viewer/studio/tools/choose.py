@@ -61,7 +61,7 @@ class ChooseTool(Tool):
             editor.select(chain=shape.skeleton.path(start, hit.handle))
         else:
             editor.choose(hit.character, hit.handle if joint else None)
-        return joint  # a drag that starts on a surface orbits the camera
+        return joint  # Return False for a drag that starts on a surface, which then orbits the camera.
 
     def drag(self, pointer: Pointer) -> None:
         if self._box is not None:

@@ -47,7 +47,7 @@ class CutTool(StrokeTool):
         if len(self._stroke) == count:
             return
         found = crossings(editor.handled, editor.lens, np.array(self._stroke))
-        # If the selected shape is crossed, shapes behind or in front of it are not cut.
+        # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
         self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
 
     def release(self, pointer: Pointer) -> None:
@@ -69,7 +69,7 @@ class CutTool(StrokeTool):
                 try:
                     project, made = cut_character(project, name, surface, time, notes=notes)
                     parts.extend(made[1:])
-                # a character that the surface does not pass through stays whole
+                # If the surface does not pass through a character, the character stays whole.
                 except EnlivenError as error:
                     refused = error
             if refused is not None and (crossed or not parts):

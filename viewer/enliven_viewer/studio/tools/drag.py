@@ -41,7 +41,7 @@ class CharacterDrag:
         self.editor, self.character, self._start = editor, hit.character, start
         self.handles = posed.handles
         self.rooted = len(posed.handles) > 0 and not posed.own_tool
-        # The root moves in a plane parallel to the image, whatever part was grabbed.
+        # Move the root in a plane parallel to the image, whichever part was grabbed.
         self._at = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
         )

@@ -160,7 +160,7 @@ def suggested_ends(mesh: Mesh) -> Int:
     """
     try:
         person = find_person_in_mesh(mesh)
-    except EnlivenError:  # a mesh without area
+    except EnlivenError:  # The mesh has no area, so it shows no person.
         person = None
     if person is not None:
         ends = person.ends

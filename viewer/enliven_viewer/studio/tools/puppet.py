@@ -201,7 +201,8 @@ class PuppetTool(Tool):
         elif self.puppets.point is not None:
             self.editor.select(handle=None)
         elif standing is None:
-            hit = self.character_at(pointer)  # a puppet can be made of this character
+            # The artist can make a puppet of the character under the pointer.
+            hit = self.character_at(pointer)
         if hit is not None:
             self.editor.choose(hit.character)
 

@@ -49,8 +49,8 @@ class PointDrag:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._from: Float = np.array(standing.handles[point])
-        # The gizmo at the start of the drag. The drawn arrows follow the point, but movement is measured from
-        # here.
+        # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
+        # measured from where it started.
         self._manipulator = Manipulator(self._from, editor.lens)
         self.moved = False
 
@@ -110,7 +110,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
     found: list[Mark] = []
     for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
-        # Rings on the far side are fainter.
+        # Draw rings on the far side fainter.
         seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)

@@ -94,7 +94,7 @@ class ClipCommands:
         ]
 
         def every(project: Project) -> Project:
-            # Removing a lane shifts the numbers of the lanes after it, so start with the last lane.
+            # Start with the last lane, because removing a lane shifts the numbers of the lanes after it.
             for lane, clip in reversed(found):
                 project = change(project, lane.character.id, lane.layers, clip, time)
             return project

@@ -180,7 +180,8 @@ class Commands:
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         way = best_view(bones, matching_view(self.editor.lens)).direction
-        # The view from behind shows the same amount. Never look from below the floor.
+        # The view from behind shows the same amount of the bones. Choose the one of the two that does not
+        # look from below the floor.
         way = -way if way[1] > 0 else way
         azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
         self.editor.camera.face(float(azimuth), float(elevation))

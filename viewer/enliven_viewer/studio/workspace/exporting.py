@@ -21,7 +21,7 @@ RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
 """Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
 _SAMPLED = 0.3
-"""Fraction of a film's progress that is reached once its characters have been sampled."""
+"""Progress of a film, as a fraction, at which the sampling of its characters is complete."""
 
 
 @dataclass

@@ -155,7 +155,7 @@ class FileBrowser:
             raise InputError(tr("no file is chosen"), where="file", mend=tr("Click one, or type a name."))
         try:
             return self._path_of(name)
-        # the name is too long, or begins with the home folder of an unknown user
+        # The name is too long, or it begins with the home folder of an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
                 tr("no file can have that name"), where="file", mend=tr("Give a shorter name.")

@@ -113,7 +113,7 @@ def save_session(project: Project, puppet_id: str, path: Path) -> None:
 
 def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     if rig.shape.mesh is not None and len(rig.shape.skeleton) == 2 and not rig.clips:
-        # A puppet has no bones, so a note about the placeholder bone would only confuse.
+        # Drop the note about the placeholder bone. A puppet has no bones, so the note would only confuse.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
     size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)

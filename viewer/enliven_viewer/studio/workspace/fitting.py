@@ -50,8 +50,8 @@ class Fitting:
     def fit(self) -> None:
         """Scales the selected character to the median height of the others, in place."""
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
-        # The surface shown for a puppet may be outdated, because puppets are solved in the background. So
-        # compute it here.
+        # Compute the surfaces here. A shown surface of a puppet may be outdated, because puppets are solved
+        # in the background.
         seen = {one: vertices_of(project, one, time) for one, each in project.characters.items() if each.mesh}
         heights = self._heights(seen)
         if name is None or heights is None:

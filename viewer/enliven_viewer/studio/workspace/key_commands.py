@@ -50,6 +50,7 @@ class KeyCommands:
 
     def _here(self) -> int | None:
         name, handle = self._thing()
-        near = 0.501 * KEY_STEP  # keys lie on whole frames, so this finds the key of the nearest frame
+        # Keys lie on whole frames, so half a frame finds the key of the nearest frame.
+        near = 0.501 * KEY_STEP
         keys = keys_of(self.editor.project, name, handle) if name else ()
         return next((k for k, (time, _) in enumerate(keys) if abs(time - self.editor.time) <= near), None)

@@ -65,7 +65,8 @@ class ProjectStore:
         self._autosaved: Project = self._saved
         self._since = time.monotonic()
         self._pause = 0.0
-        self._content = ""  # checksum of the file's content when this window last read or wrote it
+        # This is the checksum of the file's content when this window last read or wrote it.
+        self._content = ""
         self._writer: ThreadPoolExecutor | None = None
         self._writing: tuple[Future[None], Project] | None = None
 
@@ -155,7 +156,7 @@ class ProjectStore:
         if not over:
             self._refuse_changed(target, data)
         write_file(target, data, tr("Save it elsewhere."))
-        self.settle()  # finish writing the recovery file before it is removed
+        self.settle()  # Wait for the recovery file to be written before it is removed.
         # The saved file contains only the part of a recording up to now, so the window counts as unsaved
         # until the next save.
         self._saved = self._autosaved = written
@@ -179,11 +180,11 @@ class ProjectStore:
     def _refuse_changed(self, target: Path, data: bytes) -> None:
         """Raises FileChangedError if the file differs from the last save here and from the new content."""
         if self.path is None or not _is_same_file(target, self.path):
-            return  # the file dialogue has already asked before it replaced another file
+            return  # The file dialogue has already asked before replacing another file.
         try:
             now = _checksum(read_file(target))
         except InputError:
-            return  # the file is missing, or writing will report the problem
+            return  # The file is missing, or writing will report the error.
         if now not in (self._content, _checksum(data)):
             raise FileChangedError(
                 tr("{0} was saved by another window or program since it was opened here", target.name),
@@ -212,7 +213,8 @@ class ProjectStore:
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
-        # A project is immutable, and the recording edit has its own copy, so the window can continue.
+        # Write in the background. The window can continue, because a project is immutable, and the recording
+        # edit has its own copy.
         self._writing = (self._writer.submit(self._write, project, change), project)
 
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
@@ -259,7 +261,7 @@ class ProjectStore:
         self.editor.edit("recover", lambda _: project)
         self.editor.frame_all()
         self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
-        # From now on this studio owns the recovery file.
+        # Take over the recovery file: from now on this window owns it.
         self.folder.mkdir(parents=True, exist_ok=True)
         path.replace(self._own())
 
@@ -288,9 +290,9 @@ def _with(project: Project, change: Callable[[Project], Project]) -> Project:
     """Returns a project with the unfinished recording, or without it if it cannot be stored yet."""
     try:
         return change(project)
-    except EnlivenError:  # no motion has been recorded yet
+    except EnlivenError:  # The recording contains no motion yet.
         return replace(project)
-    except Exception as error:  # a fault in the recording must not prevent saving the rest
+    except Exception as error:  # An error in the recording must not prevent saving the rest of the project.
         log.error("what is being recorded cannot be saved yet", exc_info=error)
         return replace(project)
 
@@ -313,7 +315,8 @@ def _running(path: Path) -> bool:
         return False
     if int(number) == os.getpid():
         return True
-    if sys.platform == "win32":  # On Windows, os.kill would end the process, so use the file's age.
+    if sys.platform == "win32":
+        # On Windows, os.kill would end the process, so judge by the age of the file instead.
         return time.time() - path.stat().st_mtime < _FRESH
     try:
         os.kill(int(number), 0)

@@ -17,7 +17,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
 _ASIDE = 0.3
-"""Gap in metres between a character and the copy placed next to it, so that both can be told apart."""
+"""Gap between a character and the copy that is placed next to it, in metres. So both can be distinguished."""
 
 
 class PuppetCommands:

@@ -263,7 +263,8 @@ class Workspace:
             self.store.forget()
             self._go_on()
             return
-        self.perform.recording.stop()  # the recording becomes part of the saved project
+        # Stop the recording first, so that it becomes part of the saved project.
+        self.perform.recording.stop()
         if self.store.path is not None:
             self.attempt(self.save)
         else:
@@ -426,7 +427,7 @@ class Workspace:
             clip = imgui.get_window_draw_list()
             top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
             if low.y < top or high.y > bottom:
-                imgui.set_scroll_here_y(0.5)  # scroll to the widget that the tour or a script points at
+                imgui.set_scroll_here_y(0.5)  # Scroll to the widget at which the tour or a script points.
 
     def _export(self, path: Path) -> None:
         """Writes the file in the background, since surfaces may have to be solved for it."""

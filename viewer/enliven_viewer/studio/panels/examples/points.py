@@ -195,7 +195,7 @@ def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
-            editor.puppets.set_symmetric(True)  # reports that the mesh has no plane
+            editor.puppets.set_symmetric(True)  # This call reports that the mesh has no mirror plane.
         return
     word = later("symmetric") if plane else later("not symmetric")
     editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))

@@ -159,7 +159,8 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     x += imgui.calc_text_size(label).x + 8
     size = imgui.get_font_size() * 0.82
     wide = imgui.calc_text_size(note).x * 0.82
-    # The note is aligned at the right for comparison; if space is short, it follows the name.
+    # Align the notes at the right, so that they can be compared. If space is short, a note follows the name
+    # instead.
     aside = ImVec2(max(x, at.x + width - wide - 6), middle + 2)
     draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), note)
     draw.pop_clip_rect()

@@ -86,7 +86,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     if imgui.button(
         f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
-        search.close()  # a running test would block the camera for the edge
+        search.close()  # End a running camera test, which would block the camera for the edge.
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")

@@ -28,7 +28,7 @@ _STATE_ROOMY = 90.0
 _ROOMY = 520.0
 """Minimum panel height in pixels for that."""
 _STILL = 2.0
-"""Default seconds of stillness that end a recording: longer than a dramatic pause."""
+"""Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
 _LOCAL = "127.0.0.1"
 _CHARACTERS = 98.0
 """Height in pixels of the list of characters: four lines. More lines scroll."""
@@ -49,7 +49,8 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         _primary(workspace, perform)
         imgui.begin_child("##rest")
         _connected(workspace, perform, live, area)
-        _performers(workspace, perform, live)  # also in the frame in which the stage is left
+        # Draw these also in the frame in which the user leaves the stage.
+        _performers(workspace, perform, live)
         _characters(workspace, perform)
         if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _WHOLE):
             workspace.actions.do("scan.open")
@@ -158,7 +159,7 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     workspace.remember("address")
     wanted = imgui.button(labelled(tr("Connect"), "Connect"), _WHOLE) or entered
     if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
-        perform.address = ""  # clear the field for the address of another camera
+        perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     workspace.remember("connect")
     for address in perform.known:
         if imgui.selectable(f"{address}###known {address}", False)[0]:

@@ -56,7 +56,7 @@ def _page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
     wide, high = min(_PAGE, area.width - 2 * _EDGE), area.height - 2 * _EDGE
-    # As tall as its contents; in a small window it scrolls.
+    # Make the page as tall as its contents. In a small window it scrolls.
     imgui.set_next_window_size_constraints(ImVec2(wide, 0), ImVec2(wide, max(high, 1.0)))
     imgui.set_next_window_size(ImVec2(wide, 0))
     imgui.begin(labelled(tr("Start"), "Start"), None, _FLAGS)

@@ -51,7 +51,7 @@ def place_card(
     clamped = [
         (min(max(x, left + _EDGE), furthest[0]), min(max(y, top + _EDGE), furthest[1])) for x, y in beside
     ]
-    # Of equally good places, the first one is taken: the nearest ones come first.
+    # min returns the first of equally good places. The nearest places come first in the list.
     return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
 
 

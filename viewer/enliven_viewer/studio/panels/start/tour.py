@@ -73,7 +73,7 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
     meant = tour.outline((area.x, area.y))
     dialogue = bool(workspace.asking)
     if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
-        meant = None  # the target is covered by the dialogue
+        meant = None  # The dialogue covers the target, so do not point at it.
     shape = _grown(meant) if meant is not None else None
     if dialogue:
         card = _bubble(tour, shape)
@@ -122,7 +122,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
-    # The card may move only when its sentence changes; otherwise its buttons stay under the pointer.
+    # Move the card only when its sentence changes. Otherwise its buttons must stay under the pointer.
     key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
     meant = _with_way(tour, area, shape)
@@ -250,7 +250,8 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     wide, high = words.x * grown + 24, words.y * grown + 16
     x = min(max(shape[0], 8.0), size.x - wide - 8.0)
     above, below = shape[1] - 14 - high, shape[3] + 14
-    is_field = shape[2] - shape[0] > size.x / 3  # the buttons are below a field
+    # For a field the card goes above, because the buttons are below the field.
+    is_field = shape[2] - shape[0] > size.x / 3
     y = above if is_field or below + high > size.y else below
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(DARK), 8.0)
     draw.add_rect(ImVec2(x, y), ImVec2(x + wide, y + high), packed(ACCENT, 0.7), 8.0, 1.5)
@@ -274,7 +275,7 @@ def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
     length = math.dist(start, end)
     if length < _HEAD:
         return
-    # A long arrow is shortened to its end: it shows the direction, and crosses nothing.
+    # Draw only the end of a long arrow. It still shows the direction, and crosses nothing.
     share = max(1.0 - _POINTS_AT / length, 0.0)
     begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
     draw.add_line(ImVec2(*begin), ImVec2(*end), packed(ACCENT), _LINE)
