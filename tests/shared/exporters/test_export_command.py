@@ -164,7 +164,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
             "Choose one with --character: man",
         ),
         (("show.enliven", "-o", "out.glb", "--start", 9, "--end", 8), 3, "is not a valid time range"),
-        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "is nothing. Choose another start"),
+        (("live.mcap", "-o", "out.bvh", "-c", "live", "--start", 9), 3, "there is no motion from 9 s"),
     ],
 )
 def test_impossible_export_is_reported_and_leaves_no_file(show, capsys, words, code, said):

@@ -183,7 +183,7 @@ def test_one_joint_has_no_candidate():
     ("links", "told"),
     [
         ([(0, 1), (1, 2), (2, 0), (2, 3)], "cycle: .*(?=.*hip)(?=.*knee)(?=.*toe)"),
-        ([(0, 1), (2, 3)], "hang on nothing: toe, tail"),
+        ([(0, 1), (2, 3)], "not linked to the root: toe, tail"),
     ],
 )
 def test_non_tree_error_names_joints(links, told):

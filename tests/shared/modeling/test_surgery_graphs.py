@@ -277,7 +277,7 @@ def test_impossible_edit_is_reported(walking):
         (lambda: graph_pose(project, project.graph("block"), np.inf), "time"),
         (lambda: graph_shape_of(character, poses[:1], "one"), "cannot be played"),
         (lambda: PoseStream("s", np.zeros((2, 3, 3)), np.zeros((2, 3)), 0.1), "no frames"),
-        (lambda: project.with_characters(unplayed), "no stream"),
+        (lambda: project.with_characters(unplayed), "the stream 'nothing' does not exist"),
     ]
     for edit, words in refused:
         with pytest.raises(InputError, match=words):

@@ -300,7 +300,7 @@ FIVE = np.zeros((5, 3))
         (lambda p: add_key_pose(p, "stool", "walk", np.nan, FIVE), "nan s is outside"),
         (
             lambda p: add_key_pose(p, "stool", "walk", 2.0, np.zeros((4, 3))),
-            "places (4, 3) of 5 control points",
+            "places (4, 3): they must be finite, one for each of 5 points",
         ),
         (lambda p: add_key_pose(p, "stool", "walk", 2.0, np.full((5, 3), np.nan)), "must be finite"),
         (lambda p: add_key_pose(p, "stool", "walk", 0.0, FIVE), "key pose 0 is of frame 0 of 'walk' already"),
@@ -324,7 +324,7 @@ FIVE = np.zeros((5, 3))
         (lambda p: move_character(p, "stool", [np.nan, 0, 0]), "it cannot be moved by"),
         (lambda p: mirror_character(p, "stool", [0, 0, 0]), "is not a direction"),
         (lambda p: copy_character(p, "stool", delay=np.inf), "s late"),
-        (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is none. Give a point"),
+        (lambda p: set_symmetry(p, "stool", Plane((0, 0, 0), (0, 0, 0))), "is not valid. Give a point"),
         (lambda p: make_puppet(p, stool(), "stool"), "something has that name already"),
         (lambda p: make_puppet(p, stool(), ""), "it needs a name"),
         (lambda p: make_puppet(p, Mesh(np.zeros((3, 3)), np.zeros((0, 3), np.int32)), "a"), "has no faces"),

@@ -151,7 +151,7 @@ def test_the_oldest_steps_are_forgotten_and_never_the_project():
     nothing = History(project, HistorySettings(megabytes=0.0))
     nothing.do("move", move_character(project, "shape 0", [1, 0, 0]))
     assert nothing.names == ()
-    for step, word in ((nothing.undo, "undo"), (nothing.redo, "again")):
+    for step, word in ((nothing.undo, "undo"), (nothing.redo, "redo")):
         with pytest.raises(InputError, match=word):
             step()
 
