@@ -101,7 +101,7 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     alone = Project(takes=project.takes, characters={puppet.id: puppet})
     stop = alone.end_of(puppet) if end is None else end
     if stop <= start:
-        what = f"there is no motion from {start:g} s to {stop:g} s"
+        what = f"the range from {start:g} s to {stop:g} s is empty"
         raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
     return start, stop
 

@@ -146,7 +146,7 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
         (("fit", "full.toml", "-o", "out.abc"), ".abc cannot be written. Known: .bvh, .enliven, .glb, .mcap"),
         (
             ("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2),
-            "there is no motion from 5 s to 2 s",
+            "the range from 5 s to 2 s is empty",
         ),
         (("fit", "full.toml", "-o", "out.glb", "--puppet", "chair"), "no puppet 'chair'. Known: stool."),
         (("fit", "walk.enliven", "-o", "out.glb"), "it has no puppet. Make one of a mesh first."),
