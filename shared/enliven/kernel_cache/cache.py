@@ -19,7 +19,7 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaWarning
 
-from enliven.kernel_cache.fingerprint import fingerprint
+from enliven.kernel_cache.fingerprint import describe_options, fingerprint
 from enliven.kernel_cache.store import load_kernel, save_kernel, user_folder
 
 _VERSIONS = (sys.version_info[:2], numba.__version__, llvmlite.__version__, np.__version__.partition(".")[0])
@@ -53,8 +53,7 @@ class KernelCache(_Cache):  # type: ignore[misc]
         It is computed at the first call, because globals below the kernel in its file do not exist earlier.
         """
         function = self._kernel.py_func
-        options = sorted(self._kernel.targetoptions.items())
-        parts = fingerprint(function), repr(options), repr(_VERSIONS)
+        parts = fingerprint(function), describe_options(self._kernel), repr(_VERSIONS)
         return f"{function.__name__}-{_hash(parts)}"
 
     def file_name(self, signature: Any, codegen: Any) -> str:

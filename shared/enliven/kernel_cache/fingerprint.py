@@ -107,7 +107,7 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
     """Returns the text of a value that a kernel reads; adds functions that it may call to ``reached``."""
     if isinstance(value, Dispatcher):
         reached.append(value.py_func)
-        return f"kernel {value.py_func.__qualname__} {sorted(value.targetoptions.items())}"
+        return f"kernel {value.py_func.__qualname__} {describe_options(value)}"
     if isinstance(value, _Intrinsic):
         value = value._defn
     if isinstance(value, FunctionType):
@@ -118,6 +118,8 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
         return f"{type(value).__name__}({', '.join(_describe_value(item, reached) for item in value)})"
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key!r}: {_describe_value(item, reached)}' for key, item in value.items())}}}"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(_describe_value(item, reached) for item in value))}}}"
     if isinstance(value, np.ndarray):
         return f"array {value.dtype} {value.shape} {_hash(np.ascontiguousarray(value).tobytes())}"
     if isinstance(value, type):
@@ -125,6 +127,16 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
     if isinstance(value, (*_CONSTANTS, types.Type, np.dtype)):
         return repr(value)
     return f"{type(value).__name__} {getattr(value, '__name__', '')}"
+
+
+def describe_options(kernel: Any) -> str:
+    """Returns the text of a kernel's compiler options, with sets sorted: their order differs by process."""
+    return repr(
+        [
+            (name, sorted(value) if isinstance(value, set | frozenset) else value)
+            for name, value in sorted(kernel.targetoptions.items())
+        ]
+    )
 
 
 def _is_library(module: str | None) -> bool:

@@ -2,6 +2,9 @@
 
 import itertools
 import linecache
+import os
+import subprocess
+import sys
 import types
 
 import pytest
@@ -126,3 +129,35 @@ def test_a_kernel_that_calls_itself_has_a_fingerprint():
     source = SOURCE + "\n\n@njit(cache=True)\ndef kernel(n):\n    return 1 if n < 2 else n * kernel(n - 1)\n"
     assert fingerprint_of(source) == fingerprint_of(source)
     assert fingerprint_of(source) != fingerprint_of(source.replace("n < 2", "n < 3"))
+
+
+ORDERED = """
+from enliven.kernels import njit
+
+@njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+def inner(x):
+    return x in {"a", "b", "c"}
+
+@njit(cache=True)
+def kernel(x):
+    return inner(x)
+
+print(inner._cache._stem, kernel._cache._stem)
+"""
+
+
+def test_names_of_kernels_do_not_depend_on_the_order_of_sets(tmp_path):
+    """A process has its own order of sets. Names that follow it are never found again."""
+    (tmp_path / "ordered.py").write_text(ORDERED)
+    names = {
+        subprocess.run(
+            [sys.executable, "ordered.py"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONHASHSEED": str(seed)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in (1, 2, 3, 4)
+    }
+    assert len(names) == 1
