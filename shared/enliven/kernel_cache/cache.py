@@ -80,7 +80,8 @@ class KernelCache(_Cache):  # type: ignore[misc]
     @property
     def cache_path(self) -> str | None:
         """The folder that is written to, for ``kernel.stats``."""
-        return str(user_folder())
+        folder = user_folder()
+        return None if folder is None else str(folder)
 
     def enable(self) -> None:
         """Does nothing: a kernel is always kept."""

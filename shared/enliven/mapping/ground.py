@@ -133,9 +133,9 @@ def kept_on_floor(
     times = moments_of(duration, max(_RATE, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
     up = np.interp(times, watched, floor_of(shape) - low)
+    frames = np.arange(len(clip.turns)) * clip.step
     if shape.travel is not None:
         leapt = clearance(clip)
-        frames = np.arange(len(clip.turns)) * clip.step
         up += travel_scale(shape, clip) * np.interp(times, frames, leapt) if on_feet is None else 0.0
         level = root[:, [0, 2]]
         coarse = np.stack([np.interp(watched, times, level[:, k]) for k in range(2)], axis=1)

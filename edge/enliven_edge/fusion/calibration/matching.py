@@ -81,7 +81,7 @@ def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
 
 
 def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
-    """Returns (4, 4) the transform on which most of (N, 12, 3) points agree: RANSAC, then refinement."""
+    """Returns (4, 4), the transform that fits most of (N, 12, 3) points: RANSAC, then refinement."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_DRAWS):

@@ -119,7 +119,7 @@ class SideKeeper:
         return over
 
     def _margin(self, sensor: int, body: Body, reference: Float) -> float:
-        """Returns metres per joint by which the present sides fit better than exchanged ones."""
+        """Returns how much better the present sides fit than exchanged ones, in metres per joint."""
         plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
         return float(plain - crossed if self._crossed[sensor] else crossed - plain)
 

@@ -125,7 +125,7 @@ def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
 def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     """Returns the length of thigh plus shank in metres, the mean of both legs.
 
-    Half the extent if there are no legs.
+    Without legs it returns half of the extent.
     """
     parts = {joint for leg in LEGS for joint in leg[1:3]}
     legs = [skeleton.lengths[j] for j, bone in bones.items() if bone.joint in parts and bone.turn < 0]
