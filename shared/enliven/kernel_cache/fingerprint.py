@@ -118,7 +118,7 @@ def _describe_value(value: Any, reached: list[FunctionType]) -> str:
         return f"{type(value).__name__}({', '.join(_describe_value(item, reached) for item in value)})"
     if isinstance(value, dict):
         return f"{{{', '.join(f'{key!r}: {_describe_value(item, reached)}' for key, item in value.items())}}}"
-    if isinstance(value, set | frozenset):
+    if isinstance(value, (set, frozenset)):
         return f"{{{', '.join(sorted(_describe_value(item, reached) for item in value))}}}"
     if isinstance(value, np.ndarray):
         return f"array {value.dtype} {value.shape} {_hash(np.ascontiguousarray(value).tobytes())}"
@@ -133,7 +133,7 @@ def describe_options(kernel: Any) -> str:
     """Returns the text of a kernel's compiler options, with sets sorted: their order differs by process."""
     return repr(
         [
-            (name, sorted(value) if isinstance(value, set | frozenset) else value)
+            (name, sorted(value) if isinstance(value, (set, frozenset)) else value)
             for name, value in sorted(kernel.targetoptions.items())
         ]
     )
