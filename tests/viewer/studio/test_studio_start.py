@@ -18,7 +18,7 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples import load_sample
 from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.start import place_card
+from enliven_viewer.studio.panels.start import place_arrow, place_card
 from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
 from enliven_viewer.studio.start.steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
@@ -269,6 +269,16 @@ def test_the_card_covers_nothing_that_is_meant(window: tuple[float, float]) -> N
         assert apart and inside, (x, y, left, top)
         again = place_card(size, (0.0, 23.0, *window), meant, before=(left, top))
         assert again == (left, top), "it stays where it is"
+
+
+def test_the_arrow_crosses_no_neighbour_of_its_target() -> None:
+    card, target, neighbour = (0.0, 0.0, 100.0, 60.0), (300.0, 20.0, 400.0, 50.0), (180.0, 20.0, 290.0, 50.0)
+    assert place_arrow(card, target, [target]) == ((244.0, 35.0), (300.0, 35.0)), "from the card"
+    assert place_arrow(card, target, [target, neighbour]) == ((350.0, 106.0), (350.0, 50.0)), "from below"
+    below = (300.0, 60.0, 400.0, 90.0)
+    above = (300.0, -40.0, 400.0, 10.0)
+    assert place_arrow(card, target, [neighbour, below, above]) == ((456.0, 35.0), (400.0, 35.0))
+    assert place_arrow(card, (105.0, 0.0, 150.0, 60.0), []) is None, "the card is next to it"
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -8,6 +8,7 @@ from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
@@ -22,24 +23,24 @@ _HINTS = {
 
 
 class StagePhysics:
-    """The state of an edge's physics, and the commands that switch it.
-
-    Attributes:
-        state: state of the physics; None before the edge has sent it.
-    """
+    """The state of an edge's physics, and the commands that switch it."""
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self.state: PhysicsMessage | None = None
+        self._state: EdgeState[PhysicsMessage] = EdgeState(PHYSICS)
 
     def advance(self, client: EdgeClient) -> None:
         """Processes the edge's messages."""
-        client.take(PHYSICS)
-        self.state = client.latest(PHYSICS).get("")
+        self._state.advance(client)
 
     def forget(self) -> None:
         """Discards the edge's state after the link was closed."""
-        self.state = None
+        self._state.forget()
+
+    @property
+    def state(self) -> PhysicsMessage | None:
+        """Returns the state of the physics; None before the edge has sent it."""
+        return self._state.message
 
     @property
     def number(self) -> int:
@@ -52,7 +53,7 @@ class StagePhysics:
         """Returns how to get objects, or why there are none, in at most two sentences."""
         state = self.state
         if state is None:
-            return _OLD_EDGE
+            return _OLD_EDGE if self._state.is_unsupported else NOT_READY
         if state.state in _HINTS:
             return _HINTS[state.state]
         return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"

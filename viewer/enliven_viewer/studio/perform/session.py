@@ -330,9 +330,7 @@ class PerformSession:
 
     def lacks_voice(self) -> str:
         """Returns why the microphone cannot be switched, with advice."""
-        return self.lacks_edge() or (
-            tr("{0}. Update it", self.voice.status) if self.voice.state is None else ""
-        )
+        return self.lacks_edge() or (self.voice.status if self.voice.state is None else "")
 
     def lacks_physics(self) -> str:
         """Returns why the physics cannot be switched, with advice."""

@@ -8,10 +8,11 @@ from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, Vo
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
 
 SHOWN_S = 5.0
 """Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
-_OLD_EDGE = later("This stage's program is older and has no switch for the microphone")
+_OLD_EDGE = later("This stage's program is older and has no switch for the microphone. Update it")
 _STATES = {
     "off": later("The microphone is off"),
     "starting": later("The microphone is being opened"),
@@ -25,13 +26,12 @@ class StageVoice:
 
     Attributes:
         wanted: whether to open the microphone of a stage started by this window once it runs.
-        state: state of the microphone; None before the edge has sent it.
     """
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
         self.wanted = False
-        self.state: VoiceMessage | None = None
+        self._state: EdgeState[VoiceMessage] = EdgeState(VOICE)
         self._heard: HeardMessage | None = None
         self._until = 0.0
         self._asked: object = None
@@ -40,8 +40,7 @@ class StageVoice:
         """Processes the edge's messages. Opens the microphone of a stage started by this window if wanted."""
         for message in client.take(HEARD):
             self._heard, self._until = message, time.monotonic() + SHOWN_S
-        client.take(VOICE)
-        self.state = client.latest(VOICE).get("")
+        self._state.advance(client)
         instance = client.edges[0].instance
         if is_near and self.wanted and self.state is not None and self._asked != instance:
             self._asked = instance
@@ -49,7 +48,13 @@ class StageVoice:
 
     def forget(self) -> None:
         """Discards the edge's state after the link was closed."""
-        self.state = self._heard = self._asked = None
+        self._state.forget()
+        self._heard = self._asked = None
+
+    @property
+    def state(self) -> VoiceMessage | None:
+        """Returns the state of the microphone; None before the edge has sent it."""
+        return self._state.message
 
     @property
     def is_on(self) -> bool:
@@ -75,7 +80,7 @@ class StageVoice:
     def status(self) -> str:
         """Returns the state of the microphone in words."""
         if self.state is None:
-            return _OLD_EDGE
+            return _OLD_EDGE if self._state.is_unsupported else NOT_READY
         reason = f": {self.state.what}" if self.state.what else ""
         return f"{_STATES[self.state.state]}{reason}"
 

@@ -1,11 +1,18 @@
-"""The placement of the tour's card: near its target, without covering anything important."""
+"""The placement of the tour's card and arrow: near their target, without covering anything important."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels."""
+Segment = tuple[tuple[float, float], tuple[float, float]]
+"""Start and end of an arrow in pixels."""
+_LONGEST = 56.0
+"""Maximum length of an arrow in pixels. A longer one would cross the target's neighbours."""
+_SHORTEST = 11.0
+"""Minimum length of an arrow in pixels: it would only be a head."""
 _GAP = 26.0
 """Gap in pixels between the card and its target: space for the arrow."""
 _EDGE = 10.0
@@ -53,6 +60,62 @@ def place_card(
     ]
     # min returns the first of equally good places. The nearest places come first in the list.
     return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
+
+
+def place_arrow(card: Rectangle, meant: Rectangle, widgets: Sequence[Rectangle]) -> Segment | None:
+    """Returns the arrow to a target: from the card, or from a side where it crosses no other widget.
+
+    Only the end of a long arrow is drawn; it still shows the direction.
+
+    Args:
+        widgets: the widgets of the window, with the target or without.
+
+    Returns:
+        The arrow, or None if the card is too close for one.
+    """
+    start, end = _nearest(card, meant)
+    length = math.dist(start, end)
+    if length < _SHORTEST:
+        return None
+    share = max(1.0 - _LONGEST / length, 0.0)
+    begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+    x, y = (meant[0] + meant[2]) / 2, (meant[1] + meant[3]) / 2
+    arrows: tuple[Segment, ...] = (
+        (begin, end),
+        ((x, meant[3] + _LONGEST), (x, meant[3])),
+        ((x, meant[1] - _LONGEST), (x, meant[1])),
+        ((meant[0] - _LONGEST, y), (meant[0], y)),
+        ((meant[2] + _LONGEST, y), (meant[2], y)),
+    )
+    others = [widget for widget in widgets if not _touch(widget, meant)]
+    free = (arrow for arrow in arrows if not any(_touch(_bounds(arrow), widget) for widget in others))
+    return next(free, arrows[0])
+
+
+def _nearest(card: Rectangle, meant: Rectangle) -> Segment:
+    """Returns the nearest points of two rectangles."""
+    start, end = [0.0, 0.0], [0.0, 0.0]
+    for axis in (0, 1):
+        low, high = max(card[axis], meant[axis]), min(card[axis + 2], meant[axis + 2])
+        if low <= high:
+            start[axis] = end[axis] = (low + high) / 2
+        elif card[axis + 2] < meant[axis]:
+            start[axis], end[axis] = card[axis + 2], meant[axis]
+        else:
+            start[axis], end[axis] = card[axis], meant[axis + 2]
+    return (start[0], start[1]), (end[0], end[1])
+
+
+def _bounds(arrow: Segment) -> Rectangle:
+    """Returns the bounding box of an arrow."""
+    (left, top), (right, bottom) = arrow
+    return min(left, right), min(top, bottom), max(left, right), max(top, bottom)
+
+
+def _touch(first: Rectangle, second: Rectangle) -> bool:
+    """Returns True if two rectangles, which may have no width or height, have a point in common."""
+    across = min(first[2], second[2]) >= max(first[0], second[0])
+    return across and min(first[3], second[3]) >= max(first[1], second[1])
 
 
 def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:

@@ -8,7 +8,7 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.start.placing import Rectangle, place_card
+from enliven_viewer.studio.panels.start.placing import Rectangle, place_arrow, place_card
 from enliven_viewer.studio.panels.style import filled, packed
 from enliven_viewer.studio.places import MENU, Area, Places
 from enliven_viewer.studio.start import TOUR, Tour
@@ -37,8 +37,8 @@ _DASH = 9.0
 """Length in pixels of a dash of the drag path, and of the gap after it."""
 _HAND = 30.0
 """Size of the hand in pixels."""
-_POINTS_AT = 56.0
-"""Maximum length of an arrow in pixels. A longer one would cross the target's neighbours."""
+_OWN = ("tour card", "tour outline")
+"""The tour's own entries among the widgets of the window."""
 _TIP = (380.0, 58.0)
 """Extent in pixels of a widget's tooltip, to both sides and below its middle."""
 _FLAGS = (
@@ -84,7 +84,9 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
         workspace.widgets["tour outline"] = shape
         _outline(draw, shape, calm=workspace.preferences.less_motion)
         if card is not None and tour.target.box is None:
-            _pointer(draw, card, shape)
+            _pointer(
+                draw, card, shape, [workspace.widgets[name] for name in workspace.widgets if name not in _OWN]
+            )
     if tour.target.path and not dialogue:
         _way(draw, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
     _hand(workspace, tour)
@@ -269,31 +271,12 @@ def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
     draw.add_rect(ImVec2(left, top), ImVec2(right, bottom), packed(ACCENT), 8.0, _LINE)
 
 
-def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle) -> None:
-    """Draws an arrow from the card to the outline."""
-    start, end = _nearest(card, shape)
-    length = math.dist(start, end)
-    if length < _HEAD:
-        return
-    # Draw only the end of a long arrow. It still shows the direction, and crosses nothing.
-    share = max(1.0 - _POINTS_AT / length, 0.0)
-    begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
-    draw.add_line(ImVec2(*begin), ImVec2(*end), packed(ACCENT), _LINE)
-    _arrow_head(draw, begin, end)
-
-
-def _nearest(card: Rectangle, shape: Rectangle) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Returns the nearest points of two rectangles."""
-    start, end = [0.0, 0.0], [0.0, 0.0]
-    for axis in (0, 1):
-        low, high = max(card[axis], shape[axis]), min(card[axis + 2], shape[axis + 2])
-        if low <= high:
-            start[axis] = end[axis] = (low + high) / 2
-        elif card[axis + 2] < shape[axis]:
-            start[axis], end[axis] = card[axis + 2], shape[axis]
-        else:
-            start[axis], end[axis] = card[axis], shape[axis + 2]
-    return (start[0], start[1]), (end[0], end[1])
+def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle, widgets: list[Rectangle]) -> None:
+    """Draws an arrow from the direction of the card to the outline."""
+    arrow = place_arrow(card, shape, widgets)
+    if arrow is not None:
+        draw.add_line(ImVec2(*arrow[0]), ImVec2(*arrow[1]), packed(ACCENT), _LINE)
+        _arrow_head(draw, *arrow)
 
 
 def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[float, float]) -> None:
