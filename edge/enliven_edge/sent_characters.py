@@ -35,17 +35,17 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
     where = f"character {order.id!r}"
     project = project_of(data, where, _MOST_UNPACKED)
     if len(project.characters) != 1:
-        what = f"{len(project.characters)} characters were sent as one"
-        raise InputError(what, where=where, mend="Send each by itself.")
-    (one,) = project.characters.values()
-    mesh = one.mesh
+        problem = f"{len(project.characters)} characters were sent as one"
+        raise InputError(problem, where=where, mend="Send each by itself.")
+    (character,) = project.characters.values()
+    mesh = character.mesh
     if mesh is None or not len(mesh.faces):
         raise InputError("it has no mesh", where=where, mend="Give it one.")
     farthest = _FARTHEST_UNFITTED if order.fit else _FARTHEST
     if not (np.abs(mesh.vertices) < farthest).all():
-        what = f"a vertex is {farthest:g} from the origin, or not finite"
-        raise InputError(what, where=where, mend="Scale it to metres.")
-    actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
+        problem = f"a vertex is {farthest:g} from the origin, or not finite"
+        raise InputError(problem, where=where, mend="Scale it to metres.")
+    actor = _actor_of(project, character.with_changes(id=order.id), order, settings, former)
     check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
@@ -60,9 +60,9 @@ def _actor_of(
         if nodes > _MOST_NODES:
             mend = f"Give it {_MOST_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
-        known = {"ends": one.ends, "joints": one.joints}
+        ends_and_joints = {"ends": one.ends, "joints": one.joints}
         like = former if isinstance(former, EmbeddedActor) and not len(one.ends) else None
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, like=like, **known)
+        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, like=like, **ends_and_joints)
     if isinstance(one, Shape):
         from enliven_edge.stage.rig import RigActor
 
