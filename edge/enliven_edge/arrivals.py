@@ -189,11 +189,11 @@ class Arrivals:
             self._prepared_for = self._under_way.peer
             self._under_way.start()
 
-    def _check_revision(self, order: PutCharacter, now: PutCharacter | None, where: str) -> None:
+    def _check_revision(self, order: PutCharacter, current: PutCharacter | None, where: str) -> None:
         """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
-        newest = self.last_revision(order.id) or (0 if now is None else now.revision)
+        newest = self.last_revision(order.id) or (0 if current is None else current.revision)
         mend = f"Send revision {newest + 1}."
-        if now is not None and order.revision <= newest:
+        if current is not None and order.revision <= newest:
             raise InputError(f"revision {newest} of it stands on the stage", where=where, mend=mend)
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
@@ -278,7 +278,7 @@ class Arrivals:
             others = [entry for entry in self._waiting.items() if entry[1].peer is not arrival.peer]
             if not others:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)
-            slowest = min(others, key=lambda one: (-counts[one[1].peer], *one[1].pace(now)))
+            slowest = min(others, key=lambda entry: (-counts[entry[1].peer], *entry[1].pace(now)))
             del self._waiting[slowest[0]]
 
 

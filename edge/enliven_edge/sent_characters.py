@@ -52,22 +52,24 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
 
 
 def _actor_of(
-    project: Project, one: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
+    project: Project, character: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
 ) -> Actor:
     """Returns the actor of a character by its rig. Only the required modules are loaded."""
-    if isinstance(one, GraphShape):
-        nodes = len(one.positions) if len(one.positions) > 1 else settings.nodes
+    if isinstance(character, GraphShape):
+        nodes = len(character.positions) if len(character.positions) > 1 else settings.nodes
         if nodes > _MOST_NODES:
             mend = f"Give it {_MOST_NODES} at most."
-            raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
-        ends_and_joints = {"ends": one.ends, "joints": one.joints}
-        like = former if isinstance(former, EmbeddedActor) and not len(one.ends) else None
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, like=like, **ends_and_joints)
-    if isinstance(one, Shape):
+            raise InputError(f"it has {nodes} nodes", where=character.where, mend=mend)
+        ends_and_joints = {"ends": character.ends, "joints": character.joints}
+        like = former if isinstance(former, EmbeddedActor) and not len(character.ends) else None
+        return cast_mesh(
+            character.mesh, character.id, nodes, settings.actor, fit=order.fit, like=like, **ends_and_joints
+        )
+    if isinstance(character, Shape):
         from enliven_edge.stage.rig import RigActor
 
-        return RigActor(one, settings.matching)
-    assert isinstance(one, Puppet)
+        return RigActor(character, settings.matching)
+    assert isinstance(character, Puppet)
     from enliven_edge.stage.puppet import cast_from_project
 
-    return cast_from_project(project, one, settings.puppet)
+    return cast_from_project(project, character, settings.puppet)

@@ -155,7 +155,7 @@ class HidPedal(Device):
         if not interfaces:
             raise OSError(f"no HID device {chosen.vendor:04x}:{chosen.product:04x}")
         if chosen.report == "keyboard":
-            interfaces.sort(key=lambda one: (one["usage_page"], one["usage"]) != _KEYBOARD)
+            interfaces.sort(key=lambda interface: (interface["usage_page"], interface["usage"]) != _KEYBOARD)
         path: bytes = interfaces[0]["path"]
         return path
 

@@ -96,12 +96,12 @@ class FusedPerson:
         self._spoke[:], self._turn_spoke[:] = False, False
         self._turned_known = False
 
-    def _move(self, joints: Float, time_ns: int, seconds: float, known: bool) -> None:
+    def _move(self, joints: Float, time_ns: int, seconds: float, has_prediction: bool) -> None:
         """Updates the state for the next prediction."""
-        if known and seconds > 1e-4:
+        if has_prediction and seconds > 1e-4:
             speed = (joints - self.joints) / seconds
             self.velocity = self.velocity + 0.5 * (speed - self.velocity)
-        elif not known:
+        elif not has_prediction:
             self.velocity = np.zeros((20, 3))
         self.joints, self.last_ns = joints, time_ns
 
@@ -147,7 +147,9 @@ class FusedPerson:
         self._sure = sure
         return x, w
 
-    def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:
+    def _oriented(
+        self, bodies: dict[int, Body], w: Float, has_prediction: bool, share: float
+    ) -> Float | None:
         """Returns (20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
         have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not have:
@@ -160,8 +162,8 @@ class FusedPerson:
             x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
             weights[sensor] = w[sensor]
         fused = np.empty((20, 4))
-        known = known and self._turned_known
-        blend(x, weights, reference, known, self._turn_spoke, self._turn_habit, share, fused)
+        has_prediction = has_prediction and self._turned_known
+        blend(x, weights, reference, has_prediction, self._turn_spoke, self._turn_habit, share, fused)
         self._turns, self._turned_known = normalized(fused), True
         return self._turns.copy()
 

@@ -47,8 +47,8 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         f, support[c] = capsule_frame[c], 0.0
         if first[c] == first[c + 1]:
             continue
-        here, axis = (first[c], first[c + 1]), (ends[c], radii[c])
-        cost, support[c] = _moments(squares, firsts, powers, points, here, axis, np.float32(width))
+        span, axis = (first[c], first[c + 1]), (ends[c], radii[c])
+        cost, support[c] = _moments(squares, firsts, powers, points, span, axis, np.float32(width))
         energy, explained = energy + cost, explained + support[c]
         scale = weight / many
         squares *= scale
@@ -83,7 +83,7 @@ def _by_capsule(which, seen, count):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def _moments(squares, firsts, powers, points, here, axis, width):
+def _moments(squares, firsts, powers, points, span, axis, width):
     """Computes the moments of a capsule's points with robust weights.
 
     Returns (energy, points within ``width``).
@@ -97,7 +97,7 @@ def _moments(squares, firsts, powers, points, here, axis, width):
         powers: (5,) receives sum w t^k and sum w r t^k likewise.
         points: (3, M) float32, of all capsules. The compiler would not know that a slice of each row is
             contiguous.
-        here: the first point of the capsule, and the end of its points.
+        span: the first point of the capsule, and the end of its points.
         axis: (2, 3) and (2,) the capsule's ends and radii.
         width: float32 metres.
     """
@@ -110,7 +110,7 @@ def _moments(squares, firsts, powers, points, here, axis, width):
     xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero32
     xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero32
     rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero32
-    for i in range(here[0], here[1]):
+    for i in range(span[0], span[1]):
         # Compute the residual: the distance from the axis minus the radius at that point.
         a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
         t = min(one32, max(zero32, (a * dx + b * dy + c * dz) * share))
