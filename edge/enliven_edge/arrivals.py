@@ -98,8 +98,8 @@ class _Preparation(threading.Thread):
         except EnlivenError as error:
             self.refused = InputError(error.what, where=error.where or where, mend=error.mend)
         except (*DAMAGE, RuntimeError) as error:
-            what = f"it is damaged: {plain_reason(error)}"
-            self.refused = InputError(what, where=where, mend="Look at it in enliven studio.")
+            problem = f"it is damaged: {plain_reason(error)}"
+            self.refused = InputError(problem, where=where, mend="Look at it in enliven studio.")
 
 
 class Arrivals:
@@ -140,13 +140,13 @@ class Arrivals:
         Raises:
             InputError: if it was refused, if its revision is not newer, or if the stage is full.
         """
-        now = self._standing.get(order.id)
-        if now is not None and (now.digest, now.fit) == (order.digest, order.fit):
+        current = self._standing.get(order.id)
+        if current is not None and (current.digest, current.fit) == (order.digest, order.fit):
             return Done()
         if order in self._refused:
             raise self._refused[order]
         where = f"character {order.id!r}"
-        self._check_revision(order, now, where)
+        self._check_revision(order, current, where)
         if any(order == each.order for each in self._complete) or (
             self._under_way is not None and self._under_way.order == order
         ):
@@ -168,8 +168,8 @@ class Arrivals:
         arrival.heard = time.monotonic()
         if arrival.received > arrival.order.size:
             del self._waiting[key]
-            what = f"more than the {arrival.order.size} bytes that were announced came"
-            raise InputError(what, where=f"character {part.id!r}", mend="Announce it again.")
+            problem = f"more than the {arrival.order.size} bytes that were announced came"
+            raise InputError(problem, where=f"character {part.id!r}", mend="Announce it again.")
         arrival.parts.append(part.data)
         if arrival.received == arrival.order.size:
             self._complete = deque(each for each in self._complete if not _replaces(arrival, each))
@@ -189,22 +189,22 @@ class Arrivals:
             self._prepared_for = self._under_way.peer
             self._under_way.start()
 
-    def _check_revision(self, order: PutCharacter, now: PutCharacter | None, where: str) -> None:
+    def _check_revision(self, order: PutCharacter, current: PutCharacter | None, where: str) -> None:
         """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
-        newest = self.last_revision(order.id) or (0 if now is None else now.revision)
+        newest = self.last_revision(order.id) or (0 if current is None else current.revision)
         mend = f"Send revision {newest + 1}."
-        if now is not None and order.revision <= newest:
+        if current is not None and order.revision <= newest:
             raise InputError(f"revision {newest} of it stands on the stage", where=where, mend=mend)
         if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
-            what = f"revision {order.revision} is too far above the newest one, {newest}"
-            raise InputError(what, where=where, mend=mend)
+            problem = f"revision {order.revision} is too far above the newest one, {newest}"
+            raise InputError(problem, where=where, mend=mend)
 
     def _next(self) -> _Arrival:
         """Returns the next character to prepare: viewers that send many take turns with the others."""
         others = (each for each in self._complete if each.peer is not self._prepared_for)
-        found = next(others, self._complete[0])
-        self._complete = deque(each for each in self._complete if each is not found)
-        return found
+        arrival = next(others, self._complete[0])
+        self._complete = deque(each for each in self._complete if each is not arrival)
+        return arrival
 
     def _coming(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the characters that are being uploaded: id, and the viewer that sends it."""
@@ -215,14 +215,16 @@ class Arrivals:
 
     def _finish(self, ready: _Preparation) -> None:
         """Puts a prepared character on the stage, or remembers why it was refused."""
-        order, now = ready.order, self._standing.get(ready.order.id)
+        order, current = ready.order, self._standing.get(ready.order.id)
         if ready.actor is None:
-            what = f"the preparation of {order.id!r} ended early"
-            self._refused[order] = ready.refused or InputError(what, where="stage", mend="Look at the log.")
+            problem = f"the preparation of {order.id!r} ended early"
+            self._refused[order] = ready.refused or InputError(
+                problem, where="stage", mend="Look at the log."
+            )
             log.warning("%s", self._refused[order])
             for old in list(self._refused)[:-_MOST_REFUSED]:
                 del self._refused[old]
-        elif now is None or now.revision < order.revision:
+        elif current is None or current.revision < order.revision:
             self._stage.put(ready.actor, ready.carried, ready.peer)
             self._standing[order.id] = order
             log.info("%s stands on the stage, revision %d", order.id, order.revision)
@@ -231,9 +233,9 @@ class Arrivals:
         """Returns the upload of a character. It replaces an earlier one of the same viewer and id."""
         key = peer, order.id, order.digest
         self._drop_late()
-        known = self._waiting.get(key) or self._resumed(order, peer)
-        if known is not None and known.order == order:
-            return known
+        pending = self._waiting.get(key) or self._resumed(order, peer)
+        if pending is not None and pending.order == order:
+            return pending
         arrival = _Arrival(order, peer)
         self._waiting = {key: each for key, each in self._waiting.items() if not _replaces(arrival, each)}
         self._stage.places.check(order.id, peer)
@@ -273,10 +275,10 @@ class Arrivals:
             if len(on_way) < _MOST_WAITING_IN_ALL and order.size <= room:
                 return
             counts = Counter(each.peer for each in on_way)
-            others = [one for one in self._waiting.items() if one[1].peer is not arrival.peer]
+            others = [entry for entry in self._waiting.items() if entry[1].peer is not arrival.peer]
             if not others:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)
-            slowest = min(others, key=lambda one: (-counts[one[1].peer], *one[1].pace(now)))
+            slowest = min(others, key=lambda entry: (-counts[entry[1].peer], *entry[1].pace(now)))
             del self._waiting[slowest[0]]
 
 

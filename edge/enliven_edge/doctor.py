@@ -49,6 +49,6 @@ def _cameras() -> list[Check]:
     checks = []
     for camera in attached():
         troubles = camera.troubles()
-        detail = ", ".join([camera.title, *(what for what, _ in troubles)])
+        detail = ", ".join([camera.title, *(problem for problem, _ in troubles)])
         checks.append(Check(camera.kind.name, not troubles, detail, " ".join(mend for _, mend in troubles)))
     return checks

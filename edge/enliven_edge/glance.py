@@ -45,9 +45,9 @@ class Glance:
             return CameraMessage(rows, _USUAL_LENS)
         lens, small = frame.intrinsics, nearness(frame.depth)
         across = (lens.width - 1 - lens.cx if mirrored else lens.cx) / lens.height
-        told = [lens.fx / lens.height, lens.fy / lens.height, across, lens.cy / lens.height]
+        intrinsics = [lens.fx / lens.height, lens.fy / lens.height, across, lens.cy / lens.height]
         small = small[:, ::-1] if mirrored else small
-        return CameraMessage(rows, told, small.shape[1], small.shape[0], small.tobytes())
+        return CameraMessage(rows, intrinsics, small.shape[1], small.shape[0], small.tobytes())
 
 
 def nearness(depth: UInt16) -> np.ndarray:
@@ -55,5 +55,5 @@ def nearness(depth: UInt16) -> np.ndarray:
     step = max(-(-depth.shape[0] // _HIGH), -(-depth.shape[1] // (2 * _HIGH - 16)))
     some = depth[::step, ::step]
     near = np.clip((_FAR - some) / (_FAR - _NEAR), 0.0, 1.0)
-    known = (some > 0) & (some < 65535)
-    return np.where(known, 1 + np.round(254 * near), 0).astype(np.uint8)
+    is_known = (some > 0) & (some < 65535)
+    return np.where(is_known, 1 + np.round(254 * near), 0).astype(np.uint8)

@@ -163,7 +163,9 @@ class Scans:
 
     def _aside(self, mesh: Mesh, name: str) -> float:
         """Returns the metres along +X that move a mesh next to the resting positions of other characters."""
-        others = [one.vertices[:, 0].max() for own, one in self._stage.characters.items() if own != name]
+        others = [
+            character.vertices[:, 0].max() for own, character in self._stage.characters.items() if own != name
+        ]
         return float(max(others) + _GAP - mesh.vertices[:, 0].min()) if others else 0.0
 
     def _free_name(self) -> str:

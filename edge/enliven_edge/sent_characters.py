@@ -35,39 +35,41 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
     where = f"character {order.id!r}"
     project = project_of(data, where, _MOST_UNPACKED)
     if len(project.characters) != 1:
-        what = f"{len(project.characters)} characters were sent as one"
-        raise InputError(what, where=where, mend="Send each by itself.")
-    (one,) = project.characters.values()
-    mesh = one.mesh
+        problem = f"{len(project.characters)} characters were sent as one"
+        raise InputError(problem, where=where, mend="Send each by itself.")
+    (character,) = project.characters.values()
+    mesh = character.mesh
     if mesh is None or not len(mesh.faces):
         raise InputError("it has no mesh", where=where, mend="Give it one.")
     farthest = _FARTHEST_UNFITTED if order.fit else _FARTHEST
     if not (np.abs(mesh.vertices) < farthest).all():
-        what = f"a vertex is {farthest:g} from the origin, or not finite"
-        raise InputError(what, where=where, mend="Scale it to metres.")
-    actor = _actor_of(project, one.with_changes(id=order.id), order, settings, former)
+        problem = f"a vertex is {farthest:g} from the origin, or not finite"
+        raise InputError(problem, where=where, mend="Scale it to metres.")
+    actor = _actor_of(project, character.with_changes(id=order.id), order, settings, former)
     check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
 
 
 def _actor_of(
-    project: Project, one: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
+    project: Project, character: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
 ) -> Actor:
     """Returns the actor of a character by its rig. Only the required modules are loaded."""
-    if isinstance(one, GraphShape):
-        nodes = len(one.positions) if len(one.positions) > 1 else settings.nodes
+    if isinstance(character, GraphShape):
+        nodes = len(character.positions) if len(character.positions) > 1 else settings.nodes
         if nodes > _MOST_NODES:
             mend = f"Give it {_MOST_NODES} at most."
-            raise InputError(f"it has {nodes} nodes", where=one.where, mend=mend)
-        known = {"ends": one.ends, "joints": one.joints}
-        like = former if isinstance(former, EmbeddedActor) and not len(one.ends) else None
-        return cast_mesh(one.mesh, one.id, nodes, settings.actor, fit=order.fit, like=like, **known)
-    if isinstance(one, Shape):
+            raise InputError(f"it has {nodes} nodes", where=character.where, mend=mend)
+        ends_and_joints = {"ends": character.ends, "joints": character.joints}
+        like = former if isinstance(former, EmbeddedActor) and not len(character.ends) else None
+        return cast_mesh(
+            character.mesh, character.id, nodes, settings.actor, fit=order.fit, like=like, **ends_and_joints
+        )
+    if isinstance(character, Shape):
         from enliven_edge.stage.rig import RigActor
 
-        return RigActor(one, settings.matching)
-    assert isinstance(one, Puppet)
+        return RigActor(character, settings.matching)
+    assert isinstance(character, Puppet)
     from enliven_edge.stage.puppet import cast_from_project
 
-    return cast_from_project(project, one, settings.puppet)
+    return cast_from_project(project, character, settings.puppet)

@@ -140,8 +140,8 @@ class Edge:
         """Sends viewers the camera's pose and preview image, with a limited rate."""
         place = frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
         mirrored = self.tracker.settings.output.mirror
-        if self.outlet.tells_picture and (told := self.glance.of(frame, place, mirrored=mirrored)):
-            self.outlet.send(told, frame.time_ns)
+        if self.outlet.tells_picture and (message := self.glance.of(frame, place, mirrored=mirrored)):
+            self.outlet.send(message, frame.time_ns)
 
     def _show(self) -> None:
         """Puts uploaded characters on the stage.
@@ -236,10 +236,10 @@ class Edge:
 
     def _lamps(self) -> Lamps:
         """Returns the patterns of the controls' lamps, from the state of the stage and the health states."""
-        told = self.outlet.publisher.status.health
+        health_states = self.outlet.publisher.status.health
         return lamps_of(
             present=self.stage.occupied,
             held=bool(self.stage.holders),
             locked=self.tracker.locked,
-            worst=max((state.severity for state in told), default=Severity.NOTE),
+            worst=max((state.severity for state in health_states), default=Severity.NOTE),
         )

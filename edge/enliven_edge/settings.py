@@ -138,12 +138,12 @@ def characters_of(
     chosen: list[CharacterChoice] = list(settings.items())
     if meshes or not chosen:
         chosen = [("", CharacterSettings(mesh)) for mesh in meshes or ("chair",)]
-    for option, given in (("drive", drives), ("parts", parts)):
-        if len(given) not in (0, 1, len(chosen)):
+    for option, words in (("drive", drives), ("parts", parts)):
+        if len(words) not in (0, 1, len(chosen)):
             mend = f"Give one for all, or one for each of the {len(chosen)} characters in their order."
-            raise InputError(f"--{option} is given {len(given)} times", where="command line", mend=mend)
-        for k, word in enumerate(list(given) * len(chosen) if len(given) == 1 else given):
-            name, one = chosen[k]
-            checked = load_settings(CharacterSettings, {**vars(one), option: word}, where=f"--{option}")
+            raise InputError(f"--{option} is given {len(words)} times", where="command line", mend=mend)
+        for k, word in enumerate(list(words) * len(chosen) if len(words) == 1 else words):
+            name, character = chosen[k]
+            checked = load_settings(CharacterSettings, {**vars(character), option: word}, where=f"--{option}")
             chosen[k] = (name, checked)
     return chosen

@@ -61,23 +61,23 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
     Raises:
         InputError: if it is neither.
     """
-    called, equals, what = word.partition("=")
+    called, equals, sensor_or_path = word.partition("=")
     if not equals or Path(word).exists():
-        called, what = "", word
+        called, sensor_or_path = "", word
     own = {
         k.removeprefix(f"{called}."): v for k, v in options.items() if called and k.startswith(f"{called}.")
     }
-    given = {**{k: v for k, v in options.items() if "." not in k}, **own}
-    if what in sensor_names() and what != "replay":
-        return Source(called or None, what, given)
-    if what != "replay" and not Path(what).exists():
+    chosen_options = {**{k: v for k, v in options.items() if "." not in k}, **own}
+    if sensor_or_path in sensor_names() and sensor_or_path != "replay":
+        return Source(called or None, sensor_or_path, chosen_options)
+    if sensor_or_path != "replay" and not Path(sensor_or_path).exists():
         raise InputError(
-            f"{what!r} is neither a sensor nor a recording",
+            f"{sensor_or_path!r} is neither a sensor nor a recording",
             where="sensor",
-            mend=sensor_advice(what),
+            mend=sensor_advice(sensor_or_path),
         )
-    path = {} if what == "replay" else {"path": what}
-    return Source(called or None, "replay", {**(replay or {}), **path, **given})
+    path = {} if sensor_or_path == "replay" else {"path": sensor_or_path}
+    return Source(called or None, "replay", {**(replay or {}), **path, **chosen_options})
 
 
 def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:

@@ -70,25 +70,28 @@ def calibrate(
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     options = sensor_options(option or [])
-    given = [source_of(word, options, {"speed": 0.0}) for word in sources or []]
-    if not given and settings is not None:
-        given = sources_of(chosen.sensors, settings.parent)
-    if len(given) < 2:
+    sensor_sources = [source_of(word, options, {"speed": 0.0}) for word in sources or []]
+    if not sensor_sources and settings is not None:
+        sensor_sources = sources_of(chosen.sensors, settings.parent)
+    if len(sensor_sources) < 2:
         raise InputError(
             "a calibration needs at least two sensors",
             where="calibrate",
             mend="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
         )
     with contextlib.ExitStack() as stack:
-        sensors = opened(given, stack)
-        scenes = {name: source.scene for name, source in zip(sensors, given, strict=True)}
+        sensors = opened(sensor_sources, stack)
+        scenes = {name: source.scene for name, source in zip(sensors, sensor_sources, strict=True)}
         collectors = _collectors(sensors, scenes, chosen, seconds)
-        found = _found(collectors, chosen)
-    for pair in found.pairs:
+        calibration = _found(collectors, chosen)
+    for pair in calibration.pairs:
         say(_sentence(pair))
-    if len(found.sensors) > 2:
-        say(f"error around the loop of sensors: {found.loop_cm:.1f} cm and {found.loop_deg:.1f} deg")
-    _write(found, collectors, output, accept_doubt)
+    if len(calibration.sensors) > 2:
+        say(
+            f"error around the loop of sensors: {calibration.loop_cm:.1f} cm "
+            f"and {calibration.loop_deg:.1f} deg"
+        )
+    _write(calibration, collectors, output, accept_doubt)
 
 
 def _collectors(
@@ -102,13 +105,13 @@ def _collectors(
     from enliven_edge.fusion.live import settings_before_fusion
     from enliven_edge.tracking import Tracker
 
-    made = []
+    collectors = []
     for name, sensor in sensors.items():
         tracker = chosen.tracker
         if (scene := scenes[name]) is not None:
             tracker = dataclasses.replace(tracker, scene=scene)
-        made.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
-    return made
+        collectors.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
+    return collectors
 
 
 def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:

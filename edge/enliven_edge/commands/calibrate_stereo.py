@@ -96,19 +96,19 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
     solution = solve(board, sightings, size)
     judgement = judge(board, solution)
     _tell(judgement)
-    found = solution.calibration
-    if found is None or not (judgement.usable or accept_doubt):
-        kept = f"; {output} was left unchanged" if output.exists() else ""
+    calibration = solution.calibration
+    if calibration is None or not (judgement.usable or accept_doubt):
+        unchanged_note = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
-            f"the calibration is not good enough{kept}",
+            f"the calibration is not good enough{unchanged_note}",
             where=str(folder),
             mend=" ".join(judgement.advice)
-            + (" Or, to try it all the same: --accept-doubt" if found else ""),
+            + (" Or, to try it all the same: --accept-doubt" if calibration else ""),
         )
-    facts = [f"{what}: {value}" for what, value in judgement.facts]
+    facts = [f"{name}: {value}" for name, value in judgement.facts]
     today = datetime.date.today().isoformat()
     head = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
-    save_calibration(output, found, [*head, *facts])
+    save_calibration(output, calibration, [*head, *facts])
     say(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
 
 
@@ -123,8 +123,8 @@ def _seen(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], t
             size = size if any(size) else (image.shape[1], image.shape[0])
             if image.shape != size[::-1]:
                 of, first = (f"{each[0]} x {each[1]}" for each in (image.shape[::-1], size))
-                what = f"it has {of} pixels, the first image {first}"
-                raise InputError(what, where=str(file), mend="Take all in one size.")
+                problem = f"it has {of} pixels, the first image {first}"
+                raise InputError(problem, where=str(file), mend="Take all in one size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
@@ -142,7 +142,7 @@ def _take(
     try:
         pairing, keeper = Pairing(images.name, round(1e6 * _APART_MS)), Keeper(board)
         folder.mkdir(parents=True, exist_ok=True)
-        said, looked, heard = "", 0.0, time.monotonic()
+        last_message, looked, heard = "", 0.0, time.monotonic()
         while len(keeper.kept) < pairs:
             if time.monotonic() - heard > _PATIENCE:
                 raise ResourceError("no pair of images came", where=images.name, mend="Check both cameras.")
@@ -162,9 +162,9 @@ def _take(
                 for side, each in zip(("left", "right"), pair, strict=True):
                     Image.fromarray(each.image).save(folder / f"{side}-{len(keeper.kept):03}.png")
             word = lacks or f"{len(keeper.kept)} of {pairs} kept"
-            if word != said:
+            if word != last_message:
                 say(word)
-            said = word
+            last_message = word
     finally:
         images.close()
 

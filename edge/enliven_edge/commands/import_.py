@@ -69,7 +69,7 @@ def import_recording(
     # stores.
     first = list(islice(frames, 1))
     frames = chain(first, frames)
-    found = write_recording(
+    contents = write_recording(
         mirrored(frames) if mirror else frames,
         output,
         task=f"Importing ({chosen.name})",
@@ -80,7 +80,7 @@ def import_recording(
         console=console,
     )
     size = output.stat().st_size / 1e6
-    say(f"{output}: {found.summary} ({chosen.name}, {size:.1f} MB)")
+    say(f"{output}: {contents.summary} ({chosen.name}, {size:.1f} MB)")
     for note in notes:
         say(f"Note: {note}.")
 

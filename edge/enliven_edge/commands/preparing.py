@@ -29,17 +29,17 @@ def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[l
     """
     actors: dict[str, Actor] = {}
     parts: dict[str, str] = {}
-    meshes = ", ".join(one.mesh for _, one in wanted)
+    meshes = ", ".join(choice.mesh for _, choice in wanted)
     first = f"Preparing {meshes}: sampling, linking, weighting"
-    with TrackerCompilation() as tracker, _steps(first, total=1 + 2 * len(wanted)) as then:
-        for name, one in wanted:
-            actor = _cast(one, name, actors, chosen)
+    with TrackerCompilation() as tracker, _steps(first, total=1 + 2 * len(wanted)) as next_step:
+        for name, choice in wanted:
+            actor = _cast(choice, name, actors, chosen)
             own = actor.character.id
-            actors[own], parts[own] = actor, one.parts or parts_for(one.mesh)
+            actors[own], parts[own] = actor, choice.parts or parts_for(choice.mesh)
             actor.preview(None, parts[own].split("/")[0].strip())
-            then("Compiling the solver (kept for the next start)")
+            next_step("Compiling the solver (kept for the next start)")
             actor.warm_up()
-            then("Compiling the tracker (kept for the next start)")
+            next_step("Compiling the tracker (kept for the next start)")
         tracker.wait()
         warm_up_tracking(chosen.tracker)
     return list(actors.values()), parts

@@ -87,9 +87,9 @@ class Found:
         """One line for the user."""
         seconds = (self.last_ns - self.first_ns) * 1e-9
         who = "1 person" if self.people == 1 else f"{self.people} people"
-        what = self.size or f"bodies, {who}"
+        content = self.size or f"bodies, {who}"
         colour = f", {self.coloured} with colour" if self.coloured else ""
-        return f"{self.frames} frames of {what}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
+        return f"{self.frames} frames of {content}{colour}, {seconds:.1f} s, sensor {', '.join(self.sensors)}"
 
 
 def write_recording(
@@ -118,7 +118,7 @@ def write_recording(
 
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
-    found = Found()
+    contents = Found()
     with replace_file(output) as part:
         with (
             Recorder(part, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,
@@ -127,9 +127,9 @@ def write_recording(
             bar = progress.add_task(task, total=None, count=0)
             recorder.add_metadata(*facts)
             for frame in frames:
-                found.add(frame)
+                contents.add(frame)
                 recorder.write_frame(frame)
-                progress.update(bar, advance=1, count=found.frames)
-        if not found.frames:
+                progress.update(bar, advance=1, count=contents.frames)
+        if not contents.frames:
             raise empty
-    return found
+    return contents

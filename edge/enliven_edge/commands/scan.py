@@ -134,10 +134,10 @@ def scan(
             )
         scanner = PersonScanner(scanner_of(voxel, FARTHEST, FARTHEST, memory).settings)
     job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
-    made = job.run(meant, triangles, output)
+    scan_result = job.run(meant, triangles, output)
     if sheet is not None:
-        _write_sheet(made.mesh, sheet)
-    job.tell(made, output)
+        _write_sheet(scan_result.mesh, sheet)
+    job.tell(scan_result, output)
     if edge is not None:
         put_on_stage(output, edge)
 
@@ -149,9 +149,9 @@ def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite
     if (recording is None) == (sensor is None):
         raise InputError("give a recording or a sensor", where="scan", mend="Add --recording or --sensor.")
     if output.suffix.lower() not in ENDINGS:
-        known = ", ".join(ending[1:] for ending in ENDINGS)
+        endings = ", ".join(ending[1:] for ending in ENDINGS)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} files", where=str(output), mend=f"Known: {known}."
+            f"cannot write {output.suffix or 'no'} files", where=str(output), mend=f"Known: {endings}."
         )
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")

@@ -83,10 +83,10 @@ def keep_of(
     Raises:
         InputError: where they do not go together.
     """
-    given = [name for name, on in (("--whole", whole), ("--box", corners), ("--before", before)) if on]
-    if len(given) > 1:
-        what = f"{' and '.join(given)} say both what is kept"
-        raise InputError(what, where="scan", mend="Give one of them.")
+    options = [name for name, on in (("--whole", whole), ("--box", corners), ("--before", before)) if on]
+    if len(options) > 1:
+        problem = f"{' and '.join(options)} say both what is kept"
+        raise InputError(problem, where="scan", mend="Give one of them.")
     if corners is not None:
         return Keep("box", *corners)
     if before is not None:
@@ -147,25 +147,25 @@ class ScanJob:
         try:
             self.diary.refuse(self._where, self.scanner)
             meant = replace(keep, before=before) if keep.what == "new" else keep
-            made = finished(self.scanner, meant, triangles, output.stem)
+            scan_result = finished(self.scanner, meant, triangles, output.stem)
             self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
         except InputError as error:
             if self.recording is not None or not self._kept(output, 0):
                 raise
-            again = f"The recorded images were kept: --recording {kept_beside(output)} scans them again."
-            raise InputError(error.what, where=error.where, mend=f"{error.mend} {again}") from None
+            hint = f"The recorded images were kept: --recording {kept_beside(output)} scans them again."
+            raise InputError(error.what, where=error.where, mend=f"{error.mend} {hint}") from None
         if self.keeps:
             self._kept(output, before if keep.what == "new" else 0)
-        write_scan(made, output)
-        return made
+        write_scan(scan_result, output)
+        return scan_result
 
     def tell(self, made: Made, output: Path) -> None:
         """Prints what came of it, and what would make it better."""
         low, high = made.mesh.bounds
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
         few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
-        said = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.diary.frames} frames"
-        say(f"{output}: {said}, {self.diary.now}")
+        summary = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.diary.frames} frames"
+        say(f"{output}: {summary}, {self.diary.now}")
         if made.said:
             say(made.said[:1].upper() + made.said[1:])
         if made.mesh.colours is None:

@@ -84,7 +84,7 @@ def sensors(
 
         typer.echo(encoded_picture(_picture(frames[-1]), way, console.width), nl=False, color=True)
     if output is not None:
-        _draw(frames[-1], output, [f"{what}: {value}" for what, value in facts[:4]])
+        _draw(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
         say(f"{output}: its depth, near is bright")
 
 
@@ -97,13 +97,17 @@ def _list(console: Console) -> None:
     cameras = attached()
     for camera in cameras:
         troubles = camera.troubles()
-        said = "; ".join(f"{what}. {mend}" for what, mend in troubles) or f"--sensor {camera.kind.sensor}"
-        facts.append((camera.kind.name, f"{camera.title}: {said}"))
+        advice = (
+            "; ".join(f"{problem}. {mend}" for problem, mend in troubles) or f"--sensor {camera.kind.sensor}"
+        )
+        facts.append((camera.kind.name, f"{camera.title}: {advice}"))
     if not cameras:
         facts.append(("plugged in", "no depth camera on USB"))
     try:
-        for number, seen in enumerate(listed_cameras()):
-            facts.append(("libcamera", f"{seen.model} {seen.name}: --sensor libcamera --set left={number}"))
+        for number, listed in enumerate(listed_cameras()):
+            facts.append(
+                ("libcamera", f"{listed.model} {listed.name}: --sensor libcamera --set left={number}")
+            )
     except ResourceError as error:
         facts.append(("libcamera", f"{error.what}. {error.mend}"))
     console.print(facts_table(facts))
@@ -152,8 +156,8 @@ def _facts(frames: list[DepthFrame], condition: Condition | None, name: str) -> 
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
-    known = statistics.median(survey(frame.depth).known for frame in frames)
-    facts.append(("depth", f"known in {100 * known:.0f} % of the image"))
+    known_share = statistics.median(survey(frame.depth).known for frame in frames)
+    facts.append(("depth", f"known in {100 * known_share:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):
         near, far = np.percentile(metres, (1, 99))
@@ -181,11 +185,13 @@ def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str
         facts.append(("temperature", f"{condition.temperature:.0f} degrees"))
     if condition.gravity is not None:
         felt = np.array(condition.gravity) / np.linalg.norm(condition.gravity)
-        said = f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
+        gravity_text = (
+            f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
+        )
         if down is not None:
-            apart = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
-            said += f", {apart:.0f} degrees from the floor's normal"
-        facts.append(("gravity", said))
+            angle = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
+            gravity_text += f", {angle:.0f} degrees from the floor's normal"
+        facts.append(("gravity", gravity_text))
     return facts
 
 
@@ -196,8 +202,8 @@ def _way(word: str) -> Way | None:
     if word in ("auto", "none"):
         return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
     if word not in WAYS:
-        known = ", ".join(("auto", "none", *WAYS))
-        raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {known}.")
+        choices = ", ".join(("auto", "none", *WAYS))
+        raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {choices}.")
     return word  # type: ignore[return-value]
 
 

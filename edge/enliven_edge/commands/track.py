@@ -54,11 +54,11 @@ def track(
         frames, count = _recorded(recording)
     else:
         frames, count = _imported(recording, lens, units_per_metre)
-    found_in = tracked(frames, chosen.tracker)
+    body_frames = tracked(frames, chosen.tracker)
     if lines:
-        found_in = _counted(found_in, count)
-    found = write_recording(
-        found_in,
+        body_frames = _counted(body_frames, count)
+    contents = write_recording(
+        body_frames,
         output,
         task="Tracking",
         facts=("track", {"recording": recording.name}),
@@ -66,8 +66,8 @@ def track(
         console=plain_console(),
         overwrite=overwrite,
     )
-    say(f"{output}: {found.summary}")
-    if not found.seen:
+    say(f"{output}: {contents.summary}")
+    if not contents.seen:
         say("Note: no person was found; see what the tracker sees: enliven inspect, with -o film.mp4.")
 
 

@@ -49,7 +49,7 @@ def checked_map(given: Mapping[str, str], where: str) -> dict[str, Command]:
     Raises:
         InputError: for an unknown word or part of the body. The message suggests the nearest known one.
     """
-    return {key: _checked(key, " ".join(said.split()), where) for key, said in given.items()}
+    return {key: _checked(key, " ".join(command.split()), where) for key, command in given.items()}
 
 
 def _checked(key: str, said: str, where: str) -> Command:
@@ -91,7 +91,9 @@ def orders(said: Command, stage: Stage) -> list[Order]:
     if word == _CHOOSES:
         return [Possess(parts=parts, mode="preview")]
     mode = _MODES[word]
-    return [Possess(one.character, one.body, parts or one.parts, mode) for one in stage.takings(mode)]
+    return [
+        Possess(taking.character, taking.body, parts or taking.parts, mode) for taking in stage.takings(mode)
+    ]
 
 
 log = logging.getLogger(__name__)
@@ -253,7 +255,7 @@ class ControlReader:
 
     def _run(self) -> None:
         """Opens the device, reads until it is gone, waits, and repeats. Logs each change once."""
-        told = False
+        is_logged = False
         while not self._stopped.is_set():
             if self._paused.is_set():
                 self._stopped.wait(PATIENCE)
@@ -267,10 +269,10 @@ class ControlReader:
                 return
             except Exception as error:
                 # Catch every error, because termios and PortAudio raise errors that are not OSErrors.
-                if self._there or not told:
+                if self._there or not is_logged:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
-                told = True
+                is_logged = True
                 self._why = error if isinstance(error, EnlivenError) else None
             finally:
                 self._there = False

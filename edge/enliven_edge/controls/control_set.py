@@ -156,19 +156,23 @@ class Controls(Closing):
     def _voice_state(self) -> VoiceMessage:
         """Returns the message to windows about the microphone."""
         voices = [control for control in self._controls if control.name in self._voices]
-        known = {phrase: word for control in voices for phrase, word in control.phrases.items()} or PHRASES
-        phrases = [phrase[:_MOST_LETTERS] for phrase in known][:MAX_PHRASES]
-        actions = [word[:_MOST_LETTERS] for word in known.values()][:MAX_PHRASES]
+        commands_by_phrase = {
+            phrase: word for control in voices for phrase, word in control.phrases.items()
+        } or PHRASES
+        phrases = [phrase[:_MOST_LETTERS] for phrase in commands_by_phrase][:MAX_PHRASES]
+        actions = [word[:_MOST_LETTERS] for word in commands_by_phrase.values()][:MAX_PHRASES]
         if any(control.there for control in voices):
             return VoiceMessage("listening", phrases=phrases, actions=actions)
-        why = self._failure or next((one.why for one in voices if one.why is not None), None)
-        if self._start is None and why is None and all(one.is_paused for one in voices):
+        why = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
+        if self._start is None and why is None and all(voice.is_paused for voice in voices):
             return VoiceMessage("off", phrases=phrases, actions=actions)
-        if why is None or any(one.is_paused for one in voices):
-            state: Literal["off", "starting"] = "off" if any(one.is_paused for one in voices) else "starting"
+        if why is None or any(voice.is_paused for voice in voices):
+            state: Literal["off", "starting"] = (
+                "off" if any(voice.is_paused for voice in voices) else "starting"
+            )
             return VoiceMessage(state, phrases=phrases, actions=actions)
-        what, mend = why.what[:_MOST_LETTERS], (why.mend or "")[:_MOST_LETTERS]
-        return VoiceMessage("missing", what, mend, phrases, actions)
+        problem, mend = why.what[:_MOST_LETTERS], (why.mend or "")[:_MOST_LETTERS]
+        return VoiceMessage("missing", problem, mend, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
         """Shows the state of the stage. A lamp changes to "no edge" if this is not called for a second."""
@@ -205,13 +209,13 @@ def open_controls(
         ResourceError: if a required library is missing. A missing device is not an error: it is searched for
             until it appears.
     """
-    ready = [(name, one, device_of(name, one, folder)) for name, one in settings.items()]
+    ready = [(name, control, device_of(name, control, folder)) for name, control in settings.items()]
     return Controls(
         [
-            ControlReader(name, device, words_of(name, one), one.debounce, one.retry)
-            for name, one, device in ready
+            ControlReader(name, device, words_of(name, control), control.debounce, control.retry)
+            for name, control, device in ready
         ],
-        [name for name, one in settings.items() if one.kind == "voice"],
+        [name for name, control in settings.items() if control.kind == "voice"],
         hides_talk=hides_talk,
     )
 

@@ -147,14 +147,16 @@ class HidPedal(Device):
             OSError: if the device is missing.
         """
         chosen = self._settings
-        found = hid.enumerate(chosen.vendor, chosen.product)
+        interfaces = hid.enumerate(chosen.vendor, chosen.product)
         if chosen.interface >= 0:
-            found = [one for one in found if one["interface_number"] == chosen.interface]
-        if not found:
+            interfaces = [
+                interface for interface in interfaces if interface["interface_number"] == chosen.interface
+            ]
+        if not interfaces:
             raise OSError(f"no HID device {chosen.vendor:04x}:{chosen.product:04x}")
         if chosen.report == "keyboard":
-            found.sort(key=lambda one: (one["usage_page"], one["usage"]) != _KEYBOARD)
-        path: bytes = found[0]["path"]
+            interfaces.sort(key=lambda interface: (interface["usage_page"], interface["usage"]) != _KEYBOARD)
+        path: bytes = interfaces[0]["path"]
         return path
 
 

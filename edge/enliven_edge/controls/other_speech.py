@@ -72,8 +72,8 @@ class OtherSpeech:
     def _recognise(self, sound: bytes) -> Iterator[str | None]:
         """Yields None while it works, and at last the words if it is speech."""
         yield from self._decode("sounds", sound)
-        sounds = [one.word for one in self._decoder.seg() or ()]
-        if sum(one.isalpha() and one != "SIL" for one in sounds) < _MIN_SOUNDS:
+        sounds = [segment.word for segment in self._decoder.seg() or ()]
+        if sum(phoneme.isalpha() and phoneme != "SIL" for phoneme in sounds) < _MIN_SOUNDS:
             return
         yield from self._decode(self._words, sound)
         best = self._decoder.hyp()

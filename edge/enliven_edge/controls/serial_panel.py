@@ -95,5 +95,7 @@ class SerialPanel(SerialPedal):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
             raise ResourceError("the panel says nothing", where=self._where, mend=mend)
         if self._keys.version not in ("", VERSION):
-            what = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
-            raise ResourceError(what, where=self._where, mend="Flash firmware_configs/panel: docs/panel.md.")
+            problem = f"the panel speaks protocol {self._keys.version}, and this edge {VERSION}"
+            raise ResourceError(
+                problem, where=self._where, mend="Flash firmware_configs/panel: docs/panel.md."
+            )

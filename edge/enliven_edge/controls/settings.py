@@ -75,8 +75,8 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
     """
     for kind, keys in _KINDS.items():
         for item in fields(settings):
-            given = item.name in keys and getattr(settings, item.name) != item.default
-            if given and kind != settings.kind:
+            is_set = item.name in keys and getattr(settings, item.name) != item.default
+            if is_set and kind != settings.kind:
                 own = ", ".join(("map", "debounce", "retry", *_KINDS[settings.kind]))
-                what = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
-                raise InputError(what, where=where, mend=f"It takes: {own}.")
+                problem = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
+                raise InputError(problem, where=where, mend=f"It takes: {own}.")

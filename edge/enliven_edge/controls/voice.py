@@ -40,13 +40,15 @@ class SoundRecording:
         """
         try:
             with wave.open(str(self._path), "rb") as file:
-                given = (file.getframerate(), file.getnchannels(), file.getsampwidth())
+                audio_format = (file.getframerate(), file.getnchannels(), file.getsampwidth())
                 self._sound = file.readframes(file.getnframes())
         except (wave.Error, EOFError):
             raise InputError("it is not a WAV file", where=str(self._path)) from None
-        if given != (RATE, 1, 2):
-            what = f"it has {given[0]} Hz, {given[1]} channels, {8 * given[2]} bits"
-            raise InputError(what, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits.")
+        if audio_format != (RATE, 1, 2):
+            problem = f"it has {audio_format[0]} Hz, {audio_format[1]} channels, {8 * audio_format[2]} bits"
+            raise InputError(
+                problem, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits."
+            )
         self._sound += bytes(RATE * 2)  # Append a second of silence, which ends the last phrase.
         self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
 
@@ -107,12 +109,16 @@ class Microphone:
 
     def _reason(self) -> ResourceError:
         """Returns the reason why the microphone cannot be opened, in words for the people on the stage."""
-        inputs = [str(one["name"]) for one in self._library.query_devices() if one["max_input_channels"] > 0]
+        inputs = [
+            str(device["name"])
+            for device in self._library.query_devices()
+            if device["max_input_channels"] > 0
+        ]
         if not inputs:
             return ResourceError(
                 "no microphone is connected", where="voice", mend="Plug one in; it is detected automatically."
             )
-        if self._name and not any(self._name.lower() in one.lower() for one in inputs):
+        if self._name and not any(self._name.lower() in input_name.lower() for input_name in inputs):
             mend = f"Set microphone to part of one of these names: {', '.join(inputs)}."[:160]
             return ResourceError(f"no microphone is called {self._name!r}"[:160], where="voice", mend=mend)
         mend = "Close the programs that use it, or choose another in the system's sound settings."
@@ -176,11 +182,11 @@ class Recogniser:
         self._decoder = sphinx.Decoder(lm=None, loglevel="FATAL", bestpath=False)
         for word in sorted({word for phrase in phrases for word in phrase.split()}):
             if not word.isascii() or self._decoder.lookup_word(word) is None:
-                what, mend = (
+                problem, mend = (
                     f"the model does not know the word {word!r}",
                     "Say it with English words, lower case.",
                 )
-                raise InputError(what, where=where, mend=mend)
+                raise InputError(problem, where=where, mend=mend)
         self._decoder.add_jsgf_string("commands", _grammar(phrases))
         self._decoder.activate_search("commands")
         self._ends = sphinx.Endpointer()
@@ -263,10 +269,10 @@ def _grammar(phrases: Sequence[str]) -> str:
     talk = [word for word in _TALK.split() if word not in names]
     followers = {rest.split()[0] for rest in rests}
     others = [word for word in dict.fromkeys((*talk, *_DEEDS.split())) if word not in followers]
-    known = " | ".join(f"/1.0/ {phrase}" for phrase in phrases)
+    alternatives = " | ".join(f"/1.0/ {phrase}" for phrase in phrases)
     return (
         "#JSGF V1.0; grammar commands;"
-        f"public <command> = {known} | /1.0/ <talk> [<talk>] {rest} | "
+        f"public <command> = {alternatives} | /1.0/ <talk> [<talk>] {rest} | "
         f"/{_OTHER_WEIGHT}/ <name> <other> [<other>] [<other>];"
         f"<name> = {' | '.join(names)};"
         f"<other> = {' | '.join(others)};"

@@ -161,8 +161,8 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
     try:
         rows = list(csv.reader(text_of(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
-        what = f"it is not a table with {delimiter!r} between its columns"
-        raise InputError(what, where=str(path), mend="Copy it again from its source.") from None
+        problem = f"it is not a table with {delimiter!r} between its columns"
+        raise InputError(problem, where=str(path), mend="Copy it again from its source.") from None
     rows = [row[:-1] if row and row[-1].strip() == "" else row for row in rows]
     rows = [row for row in rows if row]
     if not rows:
@@ -208,8 +208,8 @@ def floats_of(path: Path) -> Float:
         return np.array([float(word) for word in words])
     except ValueError:
         wrong = next(word for word in words if not are_numbers([word]))
-        what = f"it holds something else than numbers: {wrong[:40]!r}"
-        raise InputError(what, where=str(path)) from None
+        problem = f"it holds something else than numbers: {wrong[:40]!r}"
+        raise InputError(problem, where=str(path)) from None
 
 
 def are_numbers(cells: Sequence[str]) -> bool:

@@ -117,8 +117,8 @@ def _raw_images(paths: Sequence[Path]) -> list[Path]:
 
 def _plausible(values: UInt16) -> bool:
     """Returns True if numbers look like distances: some are near enough, and hardly any too far."""
-    known = values[values > 0]
-    return known.size > 100 and float(np.mean(known > _FARTHEST)) < 0.001
+    measured = values[values > 0]
+    return measured.size > 100 and float(np.mean(measured > _FARTHEST)) < 0.001
 
 
 def _read(path: Path) -> UInt16:

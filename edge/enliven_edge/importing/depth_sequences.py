@@ -65,9 +65,9 @@ class DepthUnit:
         name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
         reason = f" ({self._reason})" if self._reason else ""
         self._note(f"depth values are taken as {name}{reason}; {_OPTION}")
-        known = depth[depth > 0]
-        if known.size and float(np.median(known)) > _FAR_MM:
-            far = float(np.median(known)) / 1000
+        measured = depth[depth > 0]
+        if measured.size and float(np.median(measured)) > _FAR_MM:
+            far = float(np.median(measured)) / 1000
             self._note(
                 f"half of the first image is beyond {far:.1f} m, farther than depth cameras measure: "
                 "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"

@@ -96,8 +96,8 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
     except (msgspec.MsgspecError, RecursionError) as error:
         log.debug("%s", path, exc_info=error)
         mend = "Choose a file that the Flow Room recorded."
-        what = "its JSON is cut short, damaged or of another kind"
-        raise InputError(what, where=str(path), mend=mend) from None
+        problem = "its JSON is cut short, damaged or of another kind"
+        raise InputError(problem, where=str(path), mend=mend) from None
     for number, frame in enumerate(frames):
         for skeleton in frame:
             if len(skeleton.joints) != 21:

@@ -109,6 +109,6 @@ def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
     if image.width * image.height > _MOST_PIXELS:
         image.close()
-        what = f"it states {image.width} x {image.height} pixels"
-        raise InputError(what, where=str(path), mend="Take a smaller image.")
+        problem = f"it states {image.width} x {image.height} pixels"
+        raise InputError(problem, where=str(path), mend="Take a smaller image.")
     return image

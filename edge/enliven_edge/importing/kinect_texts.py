@@ -136,8 +136,8 @@ class GaitReader(SkeletonReader):
 def _gait_joint(name: str, path: Path, line: int) -> Joint:
     joint = _GAIT_NAMES.get(name.strip().title())
     if joint is None:
-        what, mend = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
-        raise InputError(what, where=str(path), mend=mend)
+        problem, mend = f"line {line} names the joint {name!r}", f"Known: {', '.join(_GAIT_NAMES)}."
+        raise InputError(problem, where=str(path), mend=mend)
     return joint
 
 
@@ -177,8 +177,8 @@ class MsrAction3dReader(SkeletonReader):
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
         values = floats_of(path)
         if not values.size or values.size % 80:
-            what = f"it holds {values.size} numbers, not 80 for each frame"
-            raise InputError(what, where=str(path), mend="Copy it again; it may have been cut off.")
+            problem = f"it holds {values.size} numbers, not 80 for each frame"
+            raise InputError(problem, where=str(path), mend="Copy it again; it may have been cut off.")
         rows = values.reshape(-1, 20, 4)[:, np.argsort(MSR_ORDER)]
         joints = rows[..., :3]
         if float(np.median(joints[..., 2])) >= 20.0:

@@ -67,17 +67,17 @@ def _model(entry: dict[str, Any]) -> str:
 def _device(repository: Path, device: str) -> dict[str, Any]:
     try:
         entries = json.loads(text_of(repository))
-        known = {str(entry["Device"]): entry for entry in entries}
+        devices = {str(entry["Device"]): entry for entry in entries}
     except (ValueError, TypeError, KeyError, RecursionError):
         mend = "Copy it again from the recording computer."
         raise InputError("the list of devices is damaged", where=str(repository), mend=mend) from None
-    if device not in known:
+    if device not in devices:
         raise InputError(
             f"the device {device} is not in the list",
             where=str(repository),
-            mend=f"Known: {', '.join(sorted(known))}.",
+            mend=f"Known: {', '.join(sorted(devices))}.",
         )
-    return known[device]
+    return devices[device]
 
 
 def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:

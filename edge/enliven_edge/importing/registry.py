@@ -38,16 +38,16 @@ _BUILT_IN = (
 
 def readers() -> dict[str, Reader]:
     """Returns every reader by name: the built-in ones, then those of other packages."""
-    made: list[Reader] = []
+    instances: list[Reader] = []
     for place in _BUILT_IN:
         module, _, kind = place.partition(":")
-        made.append(getattr(import_module(f"enliven_edge.importing.{module}"), kind)())
+        instances.append(getattr(import_module(f"enliven_edge.importing.{module}"), kind)())
     for entry in entry_points(group=ENTRY_POINTS):
         try:
-            made.append(entry.load()())
+            instances.append(entry.load()())
         except Exception as error:  # An error in another package must not stop an import.
             warnings.warn(f"the reader {entry.name!r} cannot be loaded: {error}", stacklevel=2)
-    return {reader.name: reader for reader in made}
+    return {reader.name: reader for reader in instances}
 
 
 def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
@@ -56,14 +56,14 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     Raises:
         InputError: for an unknown name, with the nearest known one, or if no reader recognises the files.
     """
-    known = readers()
+    readers_by_name = readers()
     if name is not None:
-        if name in known:
-            return known[name]
-        near = difflib.get_close_matches(name, known, n=1)
-        mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."
+        if name in readers_by_name:
+            return readers_by_name[name]
+        near = difflib.get_close_matches(name, readers_by_name, n=1)
+        mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(readers_by_name)}."
         raise InputError(f"the reader {name!r} does not exist", where="--reader", mend=mend)
-    for reader in known.values():
+    for reader in readers_by_name.values():
         if reader.can_read(paths):
             return reader
     kind = colour_kind(paths[0]) if len(paths) == 1 else None
@@ -86,7 +86,7 @@ def find_files(names: Sequence[str]) -> list[Path]:
     Raises:
         InputError: for a name without a file, or a folder that cannot be listed.
     """
-    found: dict[Path, None] = {}
+    paths: dict[Path, None] = {}
     for name in names:
         path = Path(name)
         if path.is_dir():
@@ -99,10 +99,10 @@ def find_files(names: Sequence[str]) -> list[Path]:
         else:
             inside = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
         if not inside:
-            what = "the folder holds no files" if path.is_dir() else "there is no such file"
-            raise InputError(what, where=name, mend="Check the path.")
-        found.update(dict.fromkeys(inside))
-    return list(found)
+            problem = "the folder holds no files" if path.is_dir() else "there is no such file"
+            raise InputError(problem, where=name, mend="Check the path.")
+        paths.update(dict.fromkeys(inside))
+    return list(paths)
 
 
 def _inside(folder: Path) -> list[Path]:
@@ -118,7 +118,11 @@ def _inside(folder: Path) -> list[Path]:
         return inside
     sequences = sorted(entry.name for entry in folder.glob("seq-*") if entry.is_dir())
     if sequences:
-        what = f"it holds {len(sequences)} sequences, each a recording of its own: {', '.join(sequences[:8])}"
-        raise InputError(what, where=str(folder), mend=f"Import one of them, such as {folder / sequences[0]}")
+        problem = (
+            f"it holds {len(sequences)} sequences, each a recording of its own: {', '.join(sequences[:8])}"
+        )
+        raise InputError(
+            problem, where=str(folder), mend=f"Import one of them, such as {folder / sequences[0]}"
+        )
     depth = folder / "depth"
     return inside + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])

@@ -134,7 +134,7 @@ def _statures(bodies: Sequence[Body]) -> dict[int, float]:
     for body in bodies:
         if np.isfinite(body.joints).all():
             heights.setdefault(body.id, []).append(body.height)
-    return {person: float(np.median(known)) for person, known in heights.items()}
+    return {person: float(np.median(samples)) for person, samples in heights.items()}
 
 
 def _floor(bodies: Sequence[Body], where: str) -> float:

@@ -103,8 +103,8 @@ def _rows(path: Path, columns: int) -> list[list[str]]:
         if not row:
             continue
         if len(row) != columns or not are_numbers(row[:1]) or not np.isfinite(float(row[0])):
-            what = f"line {number} is not a time and {columns - 1} more columns"
-            raise InputError(what, where=str(path), mend="Remove the line, or copy the file again.")
+            problem = f"line {number} is not a time and {columns - 1} more columns"
+            raise InputError(problem, where=str(path), mend="Remove the line, or copy the file again.")
         rows.append(row)
     return rows
 
@@ -133,17 +133,17 @@ def _poses(path: Path, times: list[int]) -> dict[int, Float]:
     rows = _rows(path, 8)
     if not rows:
         return {}
-    known = np.array([_nanoseconds(row[0]) for row in rows])
+    pose_times = np.array([_nanoseconds(row[0]) for row in rows])
     try:
         values = np.array([[float(word) for word in row[1:]] for row in rows])
     except ValueError:
         raise InputError("a pose has something that is not a number", where=str(path)) from None
     poses: dict[int, Float] = {}
     for time_ns in times:
-        at = int(np.abs(known - time_ns).argmin())
+        at = int(np.abs(pose_times - time_ns).argmin())
         x, y, z, w = values[at, 3:]
         length = float(np.linalg.norm(values[at, 3:]))
-        if abs(int(known[at]) - time_ns) > _MAX_GAP_NS or not (
+        if abs(int(pose_times[at]) - time_ns) > _MAX_GAP_NS or not (
             np.isfinite(values[at]).all() and length > 0.5
         ):
             return {}

@@ -53,23 +53,23 @@ class SensorLog:
     def facts(self) -> list[tuple[str, str]]:
         """Returns all facts, each with its name."""
         seconds = self._seconds(self._last_ns)
-        said = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
-        said.append(("missing", self._missing()))
+        facts = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
+        facts.append(("missing", self._missing()))
         if any(self._links):
-            said.append(("link", ", ".join(filter(None, self._links))))
+            facts.append(("link", ", ".join(filter(None, self._links))))
         if self._celsius:
             limit = "" if self._hot is None else f"; it stops at {self._hot:.0f}"
-            said.append(
+            facts.append(
                 ("temperature", f"{min(self._celsius):.0f} to {max(self._celsius):.0f} degrees{limit}")
             )
         if self._uncalibrated:
-            said.append(("lens", "that of its kind, as the camera did not know its own"))
+            facts.append(("lens", "that of its kind, as the camera did not know its own"))
         if self._losses:
-            said.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
-            said += [("", f"at {at:.2f} s: {what}") for at, what in self._losses[:_MOST_TOLD]]
+            facts.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
+            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MOST_TOLD]]
         if self._bad:
-            said.append(("unusable", f"{self._bad} frames, left out"))
-        return said
+            facts.append(("unusable", f"{self._bad} frames, left out"))
+        return facts
 
     def _missing(self) -> str:
         """Describes the gaps in the sensor's sequence numbers."""

@@ -40,10 +40,10 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
 
     Arguments of :func:`depth_picture`.
     """
-    known = depth[(depth > 0) & (depth < 65535)]
-    if known.size == 0:
+    measured = depth[(depth > 0) & (depth < 65535)]
+    if measured.size == 0:
         return 0.5, 4.0
-    near, far = np.percentile(known[:: max(1, known.size // 20000)], [1.0, 97.0]) * 1e-3
+    near, far = np.percentile(measured[:: max(1, measured.size // 20000)], [1.0, 97.0]) * 1e-3
     return float(near), float(max(far, near + 0.3))
 
 

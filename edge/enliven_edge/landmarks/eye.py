@@ -51,14 +51,14 @@ def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
         for k, b in enumerate(colour)
         if (distance := _apart(a, b)) < _SAME_PERSON
     )
-    made, taken = list(depth), set[int]()
+    fused, used_colour = list(depth), set[int]()
     joined = set[int]()
     for _, i, k in pairs:
-        if i not in joined and k not in taken:
-            made[i] = join(depth[i], colour[k])
+        if i not in joined and k not in used_colour:
+            fused[i] = join(depth[i], colour[k])
             joined.add(i)
-            taken.add(k)
-    return made
+            used_colour.add(k)
+    return fused
 
 
 def join(depth: Body, colour: Body) -> Body:
@@ -84,11 +84,11 @@ def join(depth: Body, colour: Body) -> Body:
 
 def _apart(a: Body, b: Body) -> float:
     """Returns the metres between two trunks, averaged over their shared joints."""
-    known = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
-    if not known.any():
+    is_shared = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
+    if not is_shared.any():
         return float("inf")
     gap: Float = np.linalg.norm(a.joints[_TRUNK] - b.joints[_TRUNK], axis=1)
-    return float(gap[known].mean())
+    return float(gap[is_shared].mean())
 
 
 _STEP = 0.6
@@ -113,26 +113,28 @@ class ColourPoseEstimator:
         """Returns a frame's depth bodies, fused with the bodies in its colour image if it has one."""
         if frame.colour is None or not bodies:
             return bodies
-        found = self._source.find(frame.colour, frame.time_ns)
-        lifted = [self._lifter.lift(each, frame, world_from_camera, -1) for each in found]
+        detections = self._source.find(frame.colour, frame.time_ns)
+        lifted = [self._lifter.lift(each, frame, world_from_camera, -1) for each in detections]
         return join_people(bodies, lifted)
 
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
         """Returns the 2.5-D bodies of a camera without depth, each with a lasting identity."""
-        found = self._source.find(colour, time_ns)
-        guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in found]
+        detections = self._source.find(colour, time_ns)
+        guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in detections]
         return self._numbered(guesses, time_ns)
 
     def _numbered(self, bodies: list[Body], time_ns: int) -> list[Body]:
         """Returns the bodies with the ids of the nearest bodies in the previous frame. Others get new ids."""
         self._known = {
-            i: known for i, known in self._known.items() if 0 <= time_ns - known[1] < _FORGOTTEN_NS
+            i: last_seen
+            for i, last_seen in self._known.items()
+            if 0 <= time_ns - last_seen[1] < _FORGOTTEN_NS
         }
         places = [body.joints[Joint.SHOULDER_CENTER] for body in bodies]
         pairs = sorted(
-            (float(np.linalg.norm(place - known[0])), k, i)
+            (float(np.linalg.norm(place - last_seen[0])), k, i)
             for k, place in enumerate(places)
-            for i, known in self._known.items()
+            for i, last_seen in self._known.items()
         )
         numbers: dict[int, int] = {}
         for distance, k, i in pairs:

@@ -26,11 +26,11 @@ SURFACE = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 
 def _weights() -> Float:
     """Returns (20, 33) the weight of each landmark in a joint. Every row sums to 1."""
-    made = np.zeros((len(Joint), len(NAMES)))
+    weights = np.zeros((len(Joint), len(NAMES)))
 
     def put(joint: Joint, **parts: float) -> None:
         for name, share in parts.items():
-            made[joint, INDEX[name.replace("_", " ")]] += share
+            weights[joint, INDEX[name.replace("_", " ")]] += share
 
     # The hip centre lies a little above the hips, and the shoulder centre a little above the shoulders. The
     # factors are fractions of the trunk's length from the hips to the shoulders.
@@ -47,7 +47,7 @@ def _weights() -> Float:
             put(Joint[f"{part}_{side.upper()}"], **{f"{side}_{name}": 1.0})
         hand = Joint[f"HAND_{side.upper()}"]
         put(hand, **{f"{side}_wrist": 0.2, f"{side}_index": 0.4, f"{side}_pinky": 0.4})
-    return made
+    return weights
 
 
 WEIGHTS = _weights()
@@ -187,7 +187,7 @@ class Lifter:
         NaN: no depth is within ``margin``.
         """
         depth, camera = frame.depth, frame.intrinsics
-        made = np.full(len(pixels), np.nan)
+        joint_depths = np.full(len(pixels), np.nan)
         for joint in np.flatnonzero(inside):
             u, v = np.rint(pixels[joint]).astype(int)
             reach = int(np.clip(round(_PATCH * camera.fx / max(expected[joint], 0.3)), 1, 12))
@@ -195,8 +195,8 @@ class Lifter:
             metres = patch[(patch > 0) & (patch < 65535)] * 1e-3
             metres = metres[np.abs(metres + SURFACE[joint] - expected[joint]) <= margin]
             if len(metres) >= _FEWEST:
-                made[joint] = np.median(metres)
-        return made
+                joint_depths[joint] = np.median(metres)
+        return joint_depths
 
 
 def _to_depth(points: Float, shape: tuple[int, ...], camera: Intrinsics) -> Float:

@@ -104,12 +104,12 @@ class MediaPipeSettings:
             raise InputError("the model file does not exist", where=str(model), mend=mend)
         if self.python:
             return
-        found = importlib.util.find_spec("mediapipe")
-        if found is None:
-            what = "the library 'mediapipe' is not installed here"
-            raise ResourceError(what, where="landmarks", mend=_MEND)
-        folders = [Path(one) for one in found.submodule_search_locations or ()]
-        if model is None and not any((one / "python" / "solutions").is_dir() for one in folders):
+        spec = importlib.util.find_spec("mediapipe")
+        if spec is None:
+            problem = "the library 'mediapipe' is not installed here"
+            raise ResourceError(problem, where="landmarks", mend=_MEND)
+        folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
+        if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
             own = own_folder() / _MODEL
             mend = f"Download a pose landmarker's .task file, save it as {own}, or set model to it."
             raise ResourceError("this MediaPipe brings no model of a pose", where="landmarks", mend=mend)

@@ -68,8 +68,8 @@ class CommandQueue:
             min(budget + frames * share, _SAVED * share)
             for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
-        while (found := self._next()) is not None:
-            peer, budget = found
+        while (next_turn := self._next()) is not None:
+            peer, budget = next_turn
             start = time.perf_counter()
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
@@ -94,5 +94,5 @@ class CommandQueue:
 
     def _asks_little(self, peer: Connection) -> bool:
         """Returns True if a viewer may use the reserve."""
-        known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
-        return known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW
+        is_known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
+        return is_known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW

@@ -92,14 +92,14 @@ class ControlSocket:
     def viewers(self) -> int:
         """The number of viewers that receive the streams and sent a message in the last seconds."""
         since = time.monotonic() - _GONE_AFTER
-        known = (c.state for c in self._server.connections if c.state is not None)
-        return sum(viewer.listening and viewer.heard > since for viewer in known)
+        states = (c.state for c in self._server.connections if c.state is not None)
+        return sum(viewer.listening and viewer.heard > since for viewer in states)
 
     def poll(self) -> list[Command]:
         """Answers requests as far as time allows. Returns the commands among them."""
         until = time.monotonic() + self._budget
-        found = (self._take(peer, parts) for peer, parts in self._server.messages(until))
-        return [command for command in found if command is not None]
+        commands = (self._take(peer, parts) for peer, parts in self._server.messages(until))
+        return [command for command in commands if command is not None]
 
     def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
         now = time.monotonic()

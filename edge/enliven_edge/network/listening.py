@@ -77,10 +77,10 @@ def _is_loopback(host: str) -> bool:
     if host in ("", "*"):
         return False
     try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):
         return False
-    return all(ipaddress.ip_address(str(each[4][0]).split("%")[0]).is_loopback for each in found)
+    return all(ipaddress.ip_address(str(each[4][0]).split("%")[0]).is_loopback for each in addresses)
 
 
 def check_open(host: str, open_to_all: bool) -> None:
@@ -107,22 +107,22 @@ def listen(host: str, port: int, option: str) -> socket.socket:
     """
     everywhere = host in ("", "*")
     dual = everywhere and socket.has_dualstack_ipv6()
-    made: socket.socket | None = None
+    listener: socket.socket | None = None
     try:
         name = ("::" if dual else "0.0.0.0") if everywhere else host
         family, *_, address = socket.getaddrinfo(name, port, type=socket.SOCK_STREAM)[0]
-        made = socket.socket(family, socket.SOCK_STREAM)
+        listener = socket.socket(family, socket.SOCK_STREAM)
         reuse = "SO_EXCLUSIVEADDRUSE" if sys.platform == "win32" else "SO_REUSEADDR"
-        made.setsockopt(socket.SOL_SOCKET, getattr(socket, reuse), 1)
+        listener.setsockopt(socket.SOL_SOCKET, getattr(socket, reuse), 1)
         if family == socket.AF_INET6:
-            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not dual)
-        made.bind(address)
-        made.listen(_BACKLOG)
-        made.setblocking(False)
-        return made
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not dual)
+        listener.bind(address)
+        listener.listen(_BACKLOG)
+        listener.setblocking(False)
+        return listener
     except (OSError, UnicodeError, OverflowError) as error:
-        if made is not None:
-            made.close()
+        if listener is not None:
+            listener.close()
         raise _refused(error, host, port, option) from None
 
 

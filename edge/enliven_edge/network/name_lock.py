@@ -155,11 +155,11 @@ def _own_folder() -> Path:
 def _is_own(folder: Path) -> bool:
     """Returns True for a real folder of this user, not a link, that no other user may write to."""
     try:
-        found = folder.lstat()
+        file_status = folder.lstat()
     except OSError:
         return False
-    ours = found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return stat.S_ISDIR(found.st_mode) and ours
+    ours = file_status.st_uid == os.getuid() and not file_status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return stat.S_ISDIR(file_status.st_mode) and ours
 
 
 def _opened(path: Path) -> int:

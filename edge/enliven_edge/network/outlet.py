@@ -159,11 +159,11 @@ class Outlet(Closing):
         """Sets the health states of the edge, plus those of the take. A change is sent immediately."""
         take = self._take.health_states if self._take is not None else []
         health = health_to_messages(worst_first([*states, *take]))
-        told = self._publisher.status.health
-        if health == told:
+        published = self._publisher.status.health
+        if health == published:
             return
         self._publisher.set_status(health=health)
-        if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in told]:
+        if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in published]:
             self._publisher.beat()
 
     def poll_requests(self, handlers: Handlers) -> None:
@@ -206,8 +206,8 @@ def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
     at = tick.time_ns
     yield bodies_to_message(tick.bodies, at, tick.read_ns)
     for name, cue in tick.cues.items():
-        what = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
-        yield cues_to_message(name, cue.state, *what)
+        cue_values = (cue.nodes, cue.strengths, cue.body, at, cue.owners, cue.held)
+        yield cues_to_message(name, cue.state, *cue_values)
     if tick.props is not None:
         yield props_to_message(tick.props)
     for board in tick.boards:

@@ -284,9 +284,9 @@ class Publisher(Closing):
         match request:
             case Hello():
                 self._let_hear(request.listening)
-                known = [Revision(name, held[0]) for name, held in self._characters.items()]
+                revisions = [Revision(name, entry[0]) for name, entry in self._characters.items()]
                 return Welcome(
-                    self._status, known[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
+                    self._status, revisions[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
                 )
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")

@@ -319,11 +319,11 @@ def _in_turn(ready: list[Connection]) -> list[Connection]:
     Known and recent ones are sorted by recent cost, known ones relative to their time of service. Newcomers
     that have started their handshake come before the others.
     """
-    known = [c for c in ready if c.served > _KNOWN_AFTER]
-    known.sort(key=lambda c: c.cost / min(c.served, _TRUSTED_AFTER))
+    known_peers = [c for c in ready if c.served > _KNOWN_AFTER]
+    known_peers.sort(key=lambda c: c.cost / min(c.served, _TRUSTED_AFTER))
     recent = [c for c in ready if c.introduced and c.served <= _KNOWN_AFTER]
     new = [c for c in ready if not c.introduced and c.served <= _KNOWN_AFTER]
     recent.sort(key=lambda c: c.cost)
     new.sort(key=lambda c: (c.spoke == c.opened, c.opened))
-    turns = itertools.zip_longest(known, recent, new)
+    turns = itertools.zip_longest(known_peers, recent, new)
     return [each for turn in turns for each in turn if each is not None]

@@ -29,14 +29,14 @@ class Subscribers:
     def poll(self) -> None:
         """Accepts connections, reads subscriptions and sends queued bytes."""
         for peer, parts in self._server.messages(time.monotonic() + _READING):
-            said = parts[0]
+            request = parts[0]
             # Ignore a prefix that matches no topic, so that it is not stored.
-            if len(parts) == 1 and any((name.encode() + b"\0").startswith(said[1:]) for name in STREAMS):
+            if len(parts) == 1 and any((name.encode() + b"\0").startswith(request[1:]) for name in STREAMS):
                 wanted: frozenset[bytes] = peer.state or frozenset()
-                if said[:1] == b"\x01":
-                    peer.state, peer.introduced = wanted | {said[1:]}, True
-                elif said[:1] == b"\x00":
-                    peer.state = wanted - {said[1:]}
+                if request[:1] == b"\x01":
+                    peer.state, peer.introduced = wanted | {request[1:]}, True
+                elif request[:1] == b"\x00":
+                    peer.state = wanted - {request[1:]}
 
     def send(self, data: bytes) -> None:
         """Sends a message, its topic first."""

@@ -120,9 +120,9 @@ class Towers:
             spheres: (S, 3) metres in the world. Rows that are not finite are ignored.
             radii: (S,) metres.
         """
-        known = np.isfinite(spheres).all(1)
-        there = ground.from_world(spheres[known])
-        self._stand = ground.to_world(clear_places(self.settings, there, radii[known]))
+        is_finite = np.isfinite(spheres).all(1)
+        local_centres = ground.from_world(spheres[is_finite])
+        self._stand = ground.to_world(clear_places(self.settings, local_centres, radii[is_finite]))
         self._turns = np.tile(ground.turn, (len(self._stand), 1))
         world.put(slice(None), self._stand, self._turns)
         self._quiet = 0.0
@@ -139,13 +139,13 @@ class Towers:
 
     def _is_free(self, spheres: Float) -> bool:
         """Returns True if no sphere is within a box's edge length of the boxes' places."""
-        known = spheres[np.isfinite(spheres).all(1)]
-        if not len(known):
+        centres = spheres[np.isfinite(spheres).all(1)]
+        if not len(centres):
             return True
         low, high = self._stand.min(0) - 2 * self.settings.side, self._stand.max(0) + 2 * self.settings.side
-        near = known[((known > low) & (known < high)).all(1)]
-        apart = np.linalg.norm(near[:, None] - self._stand[None], axis=2)
-        return bool((apart > 1.5 * self.settings.side).all())
+        near = centres[((centres > low) & (centres < high)).all(1)]
+        distances = np.linalg.norm(near[:, None] - self._stand[None], axis=2)
+        return bool((distances > 1.5 * self.settings.side).all())
 
 
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
@@ -205,15 +205,15 @@ class Dodgeball:
             if touched >= 0 or touched == FLOOR:
                 self._target[ball] = ""
         self._wait += seconds
-        here = [
+        present = [
             name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
         ]
         # Do not throw a ball again while it is flying.
-        if here and self._wait >= self.settings.every and not self._target[self._next]:
+        if present and self._wait >= self.settings.every and not self._target[self._next]:
             self._wait = 0.0
-            self._throw(world, here, spheres, names, owners)
-        told = {1: "once", 2: "twice"}
-        return ", ".join(f"{n} hit {told.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
+            self._throw(world, present, spheres, names, owners)
+        adverbs = {1: "once", 2: "twice"}
+        return ", ".join(f"{n} hit {adverbs.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
     def _middle(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
         """Returns (3,) the centre of a target's spheres, None if it has none."""

@@ -88,7 +88,7 @@ class Playground:
         for name, character in characters.items():
             if name not in self._proxies or self._proxies[name][0] is not character:
                 self.introduce(character)
-        self._proxies = {name: known for name, known in self._proxies.items() if name in characters}
+        self._proxies = {name: proxy for name, proxy in self._proxies.items() if name in characters}
 
     def warm_up(self) -> None:
         """Compiles the code that every frame needs, on a separate world."""
@@ -144,23 +144,23 @@ class Playground:
 
         A character or body keeps its slots while it is present. Afterwards the slots are free for others.
         """
-        made: dict[str, tuple[Float, Float]] = {}
+        spheres_by_name: dict[str, tuple[Float, Float]] = {}
         for pose in tick.poses:
-            known = self._proxies.get(pose.character)
-            if known is not None and len(pose.linear) == len(known[0].pivots):
-                radius = known[1].radius_in(pose)
-                made[pose.character] = known[1].centres(pose), np.full(len(known[1]), radius)
+            proxy = self._proxies.get(pose.character)
+            if proxy is not None and len(pose.linear) == len(proxy[0].pivots):
+                radius = proxy[1].radius_in(pose)
+                spheres_by_name[pose.character] = proxy[1].centres(pose), np.full(len(proxy[1]), radius)
         if self.settings.bodies != "never":
             for body in tick.bodies:
                 if self.settings.bodies == "always" or body.id not in tick.holders:
-                    made[f"performer {body.id}"] = body_spheres(body)
-        self._assign({name: len(radii) for name, (_, radii) in made.items()})
+                    spheres_by_name[f"performer {body.id}"] = body_spheres(body)
+        self._assign({name: len(radii) for name, (_, radii) in spheres_by_name.items()})
         count = max((s.stop for s in self._slots.values()), default=0)
         centres, radii = np.full((count, 3), np.nan), np.zeros(count)
-        names, owners = list(made), [0] * count
+        names, owners = list(spheres_by_name), [0] * count
         for number, name in enumerate(names):
             slot = self._slots[name]
-            centres[slot], radii[slot] = made[name]
+            centres[slot], radii[slot] = spheres_by_name[name]
             owners[slot] = [number] * (slot.stop - slot.start)
         return centres, radii, names, owners
 

@@ -135,8 +135,8 @@ class PhysicsSwitch:
     def _begin(self, result: Playground | EnlivenError) -> None:
         """Puts the prepared objects on the stage, or stores the reason of the failure."""
         if isinstance(result, EnlivenError):
-            what, mend = result.what[:_MOST_LETTERS], (result.mend or "")[:_MOST_LETTERS]
-            self._state = PhysicsMessage(self._state.world, "failed", what, mend)
+            problem, mend = result.what[:_MOST_LETTERS], (result.mend or "")[:_MOST_LETTERS]
+            self._state = PhysicsMessage(self._state.world, "failed", problem, mend)
             return
         self._playground = result
         self._state = PhysicsMessage(self._state.world, "on")

@@ -252,14 +252,17 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
         body.add_freejoint()
         ball = int(props.shapes[p]) == BALL
         kind = mujoco.mjtGeom.mjGEOM_SPHERE if ball else mujoco.mjtGeom.mjGEOM_BOX
-        made = {"contype": _PROP, "conaffinity": everything, **common}
+        prop_contact = {"contype": _PROP, "conaffinity": everything, **common}
         if ball:
-            made["condim"] = 6  # Contacts include rolling friction, so that a ball stops rolling in the end.
+            # Contacts include rolling friction, so that a ball stops rolling in the end.
+            prop_contact["condim"] = 6
         body.add_geom(
-            name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **made
+            name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **prop_contact
         )
     for k in range(spheres):
         body = spec.worldbody.add_body(mocap=True, pos=list(_PARKED))
-        ball_of = {"contype": _SPHERE, "conaffinity": _PROP, **common}
-        body.add_geom(name=f"sphere{k}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], **ball_of)
+        sphere_contact = {"contype": _SPHERE, "conaffinity": _PROP, **common}
+        body.add_geom(
+            name=f"sphere{k}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], **sphere_contact
+        )
     return spec.compile()

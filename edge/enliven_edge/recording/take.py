@@ -92,9 +92,9 @@ class Take:
 
     def _put(self, message: Any, time_ns: int) -> None:
         kind: Any = type(message)
-        told = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
+        channel = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
         try:
-            self._parts.write(BY_TYPE[kind].name, *told, _ENCODER.encode(message), time_ns)
+            self._parts.write(BY_TYPE[kind].name, *channel, _ENCODER.encode(message), time_ns)
         except InputError as error:
             self._gaps += 1
             self._say(HealthKind.TAKE_GAPS, error.what, count=self._gaps)
@@ -104,10 +104,10 @@ class Take:
     def _say(self, kind: HealthKind, why: str, **facts: object) -> None:
         """Sets a health state, and logs it the first time."""
         message = HEALTH_MESSAGES[kind]
-        what = message.what.format(why=why, **facts)
+        sentence = message.what.format(why=why, **facts)
         before = self._health_states.get(kind)
         since = self._now_ns if before is None else before.since_ns
-        self._health_states[kind] = HealthState(kind, message.severity, since, what, message.mend)
+        self._health_states[kind] = HealthState(kind, message.severity, since, sentence, message.mend)
         if before is None:
             log.warning("%s", self._health_states[kind])
 

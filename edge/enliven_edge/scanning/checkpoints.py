@@ -35,19 +35,19 @@ class Checkpoints(Generic[State]):
 
     def seconds(self, now_ns: int) -> float:
         """Returns how many seconds :meth:`back` would undo, or 0 if no checkpoint is old enough."""
-        found = self._meant(now_ns)
-        return 0.0 if found is None else (now_ns - self._kept[found][0]) * 1e-9
+        index = self._meant(now_ns)
+        return 0.0 if index is None else (now_ns - self._kept[index][0]) * 1e-9
 
     def back(self, now_ns: int) -> State | None:
         """Returns the newest checkpoint that is old enough, and drops it and all later ones.
 
         None if there are none.
         """
-        found = self._meant(now_ns)
-        if found is None:
+        index = self._meant(now_ns)
+        if index is None:
             return None
-        state = self._kept[found][1]
-        while len(self._kept) > found:
+        state = self._kept[index][1]
+        while len(self._kept) > index:
             self._kept.pop()
         return state
 

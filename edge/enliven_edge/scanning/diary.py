@@ -66,35 +66,35 @@ class ScanDiary:
             scanner.refuse(where)
             return
         if not self.counts[ScanState.SCANNING]:
-            what = "no frame shows enough depth"
-            raise InputError(what, where=where, mend="Go nearer, or scan something that does not reflect.")
+            problem = "no frame shows enough depth"
+            raise InputError(problem, where=where, mend="Go nearer, or scan something that does not reflect.")
         unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
         if self.way < _STILL and 2 * unsure > self.frames:
-            what = "only a blank surface was seen, which does not tell where the camera is"
-            raise InputError(what, where=where, mend="Keep corners, edges and objects in view, too.")
+            problem = "only a blank surface was seen, which does not tell where the camera is"
+            raise InputError(problem, where=where, mend="Keep corners, edges and objects in view, too.")
         if self.way < _STILL and 2 * lost > self.frames:
-            what = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
+            problem = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
             mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
-            raise InputError(what, where=where, mend=mend)
+            raise InputError(problem, where=where, mend=mend)
         if self.way < _STILL:
-            what = f"the camera moved {100 * self.way:.0f} cm only"
-            raise InputError(what, where=where, mend="Carry it round the object.")
+            problem = f"the camera moved {100 * self.way:.0f} cm only"
+            raise InputError(problem, where=where, mend="Carry it round the object.")
 
     def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
         if isinstance(scanner, PersonScanner):
             return scanner.advice(self.frames)
-        total, said = max(self.frames, 1), []
+        total, sentences = max(self.frames, 1), []
         if self.counts[ScanState.LOST] > _OFTEN * total:
             lost = (
                 f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
             )
-            said.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
+            sentences.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
         if self.counts[ScanState.UNSURE] > _OFTEN * total:
-            said.append("Often only a blank surface was seen, so the camera could not be located.")
+            sentences.append("Often only a blank surface was seen, so the camera could not be located.")
         if self._quick > _OFTEN * total:
-            said.append("The camera was often faster than 1 m/s; slower scans are sharper.")
+            sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.full):
             full = "The memory for voxels was full: nothing more was added, and all until then was kept."
-            said.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
-        return said
+            sentences.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
+        return sentences

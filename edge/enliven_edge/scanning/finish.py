@@ -93,9 +93,9 @@ def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: 
     """
     scanner.close_loops()
     person = scanner.person() if isinstance(scanner, PersonScanner) else None
-    mesh, said = _meant(scanner, keep) if person is None else (person.mesh, "")
-    made = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
-    return Made(made.mesh, made.most, said, person)
+    mesh, note = _meant(scanner, keep) if person is None else (person.mesh, "")
+    decimation = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
+    return Made(decimation.mesh, decimation.most, note, person)
 
 
 def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
@@ -129,8 +129,8 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
         lies = "" if ground or keep.upright_from_world is not None else _AS_SEEN
         return out.mesh, _parts(out, mesh, "in the box") + lies
-    said = _AS_FIRST if several else ""
-    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), said
+    note = _AS_FIRST if several else ""
+    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
 
 
 def _parts(out: CutOut, whole: Mesh, where: str) -> str:
@@ -162,8 +162,8 @@ def write_scan(made: Made, path: Path) -> None:
         other = _elsewhere(made, path)
         if other is None:
             raise
-        what, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
-        raise ResourceError(what, where=str(path), mend=mend) from None
+        problem, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
+        raise ResourceError(problem, where=str(path), mend=mend) from None
 
 
 def _elsewhere(made: Made, path: Path) -> Path | None:
@@ -186,9 +186,9 @@ def _write(made: Made, path: Path) -> None:
     if made.person is not None:
         # Store the known ends and joints. Then each limb of the performer drives its own limb, and no person
         # has to be found in the mesh.
-        (one,) = project.characters.values()
-        known = one.with_changes(ends=made.person.ends, joints=made.person.bones)
-        project = project.with_characters(known)
+        (character,) = project.characters.values()
+        character_with_joints = character.with_changes(ends=made.person.ends, joints=made.person.bones)
+        project = project.with_characters(character_with_joints)
     write_project(path, project)
 
 
@@ -198,11 +198,11 @@ def stage_command() -> EntryPoint:
     Raises:
         ResourceError: if the viewer, which contains the command, is not installed.
     """
-    found = list(entry_points(group="enliven.commands", name="stage"))
-    if not found:
+    entries = list(entry_points(group="enliven.commands", name="stage"))
+    if not entries:
         mend = "Install the viewer's package, or put the mesh there from the viewer's machine."
         raise ResourceError("the viewer is not installed here", where="--edge", mend=mend)
-    return found[0]
+    return entries[0]
 
 
 def put_on_stage(path: Path, edge: str) -> None:

@@ -36,20 +36,20 @@ class GrowingSurface:
         """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
         total."""
         sums = piece_sums(volume)
-        now = [_place(row) for row in sums.places]
-        found = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(now)]
-        much = self._much(now, sums)
-        for k in np.argsort(-much, kind="stable"):
-            place = now[k]
-            if most <= 0 or much[k] < _CHANGED:
+        places = [_place(row) for row in sums.places]
+        messages = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(places)]
+        amounts = self._much(places, sums)
+        for k in np.argsort(-amounts, kind="stable"):
+            place = places[k]
+            if most <= 0 or amounts[k] < _CHANGED:
                 break
             if place not in self._sent and len(self._sent) >= _MOST_PIECES:
                 continue
             self._sent[place] = int(sums.counts[k]), float(sums.weights[k])
             message = as_message(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)
             most -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
-            found.append(message)
-        return found
+            messages.append(message)
+        return messages
 
     def _much(self, places: list[Place], sums: PieceSums) -> Float:
         """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""

@@ -59,9 +59,9 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     """
     source = path if path.suffix.lower() == ".mcap" else kept_beside(path)
     if path.exists() and not source.exists():
-        what = f"its scan was not kept: {source.name} is missing"
+        problem = f"its scan was not kept: {source.name} is missing"
         raise InputError(
-            what, where=str(path), mend="Give the recording that it was made from, or scan again."
+            problem, where=str(path), mend="Give the recording that it was made from, or scan again."
         )
     placed = _FACT in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
@@ -71,11 +71,11 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
         else:
             states[scanner.add(frame).state] += 1
     if 2 * states[ScanState.UNSURE] > states.total():
-        what = "it shows little more than one blank surface, so the camera cannot be located"
-        raise InputError(what, where=str(source), mend="Keep other objects in view, too.")
+        problem = "it shows little more than one blank surface, so the camera cannot be located"
+        raise InputError(problem, where=str(source), mend="Keep other objects in view, too.")
     if not scanner.poses:
-        what = "no frame of it shows enough depth"
-        raise InputError(what, where=str(source), mend="Give a recording of the same place or object.")
+        problem = "no frame of it shows enough depth"
+        raise InputError(problem, where=str(source), mend="Give a recording of the same place or object.")
     scanner.look_again()
     return len(scanner.poses)
 
@@ -90,8 +90,8 @@ def refuse_unseen(found: int, path: Path) -> None:
         InputError: if the number is 0.
     """
     if not found:
-        what = "no part of the earlier scan was seen again, so the new images cannot be aligned"
+        problem = "no part of the earlier scan was seen again, so the new images cannot be aligned"
         mend = (
             "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."
         )
-        raise InputError(what, where=str(path), mend=mend)
+        raise InputError(problem, where=str(path), mend=mend)

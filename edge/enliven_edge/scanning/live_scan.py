@@ -142,10 +142,10 @@ class LiveScan(threading.Thread):
 
     def messages(self) -> list[ScanMessage | ScanPieceMessage]:
         """Returns the messages for viewers since the last call."""
-        found = []
+        messages = []
         while self._messages:
-            found.append(self._messages.popleft())
-        return found
+            messages.append(self._messages.popleft())
+        return messages
 
     def end(self) -> None:
         """Ends the thread soon and discards the scan."""
@@ -196,8 +196,8 @@ class LiveScan(threading.Thread):
         if thing.places != places:
             # The camera is now in another room frame, so its placement must be sent at once.
             self._shown = 0.0
-        known = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
-        self._camera = added.scan.world_from_camera if known else None
+        is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
+        self._camera = added.scan.world_from_camera if is_placed else None
         self._run.diary.add(added.told, time_ns)
         return added.told
 
@@ -216,13 +216,15 @@ class LiveScan(threading.Thread):
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
         run.diary.refuse("scan", run.scanner)
-        made = finished(run.scanner, self._meant(order), _TRIANGLES, name)
-        self.actor = self._cast(made.mesh, name, made.person)
-        if made.person is not None:
-            told = self.actor.settings
-            self._ends, self._joints = ([x for one in many for x in one] for many in (told.ends, told.joints))
+        scan_result = finished(run.scanner, self._meant(order), _TRIANGLES, name)
+        self.actor = self._cast(scan_result.mesh, name, scan_result.person)
+        if scan_result.person is not None:
+            settings = self.actor.settings
+            self._ends, self._joints = (
+                [x for group in groups for x in group] for groups in (settings.ends, settings.joints)
+            )
         places = [] if order.whole else said_of_places(run.scanner)
-        self._note = _note([*places, *run.diary.advice(run.scanner)], made.said)
+        self._note = _note([*places, *run.diary.advice(run.scanner)], scan_result.said)
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:

@@ -90,9 +90,9 @@ def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
 def _ways(up: Float) -> Float:
     """Returns (W, 3) unit vectors from the object to possible camera positions."""
     upright = rotation.to_matrix(rotation.swing(np.array([0.0, 1.0, 0.0]), up))
-    found = [
+    directions = [
         [math.cos(high) * math.sin(a), math.sin(high), math.cos(high) * math.cos(a)]
         for high in _RAISED
         for a in np.arange(_AROUND) * (2 * math.pi / _AROUND)
     ]
-    return np.asarray(found @ upright.T)
+    return np.asarray(directions @ upright.T)

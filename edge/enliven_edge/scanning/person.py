@@ -144,10 +144,10 @@ class PersonScanner(Scanner):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> PersonScanner:
         """Copies the scan. The tracker is shared, since it knows the person's current place."""
-        made = type(self).__new__(type(self))
-        memo[id(self)], memo[id(self._people)] = made, self._people
-        made.__dict__.update({name: copy.deepcopy(value, memo) for name, value in vars(self).items()})
-        return made
+        clone = type(self).__new__(type(self))
+        memo[id(self)], memo[id(self._people)] = clone, self._people
+        clone.__dict__.update({name: copy.deepcopy(value, memo) for name, value in vars(self).items()})
+        return clone
 
     @property
     def missing(self) -> float:
@@ -198,17 +198,17 @@ class PersonScanner(Scanner):
 
     def advice(self, frames: int) -> list[str]:
         """Returns one sentence for each problem that can be avoided in the next scan."""
-        said = []
+        sentences = []
         if self.absent:
-            said.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
+            sentences.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
         if self.lost > _OFTEN * frames:
-            what = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
-            said.append(f"{what} Turn in five seconds or more, and keep your pose.")
+            problem = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
+            sentences.append(f"{problem} Turn in five seconds or more, and keep your pose.")
         moved = self.limbs_moved()
         if moved:
             limbs = " and the ".join(f"{limb} (by {100 * way:.0f} cm)" for limb, way in moved.items())
-            said.append(f"The {limbs} moved; keep arms and legs still while you turn.")
-        return said
+            sentences.append(f"The {limbs} moved; keep arms and legs still while you turn.")
+        return sentences
 
     def limbs_moved(self) -> dict[str, float]:
         """Returns, for limbs that often moved, the distance in metres from their place on the body."""
@@ -246,7 +246,9 @@ class PersonScanner(Scanner):
     def _pixels(self, frame: DepthFrame, body: Body) -> Bool | None:
         """Returns a mask (H, W) of the person's pixels, including feet. None if there are none."""
         owner, pose = self._people.owner, self._people.world_from_camera
-        index = next((k for k, one in enumerate(self._people.performers) if one.id == body.id), -1)
+        index = next(
+            (k for k, performer in enumerate(self._people.performers) if performer.id == body.id), -1
+        )
         if owner is None or pose is None or index < 0 or not (owner == index).any():
             return None
         height, width = frame.depth.shape

@@ -60,10 +60,10 @@ class ScanPlace:
         self._room_from_shown = np.asarray(np.linalg.inv(shown.shown_from_room), np.float64)
         self._follow(ground, focus, len(poses))
         away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
-        found = next_view(mesh, ground, focus, away)
-        self.missing, self.view = min(found.missing, 1.0), []
-        if found.eye is not None:
-            self.view = [*self._on_stage(found.eye), *self._on_stage(focus)]
+        best_view = next_view(mesh, ground, focus, away)
+        self.missing, self.view = min(best_view.missing, 1.0), []
+        if best_view.eye is not None:
+            self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
 
     def rows(self, pose: Float | None = None) -> list[float]:
         """Returns twelve numbers: the pose (4, 4) of the room, or of the shown surface if None, on the

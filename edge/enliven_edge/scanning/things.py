@@ -25,33 +25,37 @@ def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     # If motion selected the object, it is the part that moved, even if the camera looked more at another
     # object.
     told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
-    said = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
+    sentences = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
         turned = scanner.settings.moved.followed
-        said[-1] = _NOT_SEEN_TO_TURN if turned else f"{said[-1]} Without --moved this scan is quicker."
-    return said
+        sentences[-1] = (
+            _NOT_SEEN_TO_TURN if turned else f"{sentences[-1]} Without --moved this scan is quicker."
+        )
+    return sentences
 
 
 def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about the places in which a moved object was found, and about failed searches."""
     if not isinstance(scanner, MovedScanner):
         return []
-    said: list[str] = []
+    sentences: list[str] = []
     if scanner.unplaced:
         lost = sum(rest.count for rest in scanner.unplaced)
         where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
-        said.append(
+        sentences.append(
             f"{where} Show more of the sides that were seen before, and hold still once the object stands."
         )
     if scanner.followed:
-        said.append(f"The moving object was tracked separately from the room in {scanner.followed} images.")
+        sentences.append(
+            f"The moving object was tracked separately from the room in {scanner.followed} images."
+        )
     if len(scanner.rests) == 1 and scanner.followed:
-        return said
+        return sentences
     if len(scanner.rests) == 1:
-        said.append("The object did not move: the mesh shows it where it stood.")
+        sentences.append("The object did not move: the mesh shows it where it stood.")
     else:
-        said.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
-    return said
+        sentences.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
+    return sentences
 
 
 def _of_several(scanner: Scanner) -> list[str]:

@@ -132,8 +132,8 @@ def unsupported(package: str, installed: str) -> str:
 
 def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:
     """Returns the depth cameras on USB, sorted by name."""
-    found = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
-    return sorted(found, key=lambda camera: (camera.kind.name, camera.title))
+    cameras = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
+    return sorted(cameras, key=lambda camera: (camera.kind.name, camera.title))
 
 
 def _camera(device: Path, nodes: Path) -> Attached | None:
@@ -176,5 +176,5 @@ def library(module: str, sensor: str, pip: str = "") -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == module
-        what = f"{module} is not installed" if missing else f"{module} does not load ({error})"
-        raise ResourceError(what, where=where, mend=mend) from None
+        problem = f"{module} is not installed" if missing else f"{module} does not load ({error})"
+        raise ResourceError(problem, where=where, mend=mend) from None

@@ -55,7 +55,7 @@ def found_cameras() -> list[FoundCamera]:
 def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
     """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
     makes = Counter(camera.kind.sensor for camera in cameras)
-    found = []
+    listed = []
     for camera in cameras:
         sensor, troubles = camera.kind.sensor, camera.troubles()
         slow = [each for each in troubles if each[0] == "it is on USB 2"]
@@ -63,15 +63,15 @@ def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
         options = {}
         if makes[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
             options[_BY_SERIAL[sensor]] = camera.title.rsplit(" ", 1)[1]
-        what, mend = grave[0] if grave else ("", "")
+        problem, mend = grave[0] if grave else ("", "")
         hint = f"{slow[0][0]}. {slow[0][1]}" if slow else ""
         title = (
             camera.title
             if camera.kind.name.lower() in camera.title.lower()
             else f"{camera.kind.name} {camera.title}"
         )
-        found.append(FoundCamera(title, sensor, options, what, mend, hint))
-    return found
+        listed.append(FoundCamera(title, sensor, options, problem, mend, hint))
+    return listed
 
 
 def _at_ports() -> list[FoundCamera]:
@@ -87,22 +87,22 @@ def _at_ports() -> list[FoundCamera]:
 
 def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamera]:
     """Returns time-of-flight cameras and webcams, recognised by the names of their drivers."""
-    found = []
+    cameras = []
     for device in sorted(devices.glob("video*"), key=lambda path: int("0" + re.sub(r"\D", "", path.name))):
         name, first = _told(device, "name"), _told(device, "index") in ("", "0")
         node = nodes / device.name
         if not first or not name or (_OWN.search(name) and not _TOF.search(name)):
             continue
         if _TOF.search(name):
-            found.append(
+            cameras.append(
                 _checked(FoundCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera")
             )
             continue
         webcam = FoundCamera(f"Webcam {name}", "webcam", {"device": str(node)}, depth=False)
-        found.append(_checked(webcam, node, "mediapipe"))
-    if not sys.platform.startswith("linux") and not found:
-        found.append(_checked(FoundCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
-    return found
+        cameras.append(_checked(webcam, node, "mediapipe"))
+    if not sys.platform.startswith("linux") and not cameras:
+        cameras.append(_checked(FoundCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
+    return cameras
 
 
 def _checked(camera: FoundCamera, node: Path | None, module: str) -> FoundCamera:

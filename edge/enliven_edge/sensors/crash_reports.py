@@ -80,12 +80,14 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
     library = _MAKERS.get(sensor, ("", ""))[0]
     with contextlib.suppress(PackageNotFoundError):
         library = f"{library} {version(library)}, " if library else ""
-    told = f"enliven {version('enliven')}, {library}Python {platform.python_version()}, {platform.platform()}"
+    versions = (
+        f"enliven {version('enliven')}, {library}Python {platform.python_version()}, {platform.platform()}"
+    )
 
     def write(passing: Path) -> None:
         before = _SEEN.search(path.read_text(errors="replace")) if path.is_file() else None
         count = 1 + (int(before[1]) if before else 0)
-        passing.write_text(f"sensor {sensor}, signal {signal}\n{told}\nseen {count} times\n\n{text}")
+        passing.write_text(f"sensor {sensor}, signal {signal}\n{versions}\nseen {count} times\n\n{text}")
 
     _keep(path, write)
 
@@ -124,14 +126,14 @@ def _keep(path: Path, write: Callable[[Path], None]) -> None:
 
 def _files() -> list[tuple[float, int, Path]]:
     """Returns (time, bytes, path) of each report, the newest first."""
-    found = []
+    reports = []
     with contextlib.suppress(OSError):
         for path in folder().rglob("*"):
             with contextlib.suppress(OSError):
                 if path.is_file() and not path.is_symlink() and not path.name.startswith("."):
                     stat = path.stat()
-                    found.append((stat.st_mtime, stat.st_size, path))
-    return sorted(found, reverse=True)
+                    reports.append((stat.st_mtime, stat.st_size, path))
+    return sorted(reports, reverse=True)
 
 
 def _report(path: Path, when: float) -> CrashReport:

@@ -54,8 +54,8 @@ class SensorEvent:
         """The error that the sensor raised. None if it raised none."""
         if self.kind == "back":
             return None
-        made = SensorFault if self.kind == "lost" else InputError
-        return made(self.what, where=self.where, mend=self.mend)
+        error_type = SensorFault if self.kind == "lost" else InputError
+        return error_type(self.what, where=self.where, mend=self.mend)
 
 
 class Diary:

@@ -43,8 +43,8 @@ def profile_names() -> list[str]:
 
 def typical_camera(profile: str) -> TypicalCamera:
     """Returns the camera model of a shipped profile, such as "kinect1"."""
-    told = read_toml(profiles_folder() / f"{profile}.toml")
-    lens, reach = told["camera"], told["range"]
-    known = {key: lens[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}
-    camera = Intrinsics(**known, distortion=tuple(lens.get("distortion", (0.0,) * 5)))
+    table = read_toml(profiles_folder() / f"{profile}.toml")
+    lens, reach = table["camera"], table["range"]
+    lens_values = {key: lens[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}
+    camera = Intrinsics(**lens_values, distortion=tuple(lens.get("distortion", (0.0,) * 5)))
     return TypicalCamera(camera, reach["near"], reach["far"])

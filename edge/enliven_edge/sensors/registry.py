@@ -97,14 +97,14 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
 def _checked(name: str, options: dict[str, Any]) -> Any:
     """Returns the class of a sensor after checking its options."""
     kind = _kind(name)
-    known = inspect.signature(kind).parameters
+    parameters = inspect.signature(kind).parameters
     for option in options:
-        if option not in known and not any(p.kind is p.VAR_KEYWORD for p in known.values()):
+        if option not in parameters and not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             raise InputError(
-                f"unknown option {option!r}", where=f"sensor {name}", mend=_nearest(option, list(known))
+                f"unknown option {option!r}", where=f"sensor {name}", mend=_nearest(option, list(parameters))
             )
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    missing = [p.name for p in known.values() if p.default is p.empty and p.kind in kinds]
+    missing = [p.name for p in parameters.values() if p.default is p.empty and p.kind in kinds]
     for option in missing:
         if option not in options:
             raise InputError(f"the option {option!r} is missing", where=f"sensor {name}", mend="Give it.")

@@ -187,6 +187,6 @@ class _Endless:
 
 
 def _later(entry: DiaryEntry, shift_ns: int) -> DiaryEntry:
-    said, time_ns = entry.said, entry.time_ns + shift_ns
-    frame = said if isinstance(said, Exception) else dataclasses.replace(said, time_ns=time_ns)
+    reading, time_ns = entry.said, entry.time_ns + shift_ns
+    frame = reading if isinstance(reading, Exception) else dataclasses.replace(reading, time_ns=time_ns)
     return DiaryEntry(time_ns, frame, entry.condition)

@@ -50,9 +50,9 @@ def cast(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    for made in MADE:
-        if spec == made:
-            return cast_mesh(load_sample(made), name or made, nodes, settings, fit=False)
+    for sample in MADE:
+        if spec == sample:
+            return cast_mesh(load_sample(sample), name or sample, nodes, settings, fit=False)
     from enliven.meshes import load_upright
 
     mesh, notes = load_upright(spec, up)
@@ -85,17 +85,19 @@ def cast_mesh(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    made = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
-    mesh, settings = made.mesh, made.settings
+    prepared = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
+    mesh, settings = prepared.mesh, prepared.settings
     none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
     seeks = seeks_person(settings) and not settings.joints and not none_there
     with ThreadPoolExecutor(1) as beside:  # Run both in parallel, because they take about the same time.
         person = beside.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
-        found = None if person is None else person.result
+        search_result = None if person is None else person.result
         if none_there:
-            found = lambda: None  # noqa: E731
-        actor = EmbeddedActor(character, graph_of(character), settings, made.size, made.height or None, found)
+            search_result = lambda: None  # noqa: E731
+        actor = EmbeddedActor(
+            character, graph_of(character), settings, prepared.size, prepared.height or None, search_result
+        )
     for doubt in actor.likeness.doubts if actor.likeness else ():
         mend = "Look at how it moves, or name its five ends (in the studio, or as ends under [actor])."
         log.warning("%s: %s %s", name, doubt, mend)

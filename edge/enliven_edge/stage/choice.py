@@ -55,13 +55,16 @@ def pairs(
     idle = [body for body in performers if anyhow or body.id not in holders]
     free = [name for name, actor in actors.items() if not actor.holds]
     names = free or (list(actors) if anyhow else [])
-    found: list[tuple[str, int]] = []
+    matched: list[tuple[str, int]] = []
     while idle and names:
         every = ((body, name) for name in names for body in idle)
         body, name = min(every, key=lambda pair: _apart(pair[0], places.get(pair[1])))
-        found.append((name, body.id))
-        idle, names = [one for one in idle if one is not body], [one for one in names if one != name]
-    return found
+        matched.append((name, body.id))
+        idle, names = (
+            [other for other in idle if other is not body],
+            [other for other in names if other != name],
+        )
+    return matched
 
 
 def _apart(body: Body, place: Float | None) -> float:

@@ -55,7 +55,7 @@ class HoldLog:
         after = [hold.body for hold in actor.holds]
         if after == before:
             return
-        lost = [one for one in before if one not in after]
+        lost = [holder for holder in before if holder not in after]
         for who in after:
             if who not in before:
                 former = lost.pop(0) if lost else None

@@ -44,14 +44,16 @@ class HoldMemory:
 
     def take(self, character: str, body: Body, parts: str, mode: Mode) -> None:
         """Remembers that a performer possessed the character."""
-        kept = self._taken.get(character, ()) if mode != "alone" else ()
-        kept = tuple(one for one in kept if mode == "extend" or one.body.id != body.id)
-        self._taken[character] = (*kept, TakenHold(body, parts, "join" if mode == "alone" else mode))
+        earlier = self._taken.get(character, ()) if mode != "alone" else ()
+        earlier = tuple(hold for hold in earlier if mode == "extend" or hold.body.id != body.id)
+        self._taken[character] = (*earlier, TakenHold(body, parts, "join" if mode == "alone" else mode))
 
     def release(self, character: str, body: int | None) -> None:
         """Remembers that a performer released the character. If ``body`` is None, all performers did."""
-        kept = (one for one in self._taken.get(character, ()) if body is not None and one.body.id != body)
-        self._taken[character] = tuple(kept)
+        remaining = (
+            hold for hold in self._taken.get(character, ()) if body is not None and hold.body.id != body
+        )
+        self._taken[character] = tuple(remaining)
 
     def forget(self, character: str) -> None:
         """Forgets a character that was removed."""
@@ -64,9 +66,9 @@ class HoldMemory:
         A hold without a record counts as started now.
         """
         name, holders = actor.character.id, [hold.body for hold in actor.holds]
-        known = tuple(one for one in self._taken.get(name, ()) if one.body.id in holders)
-        asked = {one.body.id for one in known}
-        return known + tuple(TakenHold(b) for b in bodies if b.id in holders and b.id not in asked)
+        recorded = tuple(hold for hold in self._taken.get(name, ()) if hold.body.id in holders)
+        asked = {hold.body.id for hold in recorded}
+        return recorded + tuple(TakenHold(b) for b in bodies if b.id in holders and b.id not in asked)
 
     def carry_over(self, before: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> Carried:
         """Moves all holds from one actor to another and returns how the holds started.

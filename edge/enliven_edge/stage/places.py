@@ -80,13 +80,13 @@ class StagePlaces:
         Raises:
             InputError: if the stage is full, or the viewer has too many characters on it.
         """
-        coming = dict(one for source in self._sources for one in source())
+        coming = dict(entry for source in self._sources for entry in source())
         if character in self._standing or character in coming:
             return
-        where, taken = f"character {character!r}", len(set(self._standing) | coming.keys())
-        if taken >= self._settings.characters:
+        where, count = f"character {character!r}", len(set(self._standing) | coming.keys())
+        if count >= self._settings.characters:
             mend = "Remove one first, or raise characters under [stage] in the edge's settings."
-            raise InputError(f"the stage is full, it has {taken} characters", where=where, mend=mend)
+            raise InputError(f"the stage is full, it has {count} characters", where=where, mend=mend)
         if peer is None:
             return
         owners = [self._owners.get(name) for name in self._standing] + list(coming.values())

@@ -97,19 +97,19 @@ class HandSizing:
 
     def changes(self) -> list[SizeMessage]:
         """Returns changes since the last call: sizes that changed, and gestures that started or ended."""
-        said = []
+        messages = []
         for name, actor in self._stage.actors.items():
             gesture = self._gestures.get(name)
-            now = actor.growth, -1 if gesture is None else gesture.body, actor.exaggeration
+            current = actor.growth, -1 if gesture is None else gesture.body, actor.exaggeration
             before = self._told.get(name, (1.0, -1, None))
-            moved = abs(now[0] / before[0] - 1.0) > (_TOLD if gesture is not None else 1e-9)
-            if moved or now[1:] != before[1:]:
-                self._told[name] = now
-                said.append(SizeMessage(name, *now))
+            moved = abs(current[0] / before[0] - 1.0) > (_TOLD if gesture is not None else 1e-9)
+            if moved or current[1:] != before[1:]:
+                self._told[name] = current
+                messages.append(SizeMessage(name, *current))
         for name in self._told.keys() - self._stage.actors.keys():
             del self._told[name]
-            said.append(SizeMessage(name, 1.0, -1))
-        return said
+            messages.append(SizeMessage(name, 1.0, -1))
+        return messages
 
     def _meant(self, order: Resize) -> tuple[str, int]:
         """Returns the character and the performer of an order: the holder of a character, or else the next
@@ -121,8 +121,8 @@ class HandSizing:
             taking = next(iter([*stage.takings("extend"), *stage.takings()]), None)
             name = going or (taking.character if taking else None)
         if name not in stage.actors:
-            what = "there is no character" if name is None else f"there is no character {name!r}"
-            raise InputError(what, where="sizing", mend=f"Known: {', '.join(stage.actors) or 'none'}.")
+            problem = "there is no character" if name is None else f"there is no character {name!r}"
+            raise InputError(problem, where="sizing", mend=f"Known: {', '.join(stage.actors) or 'none'}.")
         if order.do != "hands" or name in self._gestures:
             return name, -1
         who = stage.candidate(name, "extend")[0] if order.body is None else order.body

@@ -185,8 +185,8 @@ class Stage:
                 refused.append(error)
         if len(refused) == len(meant):
             mend = "Step in front of the sensor, or release a character first."
-            what = "no performer in view is free to possess a character"
-            raise refused[0] if refused else InputError(what, where="stage", mend=mend)
+            problem = "no performer in view is free to possess a character"
+            raise refused[0] if refused else InputError(problem, where="stage", mend=mend)
 
     def _possess(self, character: str, body: int | None, parts: str, mode: Mode) -> None:
         """Lets a performer possess the character with this id."""
@@ -215,7 +215,7 @@ class Stage:
         """
         actor = self._actor(character)
         body, parts = actor.candidate
-        present = {one.id for one in self._bodies}
+        present = {performer.id for performer in self._bodies}
         if mode == "extend":
             body = next((hold.body for hold in actor.holds if hold.body in present), body)
         return (body if body in present else None), parts
@@ -238,12 +238,12 @@ class Stage:
             first, parts = self.candidate(name, mode)
             return [Taking(name, first if body is None else body, parts)]
         if mode == "extend":
-            held = [(name, hold.body) for name, actor in self.actors.items() for hold in actor.holds]
-            held = [(name, who) for name, who in held if body in (None, who)]
+            paired = [(name, hold.body) for name, actor in self.actors.items() for hold in actor.holds]
+            paired = [(name, who) for name, who in paired if body in (None, who)]
         else:
-            performers = [one for one in self._bodies if body in (one.id, None)]
-            held = pairs(performers, self.actors, self._places, anyhow=body is not None)
-        return [Taking(name, who, self.actors[name].candidate[1]) for name, who in held]
+            performers = [performer for performer in self._bodies if body in (performer.id, None)]
+            paired = pairs(performers, self.actors, self._places, anyhow=body is not None)
+        return [Taking(name, who, self.actors[name].candidate[1]) for name, who in paired]
 
     def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
         """Makes the cues show what this performer (None: the next one) would hold with these parts."""
@@ -300,9 +300,9 @@ class Stage:
     def _actor(self, character: str) -> Actor:
         """Returns the actor of a character, after updating which performers are busy with others."""
         if character not in self.actors:
-            known = ", ".join(self.actors) or "none"
-            what = f"there is no character {character!r}"
-            raise InputError(what, where="stage", mend=f"Known: {known}.")
+            names = ", ".join(self.actors) or "none"
+            problem = f"there is no character {character!r}"
+            raise InputError(problem, where="stage", mend=f"Known: {names}.")
         actor = self.actors[character]
         others = (other for other in self.actors.values() if other is not actor)
         actor.busy = frozenset(hold.body for other in others for hold in other.holds)

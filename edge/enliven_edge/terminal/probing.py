@@ -46,8 +46,8 @@ def image_protocol(
     if able and (answer := _asked(out.fileno(), keys.fileno(), patience)):
         if b"_Gi=31;OK" in answer:
             return "kitty"
-        found = _ATTRIBUTES.search(answer)
-        if found and _SIXEL in found[1].split(b";"):
+        attributes = _ATTRIBUTES.search(answer)
+        if attributes and _SIXEL in attributes[1].split(b";"):
             return "sixel"
     if "utf" not in (out.encoding or "").lower():
         return None

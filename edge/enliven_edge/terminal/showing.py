@@ -49,13 +49,13 @@ def kitty(picture: UInt8) -> str:
     """Encodes in kitty's graphics protocol: a PNG in base64, in pieces."""
     data = base64.standard_b64encode(_png(picture)).decode()
     pieces = [data[at : at + _PIECE] for at in range(0, len(data), _PIECE)]
-    said = []
+    codes = []
     for number, piece in enumerate(pieces):
         # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
         # appear at the user's prompt).
         head = "a=T,f=100,q=2," if number == 0 else ""
-        said.append(f"\x1b_G{head}m={int(number + 1 < len(pieces))};{piece}\x1b\\")
-    return "".join(said) + "\n"
+        codes.append(f"\x1b_G{head}m={int(number + 1 < len(pieces))};{piece}\x1b\\")
+    return "".join(codes) + "\n"
 
 
 def iterm(picture: UInt8) -> str:
@@ -72,13 +72,13 @@ def sixel(picture: UInt8) -> str:
     height, width = indices.shape
     palette = np.asarray(image.getpalette(), np.float64).reshape(-1, 3)
     used = np.unique(indices)
-    said = [f'\x1bP0;1;0q"1;1;{width};{height}']
+    codes = [f'\x1bP0;1;0q"1;1;{width};{height}']
     for colour in used:
         red, green, blue = np.rint(palette[colour] * 100 / 255).astype(int)
-        said.append(f"#{colour};2;{red};{green};{blue}")
+        codes.append(f"#{colour};2;{red};{green};{blue}")
     for top in range(0, height, _BAND):
-        said.append(_sixel_band(indices[top : top + _BAND]))
-    return "".join(said) + "\x1b\\\n"
+        codes.append(_sixel_band(indices[top : top + _BAND]))
+    return "".join(codes) + "\x1b\\\n"
 
 
 def half_blocks(picture: UInt8, exact: bool = True) -> str:

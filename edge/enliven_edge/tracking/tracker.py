@@ -128,10 +128,10 @@ class Tracker:
         """
         if self._view is None or self._owner is None or not self._by_depth:
             return {}
-        found = seen_surfaces(self._view, self._owner, self._people.segment_ids())
+        surfaces = seen_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
-            return mirrored_surfaces(found, *mirror_of(self.world_from_camera))
-        return found
+            return mirrored_surfaces(surfaces, *mirror_of(self.world_from_camera))
+        return surfaces
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
         """Makes these people, or all that are tracked now, the only performers. All others are bystanders.

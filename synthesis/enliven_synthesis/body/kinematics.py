@@ -103,11 +103,11 @@ def _upright(frame: Float) -> None:
 @njit(cache=True, nogil=True)
 def _turn(frame: Float, axis: int, angle: float) -> None:
     """Rotates a frame by ``angle`` radians about its own axis with that index."""
-    one, other = (axis + 1) % 3, (axis + 2) % 3
+    first_axis, second_axis = (axis + 1) % 3, (axis + 2) % 3
     c, s = math.cos(angle), math.sin(angle)
     for i in range(3):
-        a, b = frame[i, one], frame[i, other]
-        frame[i, one], frame[i, other] = c * a + s * b, c * b - s * a
+        a, b = frame[i, first_axis], frame[i, second_axis]
+        frame[i, first_axis], frame[i, second_axis] = c * a + s * b, c * b - s * a
 
 
 @njit(cache=True, nogil=True)

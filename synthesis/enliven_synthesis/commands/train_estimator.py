@@ -99,18 +99,18 @@ def train_estimator(
                 lambda more: progress.advance(rendering, more),
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
-        known = None if start is None else restored(start, dataset, KEPT_BACK)
-        before = None if known is None else copy.deepcopy(known)
-        network = train(dataset, settings, lambda _step, _network: progress.advance(learning), known)
+        start_network = None if start is None else restored(start, dataset, KEPT_BACK)
+        before = None if start_network is None else copy.deepcopy(start_network)
+        network = train(dataset, settings, lambda _step, _network: progress.advance(learning), start_network)
         if before is not None:
             network = between(before, network, share)
         whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
         export(network, whole)
         quantise(whole, small, dataset, KEPT_BACK)
-        found = measure(small, dataset)
+        scores = measure(small, dataset)
         output.write_bytes(small.read_bytes())
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")
     typer.echo(
-        f"joints within 10 cm: {found.within[0]:.3f} told how people face, {found.within[1]:.3f} not told; "
-        f"facing told rightly {found.facing:.3f}, parts {found.parts:.3f}, people {found.persons:.3f}"
+        f"joints within 10 cm: {scores.within[0]:.3f} told how people face, {scores.within[1]:.3f} not told; "
+        f"facing told rightly {scores.facing:.3f}, parts {scores.parts:.3f}, people {scores.persons:.3f}"
     )

@@ -120,7 +120,7 @@ def _chair() -> Choreography:
         x, z = feet.pelvis(time)
         favour, behind = feet.favour(time), feet.favour(time - 0.07)
         flap, bow, tuck = value["arms"], value["bow"], value["tuck"]
-        made = PerformerPosture(
+        base_posture = PerformerPosture(
             left_foot=feet.foot(0, time),
             right_foot=feet.foot(1, time),
             left_arm=_flapped(flap, tuck, -0.10 * behind + 0.08 * value["turn"]),
@@ -140,7 +140,7 @@ def _chair() -> Choreography:
             head_pitch=-0.04 - 0.45 * tuck + value["nod"],
             head_roll=value["head"] - 0.03 * behind,
         )
-        return _alive(made, time, _CHAIR_SECONDS)
+        return _alive(base_posture, time, _CHAIR_SECONDS)
 
     return Choreography("chair", _CHAIR_SECONDS, posture, feet.planted)
 
@@ -168,10 +168,10 @@ def _idle() -> Choreography:
 
     def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
-        made = PerformerPosture(
+        base_posture = PerformerPosture(
             feet.foot(0, time), feet.foot(1, time), arm, arm, x, z, pitch=0.02, spine_pitch=0.04
         )
-        return _alive(made, time, 6.0, 1.6)
+        return _alive(base_posture, time, 6.0, 1.6)
 
     return Choreography("idle", 6.0, posture, feet.planted)
 
@@ -194,11 +194,11 @@ def _wave() -> Choreography:
             wrist=0.1 - 0.2 * beat,
             shrug=0.2 * max(raised, 0.0),
         )
-        made = PerformerPosture(
+        base_posture = PerformerPosture(
             feet.foot(0, time), feet.foot(1, time), hanging, arm, x + 0.02 * raised, z, roll=0.02 * raised,
             spine_pitch=0.04, spine_roll=0.10 * raised, head_roll=-0.06 * raised,
         )  # fmt: skip
-        return _alive(made, time, 5.0)
+        return _alive(base_posture, time, 5.0)
 
     return Choreography("wave", 5.0, posture, feet.planted)
 
@@ -224,12 +224,12 @@ def _walk() -> Choreography:
                 flex=0.03 + forward, abduct=0.12, twist=0.25, elbow=0.28 + 0.6 * max(forward, 0.0), wrist=0.1
             )
 
-        made = PerformerPosture(
+        base_posture = PerformerPosture(
             left, right, arm(-0.9 * stride), arm(0.9 * stride), x, z,
             yaw=-0.25 * stride, roll=-0.04 * favour, pitch=0.03, spine_yaw=0.55 * stride,
             spine_pitch=0.05, spine_roll=0.05 * swing,
         )  # fmt: skip
-        return _alive(made, time, 5.6)
+        return _alive(base_posture, time, 5.6)
 
     return Choreography("walk", 5.6, posture, feet.planted)
 

@@ -166,8 +166,8 @@ class CloseLimbs:
 
     def __init__(self, performer: Performer, name: str, seed: int = 0) -> None:
         if name not in _KEYS:
-            known = ", ".join(_KEYS)
-            raise InputError(f"unknown motion {name!r}", where="synthetic performer", mend=f"Known: {known}.")
+            names = ", ".join(_KEYS)
+            raise InputError(f"unknown motion {name!r}", where="synthetic performer", mend=f"Known: {names}.")
         rng = np.random.default_rng(seed) if seed else None
         tempo = 1.0 if rng is None else 1.0 + _TEMPO * float(rng.uniform(-1.0, 1.0))
         self._performer, self._jogs = performer, name == "jog"
@@ -225,7 +225,7 @@ def _jogging(
             (posture.left_foot, posture.right_foot), (math.sin(phase), -math.sin(phase)), strict=True
         )
     ]
-    made = replace(
+    jogging = replace(
         posture,
         left_foot=feet[0],
         right_foot=feet[1],
@@ -233,7 +233,7 @@ def _jogging(
         pitch=0.06,
         spine_yaw=0.18 * math.sin(phase),
     )
-    return made, [_between(fore, back, swing), _between(back, fore, swing)]
+    return jogging, [_between(fore, back, swing), _between(back, fore, swing)]
 
 
 def _standing(trunk: dict[str, Any]) -> PerformerPosture:

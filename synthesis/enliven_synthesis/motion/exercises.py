@@ -84,8 +84,8 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
         return mixed_fields(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
 
     def planted(side: int, time: float) -> bool:
-        made = posture(time)
-        return (made.left_foot, made.right_foot)[side].lift == 0.0
+        pose = posture(time)
+        return (pose.left_foot, pose.right_foot)[side].lift == 0.0
 
     return Choreography(name, times[-1], posture, planted)
 
@@ -283,8 +283,8 @@ def exercise(name: str, seed: int = 0) -> Choreography:
         InputError: for an unknown name, listing the known ones.
     """
     if name not in _MAKERS:
-        known = ", ".join(_MAKERS)
-        raise InputError(f"unknown exercise {name!r}", where="synthetic performer", mend=f"Known: {known}.")
+        names = ", ".join(_MAKERS)
+        raise InputError(f"unknown exercise {name!r}", where="synthetic performer", mend=f"Known: {names}.")
     return _MAKERS[name](_Variation(seed))
 
 

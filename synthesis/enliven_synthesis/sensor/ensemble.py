@@ -149,8 +149,10 @@ class Ensemble:
             if self._noise is None
             else self._noise.corrupt(depth, material, index)
         )
-        told = self.world_from_camera if self._told else None
-        frame = DepthFrame(image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=told)
+        sent_pose = self.world_from_camera if self._told else None
+        frame = DepthFrame(
+            image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=sent_pose
+        )
         return frame, self._truth(time, figures, depth, owner)
 
     def _truth(self, time: float, figures: list[Figure | None], depth: Float, owner: Int32) -> Truth:

@@ -157,8 +157,8 @@ def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float
             deviation += sigma[4] * tangent2 / np.sqrt(z)
             jump = z * z * per_unit if by_disparity else step
             rest = max(deviation * deviation - jump * jump / 12.0, 0.0)
-            found = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
-            found = unit / np.rint(unit / found) if by_disparity else found
-            found = np.rint(found / step) * step
-            good = near <= found <= far and seen[v, u] <= _BEYOND * far and tangent2 <= steepest
-            out[v, u] = np.uint16(np.rint(found * 1000.0)) if good else np.uint16(0)
+            measured = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
+            measured = unit / np.rint(unit / measured) if by_disparity else measured
+            measured = np.rint(measured / step) * step
+            good = near <= measured <= far and seen[v, u] <= _BEYOND * far and tangent2 <= steepest
+            out[v, u] = np.uint16(np.rint(measured * 1000.0)) if good else np.uint16(0)

@@ -51,18 +51,18 @@ class HandledWay:
     def world_from_thing(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         pose = np.array(self.rests[0], float)
-        for (begin, end), one, other in zip(self.times, self.rests[:-1], self.rests[1:], strict=True):
+        for (begin, end), start, stop in zip(self.times, self.rests[:-1], self.rests[1:], strict=True):
             if time <= begin:
                 break
             share = min((time - begin) / (end - begin), 1.0)
             # Ease the move, so that it starts and stops without a jolt.
             share = share * share * (3.0 - 2.0 * share)
             turn = rotation.slerp(
-                rotation.from_matrix(one[:3, :3]), rotation.from_matrix(other[:3, :3]), np.array(share)
+                rotation.from_matrix(start[:3, :3]), rotation.from_matrix(stop[:3, :3]), np.array(share)
             )
             pose = np.eye(4)
             pose[:3, :3] = rotation.to_matrix(turn)
-            pose[:3, 3] = one[:3, 3] + share * (other[:3, 3] - one[:3, 3])
+            pose[:3, 3] = start[:3, 3] + share * (stop[:3, 3] - start[:3, 3])
             pose[1, 3] += _LIFT * math.sin(math.pi * share)
         return pose
 
@@ -99,7 +99,9 @@ class FollowingPath(HandheldPath):
         """Returns the (4, 4) pose of the camera at a time in seconds from the start."""
         begin, end = self.turning
         share = min(max((time - begin) / (end - begin), 0.0), 1.0)
-        x, y, z = (one + share * (two - one) for one, two in zip(self.target, self.later, strict=True))
+        x, y, z = (
+            start + share * (stop - start) for start, stop in zip(self.target, self.later, strict=True)
+        )
         y += self.nod * math.sin(2.0 * math.pi * self.nods * time)
         names = ("radius", "height", "turns", "seconds", "sway", "shake", "seed")
         plain = HandheldPath(target=(x, y, z), **{name: getattr(self, name) for name in names})

@@ -54,7 +54,9 @@ class InHandsWay:
         angle, shake = self._angle(time), share * _TREMOR
         lean = share * self.tilt * math.sin(2.0 * angle)
         turns = ([lean, 0.0, 0.0], [0.0, angle, 0.0])
-        first, second = (rotation.to_matrix(rotation.from_rotation_vector(np.array(one))) for one in turns)
+        first, second = (
+            rotation.to_matrix(rotation.from_rotation_vector(np.array(vector))) for vector in turns
+        )
         pose = np.eye(4)
         pose[:3, :3] = first @ second
         wave = [math.sin(2.3 * time), math.sin(3.1 * time), math.sin(1.7 * time)]

@@ -161,14 +161,14 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        known = profile_names()
-        if str(name_or_path) not in known:
-            near = difflib.get_close_matches(str(name_or_path), known, n=1)
+        names = profile_names()
+        if str(name_or_path) not in names:
+            near = difflib.get_close_matches(str(name_or_path), names, n=1)
             hint = f"Did you mean {near[0]!r}? " if near else ""
             raise InputError(
                 f"unknown sensor profile {str(name_or_path)!r}",
                 where="sensor profile",
-                mend=f"{hint}Known: {', '.join(known)}; or give the path of a .toml file.",
+                mend=f"{hint}Known: {', '.join(names)}; or give the path of a .toml file.",
             )
         path = profiles_folder() / f"{name_or_path}.toml"
     return _checked(load_settings(SensorProfile, path), str(path))

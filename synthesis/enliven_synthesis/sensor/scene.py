@@ -101,11 +101,11 @@ def _entry(world_from_camera: Float, along: Float, corners: Float, b: int, neare
     """
     enter, leave = -np.inf, nearest
     for axis in range(3):
-        one = (corners[b, 0, axis] - world_from_camera[axis, 3]) / along[axis]
-        other = (corners[b, 1, axis] - world_from_camera[axis, 3]) / along[axis]
-        if np.isnan(one) or np.isnan(other):
+        first = (corners[b, 0, axis] - world_from_camera[axis, 3]) / along[axis]
+        second = (corners[b, 1, axis] - world_from_camera[axis, 3]) / along[axis]
+        if np.isnan(first) or np.isnan(second):
             continue
-        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+        enter, leave = max(enter, min(first, second)), min(leave, max(first, second))
         if enter > leave:
             return np.inf
     return enter if enter > 0.0 else np.inf

@@ -83,17 +83,17 @@ def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, 
         hold: a name of :data:`CLOSE_HOLDS`; None draws one at random, or a pose between two of them.
         ahead: additional distance of both wrists from the trunk, metres, for a person of 1.75 m.
     """
-    made = _of(hold or _drawn(rng), rng)
+    wrists = _of(hold or _drawn(rng), rng)
     if hold is None and rng.random() > _PURE:
         part = rng.random()
-        made = (1.0 - part) * made + part * _of(_drawn(rng), rng)
-    made[:, :3] += rng.normal(0.0, _SPREAD, (2, 3))
-    made[:, 1] += rng.normal(0.0, _SHIFT)
-    made[:, 2] += ahead
-    made[:, 2] *= max(1.0, performer.proportions.girth)
-    made[:, :3] *= performer.scale
-    made[:, 3:] += rng.normal(0.0, _ELBOW_SPREAD, (2, 3))
-    return made
+        wrists = (1.0 - part) * wrists + part * _of(_drawn(rng), rng)
+    wrists[:, :3] += rng.normal(0.0, _SPREAD, (2, 3))
+    wrists[:, 1] += rng.normal(0.0, _SHIFT)
+    wrists[:, 2] += ahead
+    wrists[:, 2] *= max(1.0, performer.proportions.girth)
+    wrists[:, :3] *= performer.scale
+    wrists[:, 3:] += rng.normal(0.0, _ELBOW_SPREAD, (2, 3))
+    return wrists
 
 
 def reach_close(performer: Performer, rotations: Float, wrist: Float, side: int) -> tuple[Float, float]:

@@ -49,8 +49,8 @@ class ClutterSolid:
 
 def _in_cube(start: Float, along: Float) -> tuple[Float, Float]:
     """Returns the parameters at which rays enter and leave the cube from -1 to 1."""
-    one, other = (-1.0 - start) / along, (1.0 - start) / along
-    return np.nanmax(np.minimum(one, other), -1), np.nanmin(np.maximum(one, other), -1)
+    first, second = (-1.0 - start) / along, (1.0 - start) / along
+    return np.nanmax(np.minimum(first, second), -1), np.nanmin(np.maximum(first, second), -1)
 
 
 def _in_ball(start: Float, along: Float) -> tuple[Float, Float]:
@@ -66,9 +66,9 @@ def random_clutter(place: Float, rng: Generator) -> list[ClutterSolid]:
     Args:
         place: (2,) position x and z, metres.
     """
-    made = (_stack, _pillar, _table, _rack)[int(rng.integers(4))](rng)
+    solids = (_stack, _pillar, _table, _rack)[int(rng.integers(4))](rng)
     heading, middle = about_y(rng.uniform(-np.pi, np.pi)), np.array([place[0], 0.0, place[1]])
-    return [ClutterSolid(heading @ s.centre + middle, s.half, heading @ s.turn, s.round) for s in made]
+    return [ClutterSolid(heading @ s.centre + middle, s.half, heading @ s.turn, s.round) for s in solids]
 
 
 def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> ClutterSolid:
@@ -78,14 +78,14 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> C
 
 def _stack(rng: Generator) -> list[ClutterSolid]:
     """Returns boxes and ellipsoids on top of and next to each other."""
-    wide, tall, made = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
+    wide, tall, solids = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
     for n in range(int(rng.integers(1, 7))):
         half = rng.uniform(0.04, 0.4, 3)
         turn = about_y(rng.uniform(-1.6, 1.6)) @ about_x(rng.normal(0, 0.3)) @ about_z(rng.normal(0, 0.3))
         up = half[1] if n == 0 else rng.uniform(0.0, tall)
         centre = np.array([rng.uniform(-wide, wide), up, rng.uniform(-wide, wide)])
-        made.append(ClutterSolid(centre, half, turn, bool(rng.random() < 0.4)))
-    return made
+        solids.append(ClutterSolid(centre, half, turn, bool(rng.random() < 0.4)))
+    return solids
 
 
 def _pillar(rng: Generator) -> list[ClutterSolid]:
@@ -97,33 +97,33 @@ def _pillar(rng: Generator) -> list[ClutterSolid]:
 def _table(rng: Generator) -> list[ClutterSolid]:
     """Returns a table, a stool or a chair, sometimes with an object on it."""
     x, y, z = rng.uniform(0.18, 0.8), rng.uniform(0.3, 1.1), rng.uniform(0.18, 0.5)
-    made = [_box((-x, y - 0.04, -z), (x, y, z))]
+    solids = [_box((-x, y - 0.04, -z), (x, y, z))]
     for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
         leg = np.array([a * (x - _LEG), 0.5 * y, b * (z - _LEG)])
-        made.append(ClutterSolid(leg, np.array([_LEG, 0.5 * y, _LEG]), np.eye(3)))
+        solids.append(ClutterSolid(leg, np.array([_LEG, 0.5 * y, _LEG]), np.eye(3)))
     if rng.random() < 0.5:
-        made.append(_box((-x, y, -z), (x, y + rng.uniform(0.2, 0.7), 0.04 - z)))
+        solids.append(_box((-x, y, -z), (x, y + rng.uniform(0.2, 0.7), 0.04 - z)))
     if rng.random() < 0.5:
         half = rng.uniform(0.04, 0.25, 3)
-        made.append(
+        solids.append(
             ClutterSolid(np.array([0.0, y + half[1], 0.0]), half, np.eye(3), bool(rng.random() < 0.5))
         )
-    return made
+    return solids
 
 
 def _rack(rng: Generator) -> list[ClutterSolid]:
     """Returns a pole with arms, a lamp or a coat, like a plant, a coat rack or a tripod."""
     tall = rng.uniform(0.8, 2.1)
     pole = rng.uniform(0.01, 0.05)
-    made = [_box((-pole, 0.0, -pole), (pole, tall, pole))]
+    solids = [_box((-pole, 0.0, -pole), (pole, tall, pole))]
     for _ in range(int(rng.integers(0, 6))):
         turn = about_y(rng.uniform(-np.pi, np.pi)) @ about_z(rng.uniform(-1.2, 1.2))
         half = np.array([rng.uniform(0.1, 0.45), rng.uniform(0.01, 0.06), rng.uniform(0.01, 0.06)])
-        made.append(ClutterSolid(np.array([0.0, rng.uniform(0.1, tall), 0.0]), half, turn))
+        solids.append(ClutterSolid(np.array([0.0, rng.uniform(0.1, tall), 0.0]), half, turn))
     if rng.random() < 0.6:
         half = np.array([rng.uniform(0.1, 0.3), rng.uniform(0.08, 0.5), rng.uniform(0.08, 0.25)])
-        made.append(ClutterSolid(np.array([0.0, tall - half[1], 0.0]), half, np.eye(3), True))
-    return made
+        solids.append(ClutterSolid(np.array([0.0, tall - half[1], 0.0]), half, np.eye(3), True))
+    return solids
 
 
 def piece_of_wall(shape: tuple[int, int], middle: Float, size: Float, rng: Generator) -> Bool:

@@ -81,8 +81,8 @@ class Dataset:
         try:
             self.arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="c") for name in _ARRAYS}
         except (OSError, ValueError, EOFError, OverflowError) as error:
-            what, mend = f"an array of it is damaged ({error})", "Remove the folder to render it again."
-            raise InputError(what, where=str(folder), mend=mend) from None
+            problem, mend = f"an array of it is damaged ({error})", "Remove the folder to render it again."
+            raise InputError(problem, where=str(folder), mend=mend) from None
 
     def __len__(self) -> int:
         return len(self.arrays["cell"])
@@ -122,7 +122,7 @@ def _render_shard(folder: Path, first: int, last: int, frontal: float, seed: int
     arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in _ARRAYS}
     renderer, rng = PersonRenderer(), np.random.default_rng([seed, _STREAM, first])
     for n in range(first, last):
-        made = training_sample(renderer, rng, frontal)
+        sample = training_sample(renderer, rng, frontal)
         for name, array in arrays.items():
-            array[n] = getattr(made, name)
+            array[n] = getattr(sample, name)
     return last - first

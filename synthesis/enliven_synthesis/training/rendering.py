@@ -85,17 +85,17 @@ class PersonRenderer:
             frontal: fraction of people that face the sensor. The others face a random direction.
         """
         while True:
-            made = self._try(rng, family, arms, frontal)
-            if np.count_nonzero(made.z) >= 60:
-                return made
+            rendered = self._try(rng, family, arms, frontal)
+            if np.count_nonzero(rendered.z) >= 60:
+                return rendered
 
     def render_clutter(self, rng: Generator) -> RenderedPerson:
         """Renders clutter in place of a person, with at least 60 visible pixels."""
         while True:
             _, figure, sensor, pose = self._placed(rng, None, None, 0.0)
-            made = _partly_hidden(self.render_clutter_at(figure, sensor, pose, rng), rng)
-            if np.count_nonzero(made.z) >= 60:
-                return made
+            rendered = _partly_hidden(self.render_clutter_at(figure, sensor, pose, rng), rng)
+            if np.count_nonzero(rendered.z) >= 60:
+                return rendered
 
     def _try(self, rng: Generator, family: str | None, arms: str | None, frontal: float) -> RenderedPerson:
         return _partly_hidden(self.render_figure(*self._placed(rng, family, arms, frontal), rng), rng)
@@ -127,9 +127,9 @@ class PersonRenderer:
         label[person] = label_pixels(piece[person], world, figure, performer.scale)
         stuff = np.zeros(piece.shape, np.uint8)
         stuff[person] = sdf.material[piece[person]]
-        made = self._measured(depth, stuff, person, sensor, pose, rng)
+        rendered = self._measured(depth, stuff, person, sensor, pose, rng)
         return dataclasses.replace(
-            made, label=np.where(made.z > 0, label, NOBODY).astype(np.uint8), figure=figure
+            rendered, label=np.where(rendered.z > 0, label, NOBODY).astype(np.uint8), figure=figure
         )
 
     def render_clutter_at(self, instead: Figure, sensor: int, pose: Float, rng: Generator) -> RenderedPerson:

@@ -139,9 +139,9 @@ def calibrate(
 
 def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) -> SensorPair:
     """Finds the pose of sensor b relative to sensor a, from the best of all first guesses."""
-    known = (b.first_ns - a.first_ns) * 1e-9
+    known_lag = (b.first_ns - a.first_ns) * 1e-9
     ranked: list[tuple[float, Fit]] = []
-    for guess in guesses(a, b, known, settings):
+    for guess in guesses(a, b, known_lag, settings):
         quick = refine(guess.matches, guess.a_from_b, guess.lag, settings, steps=4, frames=120)
         if quick is not None:
             ranked.append((_score(a, b, quick, guess.matches, settings), quick))

@@ -43,12 +43,12 @@ def likely_lags(
     score = np.where(together >= settings.overlap * _RATE, score, -np.inf)
     if settings.clock_range and known is not None:
         score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
-    found = [] if known is None or not _overlap(a, b, known, settings) else [known]
-    while len(found) < _CANDIDATES and np.isfinite(score).any():
+    candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
+    while len(candidates) < _CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))
-        found.append(float(lags[best]))
+        candidates.append(float(lags[best]))
         score = np.where(np.abs(lags - lags[best]) < _APART, -np.inf, score)
-    return found
+    return candidates
 
 
 def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettings) -> bool:

@@ -82,17 +82,17 @@ def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[E
     factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
 
     def placed(x: Float) -> dict[str, Float]:
-        made = {root: places[root]}
+        poses = {root: places[root]}
         for name, step in zip(free, x.reshape(-1, 6), strict=True):
             base = places[name]
-            made[name] = rigid(turn(step[:3]) @ base[:3, :3], base[:3, 3] + step[3:])
-        return made
+            poses[name] = rigid(turn(step[:3]) @ base[:3, :3], base[:3, 3] + step[3:])
+        return poses
 
     def contradictions(x: Float) -> Float:
-        now = placed(x)
+        poses = placed(x)
         return np.concatenate(
             [
-                factor @ _error(now[a], now[b], fit)
+                factor @ _error(poses[a], poses[b], fit)
                 for factor, (a, b, fit, _) in zip(factors, edges, strict=True)
             ]
         )

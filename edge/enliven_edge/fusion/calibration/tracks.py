@@ -178,8 +178,8 @@ class Collector(SensorThread):
             if isinstance(frame, DepthFrame):
                 bodies = self._tracker.track(frame)
                 mount = self._tracker.world_from_camera
-                told = BodyFrame(bodies, frame.time_ns, self.name)
-                self._kept.append((told, None if mount is None else mount.copy()))
+                body_frame = BodyFrame(bodies, frame.time_ns, self.name)
+                self._kept.append((body_frame, None if mount is None else mount.copy()))
             else:
                 self._kept.append((frame, None))
             self.frames += 1

@@ -67,12 +67,12 @@ def blend(x, w, predicted, known, before, d, share, out):
             else:
                 base = predicted[j, k] if known else mean
             # A new sensor starts with its offset from ``base``, so that the result does not jump.
-            told = 0.0
+            corrected_sum = 0.0
             for s in range(count):
                 if w[s, j] > 0.0 and not before[s, j]:
                     d[s, j, k] = x[s, j, k] - base
-                told += w[s, j] * (x[s, j, k] - d[s, j, k])
-            out[j, k] = told / total
+                corrected_sum += w[s, j] * (x[s, j, k] - d[s, j, k])
+            out[j, k] = corrected_sum / total
             for s in range(count):
                 if w[s, j] > 0.0:
                     d[s, j, k] += share * (x[s, j, k] - mean - d[s, j, k])

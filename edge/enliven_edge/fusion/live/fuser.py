@@ -68,37 +68,37 @@ class Fuser:
         s = self.settings
         self._drop_silent_sensors(time_ns)
         groups = grouped(self.views, time_ns, s.patience, s.gate, s.loyalty)
-        told = []
-        seen = self._recognised(groups, time_ns)
-        for group, person in seen:
+        bodies = []
+        recognised = self._recognised(groups, time_ns)
+        for group, person in recognised:
             self._compare(group, person, time_ns)
             body = person.see(group, self.views, time_ns)
-            known = person.hits >= s.sure_after
-            duplicate = not known and _is_duplicate(group, [other for other, _ in seen])
+            is_sure = person.hits >= s.sure_after
+            duplicate = not is_sure and _is_duplicate(group, [other for other, _ in recognised])
             person.hits = 1 if duplicate else person.hits + len(group.sightings)
             if person.hits >= s.sure_after:
-                told.append(body)
+                bodies.append(body)
         self._forget(time_ns)
         self._now_ns = time_ns
-        return sorted(told, key=lambda body: body.id)
+        return sorted(bodies, key=lambda body: body.id)
 
     def take_warnings(self) -> list[SensorWarning]:
         """Returns the warnings since the last call."""
-        said, self.warnings = self.warnings, []
-        return said
+        warnings, self.warnings = self.warnings, []
+        return warnings
 
     def _recognised(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
         """Assigns each group to a known person, or to a new one (data association)."""
         pairs = assigned(self._costs(groups, time_ns)) if groups and self.people else []
-        known = {g: self.people[p] for g, p in pairs}
-        found = []
+        people_by_group = {g: self.people[p] for g, p in pairs}
+        recognised = []
         for number, group in enumerate(groups):
-            person = known.get(number)
+            person = people_by_group.get(number)
             if person is None:
                 person = self._new_person(group)
                 self.people.append(person)
-            found.append((group, person))
-        return found
+            recognised.append((group, person))
+        return recognised
 
     def _new_person(self, group: Group) -> FusedPerson:
         """Returns a new person, or one that has returned if the sensors of the group agree on an identity."""
@@ -176,8 +176,8 @@ class Fuser:
         """Adds a warning about a change of state. The first frame of a sensor gives no warning."""
         if view.state is before or (before is SensorState.WAITING and view.state is SensorState.LIVE):
             return
-        what = f"{view.name} {SENTENCE[view.state]}"
-        self.warnings.append(SensorWarning(view.name, view.state, what, time_ns))
+        sentence = f"{view.name} {SENTENCE[view.state]}"
+        self.warnings.append(SensorWarning(view.name, view.state, sentence, time_ns))
 
 
 def _is_duplicate(group: Group, others: list[Group]) -> bool:

@@ -84,21 +84,21 @@ def grouped(
         loyalty: advantage in metres of the previous assignment.
     """
     recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
-    watched = {s.person for said in recent for s in said if s.body.confidence.any()}
+    watched = {s.person for sightings in recent for s in sightings if s.body.confidence.any()}
     current = [
         [
             (s, s.joints(time_ns, patience))
-            for s in said
+            for s in sightings
             if plausible(s.body) and (s.body.confidence.any() or s.person not in watched)
         ]
-        for said in recent
+        for sightings in recent
     ]
     groups: list[Group] = []
     for sensor in sorted(range(len(views)), key=lambda v: (-len(current[v]), v)):
-        seen = current[sensor]
-        taken = _partners(groups, seen, gate, loyalty) if groups and seen else {}
-        for number, (sighting, joints) in enumerate(seen):
-            group = taken.get(number)
+        candidates = current[sensor]
+        partners = _partners(groups, candidates, gate, loyalty) if groups and candidates else {}
+        for number, (sighting, joints) in enumerate(candidates):
+            group = partners.get(number)
             if group is None:
                 group = Group()
                 groups.append(group)

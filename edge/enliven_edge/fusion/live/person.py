@@ -58,22 +58,22 @@ class FusedPerson:
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
         """Returns the body of this person, fused from all sensors of the group."""
         seconds = self.unseen(time_ns)
-        known = seconds < _GLIDE
+        has_prediction = seconds < _GLIDE
         expected = self.expected(time_ns) if self.hits else group.mean
-        if not known:
+        if not has_prediction:
             self._reset_offsets()
-        bodies, expected = self._put_right(group, views, expected, seconds if known else 0.0)
-        x, w = self._observations(bodies, views, seconds if known else np.inf)
-        if known:
+        bodies, expected = self._put_right(group, views, expected, seconds if has_prediction else 0.0)
+        x, w = self._observations(bodies, views, seconds if has_prediction else np.inf)
+        if has_prediction:
             doubt_outliers(x, w, expected)
             self._down_weight_unsteady(x, w, expected, seconds)
         step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
-        share = float(step) if known else 1.0
+        share = float(step) if has_prediction else 1.0
         joints = np.empty((20, 3))
-        blend(x, w, expected, known, self._spoke, self._offsets, share, joints)
+        blend(x, w, expected, has_prediction, self._spoke, self._offsets, share, joints)
         confidence = _confidence(x, w, bodies, joints)
-        turns = self._oriented(bodies, w, known, share)
-        self._move(joints, time_ns, seconds, known)
+        turns = self._oriented(bodies, w, has_prediction, share)
+        self._move(joints, time_ns, seconds, has_prediction)
         self.confidence, self.seen_by = confidence, frozenset(bodies)
         for sensor, sighting in group.sightings.items():
             views[sensor].bind(sighting, self.id, self.settings.believe_ids)
@@ -96,12 +96,12 @@ class FusedPerson:
         self._spoke[:], self._turn_spoke[:] = False, False
         self._turned_known = False
 
-    def _move(self, joints: Float, time_ns: int, seconds: float, known: bool) -> None:
+    def _move(self, joints: Float, time_ns: int, seconds: float, has_prediction: bool) -> None:
         """Updates the state for the next prediction."""
-        if known and seconds > 1e-4:
+        if has_prediction and seconds > 1e-4:
             speed = (joints - self.joints) / seconds
             self.velocity = self.velocity + 0.5 * (speed - self.velocity)
-        elif not known:
+        elif not has_prediction:
             self.velocity = np.zeros((20, 3))
         self.joints, self.last_ns = joints, time_ns
 
@@ -109,13 +109,13 @@ class FusedPerson:
         self, group: Group, views: list[SensorView], expected: Float, seconds: float
     ) -> tuple[dict[int, Body], Float]:
         """Returns the bodies with the right sides, and (20, 3) their predicted joints."""
-        bodies, known = group_bodies(group), bool(self.hits)
-        reference = expected if known else next(iter(bodies.values())).joints
-        self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), known)
+        bodies, has_prediction = group_bodies(group), bool(self.hits)
+        reference = expected if has_prediction else next(iter(bodies.values())).joints
+        self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), has_prediction)
         weights = {
             s: float(b.confidence.mean()) / _noise(b, views[s], self.settings) ** 2 for s, b in bodies.items()
         }
-        if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, known):
+        if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, has_prediction):
             self._turn_over()
             expected = expected[OTHER_SIDE]
         return self._sides.put_right(bodies), expected
@@ -147,7 +147,9 @@ class FusedPerson:
         self._sure = sure
         return x, w
 
-    def _oriented(self, bodies: dict[int, Body], w: Float, known: bool, share: float) -> Float | None:
+    def _oriented(
+        self, bodies: dict[int, Body], w: Float, has_prediction: bool, share: float
+    ) -> Float | None:
         """Returns (20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
         have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
         if not have:
@@ -159,10 +161,10 @@ class FusedPerson:
         for sensor, turns in have.items():
             x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
             weights[sensor] = w[sensor]
-        made = np.empty((20, 4))
-        known = known and self._turned_known
-        blend(x, weights, reference, known, self._turn_spoke, self._turn_habit, share, made)
-        self._turns, self._turned_known = normalized(made), True
+        fused = np.empty((20, 4))
+        has_prediction = has_prediction and self._turned_known
+        blend(x, weights, reference, has_prediction, self._turn_spoke, self._turn_habit, share, fused)
+        self._turns, self._turned_known = normalized(fused), True
         return self._turns.copy()
 
 
@@ -185,11 +187,11 @@ def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
 
 def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
     """Returns (20,) the confidence of the most trusted sensor, lower if sensors contradict each other."""
-    told, made = np.zeros(w.shape), np.empty(len(joints))
+    confidences, fused = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
-        told[sensor] = body.confidence
-    fuse_confidence(x, w, told, joints, made)
-    return made
+        confidences[sensor] = body.confidence
+    fuse_confidence(x, w, confidences, joints, fused)
+    return fused
 
 
 def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:

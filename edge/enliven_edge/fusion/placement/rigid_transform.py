@@ -39,9 +39,9 @@ def inverse(transform: Float) -> Float:
 
 def rigid(rotation: Float, translation: Float) -> Float:
     """Returns (4, 4) from a (3, 3) rotation and a (3,) translation."""
-    made = np.eye(4)
-    made[:3, :3], made[:3, 3] = rotation, translation
-    return made
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, translation
+    return transform
 
 
 def turn(vector: Float) -> Float:

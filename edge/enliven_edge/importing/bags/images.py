@@ -33,8 +33,8 @@ def plain_image(fields: Fields) -> UInt16:
     swapped, step = fields.number("B"), fields.count()
     pixels = fields.block()
     if encoding not in _DEPTHS:
-        what = f"its depth is packed as {encoding!r}"
-        raise InputError(what, where=fields.where, mend="Record it again with depth of 16 bits (Y16).")
+        problem = f"its depth is packed as {encoding!r}"
+        raise InputError(problem, where=fields.where, mend="Record it again with depth of 16 bits (Y16).")
     shape = 0 < width <= _WIDEST and 0 < height <= _WIDEST
     if not shape or step < 2 * width or len(pixels) != step * height:
         raise fields.damaged()

@@ -130,21 +130,21 @@ def _about(path: Path) -> _About:
         mend = "Record it again with OrbbecSDK 2.4 or later."
         raise InputError(f"it is of version {version}, only version 2 is known", where=str(path), mend=mend)
     if about.camera is None:
-        what = "it does not say what its depth camera is: it was not closed, or has no depth"
-        raise InputError(what, where=str(path), mend="Record it again with the depth stream on.")
+        problem = "it does not say what its depth camera is: it was not closed, or has no depth"
+        raise InputError(problem, where=str(path), mend="Record it again with the depth stream on.")
     return about
 
 
 def _check_depth(about: _About, path: Path) -> None:
     """Checks that the images are depth, not disparities."""
-    made = about.properties.get(_IN_DEVICE)
-    if made is not None and not any(made):
-        what = "it holds the camera's disparities in place of depth"
-        raise InputError(what, where=str(path), mend=_PLAY.format(path))
-    if about.product not in _MEASURES_DEPTH and (made is None or not _KNOWN.search(about.name)):
+    in_device = about.properties.get(_IN_DEVICE)
+    if in_device is not None and not any(in_device):
+        problem = "it holds the camera's disparities in place of depth"
+        raise InputError(problem, where=str(path), mend=_PLAY.format(path))
+    if about.product not in _MEASURES_DEPTH and (in_device is None or not _KNOWN.search(about.name)):
         camera = about.name or "without a name"
-        what = f"only Orbbec's library understands the images of its camera ({camera})"
-        raise InputError(what, where=str(path), mend=_PLAY.format(path))
+        problem = f"only Orbbec's library understands the images of its camera ({camera})"
+        raise InputError(problem, where=str(path), mend=_PLAY.format(path))
 
 
 def _value(about: _About, number: int, kind: str, otherwise: float) -> float:

@@ -126,12 +126,12 @@ def _camera(fields: Fields) -> Intrinsics:
 
 
 def _camera_in_words(fields: Fields) -> Intrinsics:
-    said = dict(_pairs(fields))
+    properties = dict(_pairs(fields))
     try:
-        size = int(said["width"]), int(said["height"])
-        lens = tuple(float(said[key]) for key in ("fx", "fy", "ppx", "ppy"))
-        bent = tuple(float(word) for word in said["coeffs"].split(","))
-        return plain_lens(size, lens, said["model"], (*bent, *(0.0,) * 5)[:5], fields.where)
+        size = int(properties["width"]), int(properties["height"])
+        lens = tuple(float(properties[key]) for key in ("fx", "fy", "ppx", "ppy"))
+        bent = tuple(float(word) for word in properties["coeffs"].split(","))
+        return plain_lens(size, lens, properties["model"], (*bent, *(0.0,) * 5)[:5], fields.where)
     except (KeyError, ValueError) as error:
         if isinstance(error, InputError):
             raise

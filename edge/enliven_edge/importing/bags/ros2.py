@@ -34,8 +34,8 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
                 topic = str(topics[number])
                 yield Message(topic, AlignedFields(bytes(data), f"{path}, {topic}"))
     except (sqlite3.Error, OverflowError, TypeError, ValueError):
-        what = "the database is damaged, or no recording"
-        raise InputError(what, where=str(path), mend="Copy it again.") from None
+        problem = "the database is damaged, or no recording"
+        raise InputError(problem, where=str(path), mend="Copy it again.") from None
 
 
 _TOPICS = f"SELECT id, name FROM topics LIMIT {_MOST_TOPICS}"

@@ -57,11 +57,11 @@ def known_or_typical(
     typical = full.scaled(width / full.width)
     if typical.height != height:
         size = f"{typical.width}x{typical.height}"
-        what = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
+        problem = f"it does not know its lens, and the profile {profile} has none for {width}x{height}"
         mend = f"Ask for {size}, or calibrate the camera with its maker's tool."
         if rehearsed:
             mend = f"Rehearse with a recording that knows its lens, or with one of {size}."
-        raise InputError(what, where=name, mend=mend)
+        raise InputError(problem, where=name, mend=mend)
     return typical, False
 
 
@@ -89,9 +89,9 @@ def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[i
     Raises:
         InputError: if the range is empty.
     """
-    known = typical_camera(profile)
-    typical = (0.0, 0.0) if rehearsed else (known.near, known.far)
-    near, far = (given or other for given, other in zip(reach, typical, strict=True))
+    camera = typical_camera(profile)
+    typical = (0.0, 0.0) if rehearsed else (camera.near, camera.far)
+    near, far = (stated or other for stated, other in zip(reach, typical, strict=True))
     if (far and near >= far) or near < 0 or far < 0:
         raise InputError(
             f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."

@@ -134,11 +134,11 @@ class LibcameraSensor(Sensor):
 
     def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
         """Creates the matcher of a calibration. Returns the calibrated image size (width, height)."""
-        known = load_calibration(Path(calibration))
+        stereo_calibration = load_calibration(Path(calibration))
         opencv().setNumThreads(1)
-        self._rectification = Rectification(known)
+        self._rectification = Rectification(stereo_calibration)
         self._matcher = StereoMatcher(self._rectification, near, far)
-        return known.width, known.height
+        return stereo_calibration.width, stereo_calibration.height
 
     def _depth(self, left: CameraImage, right: CameraImage) -> DepthFrame:
         """Returns the depth of an image pair, in the rectified left camera."""

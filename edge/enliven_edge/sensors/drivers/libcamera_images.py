@@ -60,15 +60,15 @@ class LibcameraImages:
         self._eyes: list[_Eye] = []
         self._ready: list[Any] = []
         self._celsius: float | None = None
-        found = self._found(cameras)
-        self.name = f"libcamera {', '.join(_short(camera.id) for camera in found)}"
+        devices = self._found(cameras)
+        self.name = f"libcamera {', '.join(_short(camera.id) for camera in devices)}"
         try:
-            for camera in found:
+            for camera in devices:
                 self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
             wishes = _wishes(fps, exposure_us, gain)
             # The followers wait for the clock of the leader, so start them first.
             for eye in reversed(self._eyes):
-                beat = {} if len(found) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
+                beat = {} if len(devices) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
                 eye.start({**wishes, **beat})
         except BaseException:
             self.close()
@@ -108,26 +108,26 @@ class LibcameraImages:
 
     def _found(self, wanted: list[str]) -> list[Any]:
         """Returns the requested cameras."""
-        there = list(self._manager.cameras)
-        if not there:
+        connected = list(self._manager.cameras)
+        if not connected:
             mend = "Check the ribbon cable with the power off; list cameras with: rpicam-hello --list-cameras"
             raise ResourceError("libcamera finds no camera", where="sensor libcamera", mend=mend)
-        listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(there))
-        found = []
+        listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(connected))
+        devices = []
         for word in wanted:
-            fitting = [c for n, c in enumerate(there) if word in (str(n), c.id)]
-            fitting = fitting or [c for c in there if not word.isdigit() and word in c.id]
+            fitting = [c for n, c in enumerate(connected) if word in (str(n), c.id)]
+            fitting = fitting or [c for c in connected if not word.isdigit() and word in c.id]
             if not fitting:
                 raise ResourceError(
                     f"the camera {word!r} was not found",
                     where="sensor libcamera",
                     mend=f"Connected: {listed}.",
                 )
-            found.append(fitting[0])
-        if len({camera.id for camera in found}) < len(found):
+            devices.append(fitting[0])
+        if len({camera.id for camera in devices}) < len(devices):
             mend = f"Give the left and the right one; connected: {listed}."
             raise InputError("the two cameras are one", where="sensor libcamera", mend=mend)
-        return found
+        return devices
 
 
 _MOST_BUFFERS = 64
@@ -162,8 +162,8 @@ class _Eye:
 
     def start(self, wishes: dict[str, Any]) -> None:
         """Starts the image stream. Settings that the camera does not support are left out."""
-        known = {control.name: control for control in self._camera.controls}
-        self._camera.start({known[name]: value for name, value in wishes.items() if name in known})
+        controls = {control.name: control for control in self._camera.controls}
+        self._camera.start({controls[name]: value for name, value in wishes.items() if name in controls})
         self._running = True
         for request in self._requests:
             self._camera.queue_request(request)
@@ -174,9 +174,9 @@ class _Eye:
             raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
         number = request.cookie % _MOST_BUFFERS
         about = self._buffers[number].metadata
-        told = {control.name: value for control, value in request.metadata.items()}
-        self.celsius = told.get("SensorTemperature", self.celsius)
-        time_ns, sequence = int(told.get("SensorTimestamp", about.timestamp)), int(about.sequence)
+        metadata = {control.name: value for control, value in request.metadata.items()}
+        self.celsius = metadata.get("SensorTemperature", self.celsius)
+        time_ns, sequence = int(metadata.get("SensorTimestamp", about.timestamp)), int(about.sequence)
         # The virtual cameras of libcamera 0.4 leave the status of good images uninitialised. So reject only
         # images with the status Error.
         sound = about.status != self._lib.FrameMetadata.Status.Error
@@ -209,8 +209,8 @@ class _Eye:
         offered = [str(each) for each in stream.formats.pixel_formats]
         chosen = next((each for each in formats if each in offered), None)
         if chosen is None:
-            what = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
-            raise InputError(what, where=self._camera.id, mend="Use another camera.")
+            problem = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
+            raise InputError(problem, where=self._camera.id, mend="Use another camera.")
         stream.pixel_format = self._lib.PixelFormat(chosen)
         stream.size = self._lib.Size(*size)
         stream.buffer_count = _BUFFERS

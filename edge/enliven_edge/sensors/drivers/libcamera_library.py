@@ -61,18 +61,18 @@ def listed_cameras() -> list[ListedCamera]:
     try:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING, check=False)
     except subprocess.TimeoutExpired:
-        what = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
+        problem = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
         raise ResourceError(
-            what, where="sensor libcamera", mend="Close other programs that use a camera."
+            problem, where="sensor libcamera", mend="Close other programs that use a camera."
         ) from None
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or [""])[-1]
-        what = f"libcamera cannot list its cameras (exit code {done.returncode}: {said})"
-        raise ResourceError(what, where="sensor libcamera", mend="Type: rpicam-hello --list-cameras")
-    told = json.loads(done.stdout.splitlines()[-1])
-    if isinstance(told, str):
-        raise ResourceError(told, where="sensor libcamera", mend=_INSTALL)
-    return [ListedCamera(model, name) for model, name in told]
+        last_line = (done.stderr.strip().splitlines() or [""])[-1]
+        problem = f"libcamera cannot list its cameras (exit code {done.returncode}: {last_line})"
+        raise ResourceError(problem, where="sensor libcamera", mend="Type: rpicam-hello --list-cameras")
+    listing = json.loads(done.stdout.splitlines()[-1])
+    if isinstance(listing, str):
+        raise ResourceError(listing, where="sensor libcamera", mend=_INSTALL)
+    return [ListedCamera(model, name) for model, name in listing]
 
 
 def libcamera_library(tuning: str) -> Any:
@@ -88,16 +88,16 @@ def libcamera_library(tuning: str) -> Any:
             raise InputError("the tuning file does not exist", where=tuning, mend=mend)
         os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
     os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
-    known = list(sys.path)
+    search_path = list(sys.path)
     sys.path += _places()
     try:
         return importlib.import_module("libcamera")
     except ImportError as error:
         missing = isinstance(error, ModuleNotFoundError) and error.name == "libcamera"
-        what = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
-        raise ResourceError(what, where="sensor libcamera", mend=_INSTALL) from None
+        problem = "libcamera is not installed" if missing else f"libcamera does not load ({error})"
+        raise ResourceError(problem, where="sensor libcamera", mend=_INSTALL) from None
     finally:
-        sys.path[:] = known
+        sys.path[:] = search_path
 
 
 def _places() -> list[str]:
@@ -126,7 +126,7 @@ def tell() -> None:
         print(json.dumps(error.what))
         return
     about = [({key.name: value for key, value in each.properties.items()}, each.id) for each in cameras]
-    print(json.dumps([(str(told.get("Model", "")), name) for told, name in about]))
+    print(json.dumps([(str(properties.get("Model", "")), name) for properties, name in about]))
 
 
 class Layout(NamedTuple):

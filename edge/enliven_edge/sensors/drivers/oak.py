@@ -110,9 +110,9 @@ class OakSensor(Sensor):
         """Returns the link, the chip's temperature, and gravity if it has an accelerometer."""
         if self._rehearsal is not None:
             return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
-        speed, known = self._device.getUsbSpeed(), self._dai.UsbSpeed
-        slow = speed in (known.LOW, known.FULL, known.HIGH)
-        link = "PoE" if speed == known.UNKNOWN else "USB 2" if slow else "USB 3"
+        speed, speeds = self._device.getUsbSpeed(), self._dai.UsbSpeed
+        slow = speed in (speeds.LOW, speeds.FULL, speeds.HIGH)
+        link = "PoE" if speed == speeds.UNKNOWN else "USB 2" if slow else "USB 3"
         celsius = float(self._device.getChipTemperature().average)
         return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
@@ -181,17 +181,17 @@ class OakSensor(Sensor):
     def _found(self, wanted: str) -> Any:
         """Opens the camera. If none is visible yet, the library searches for a while."""
         dai = self._dai
-        found = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
+        cameras = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
 
         def choose() -> Any:
-            return chosen("oak", "an OAK", found, wanted, "device", self._before)
+            return chosen("oak", "an OAK", cameras, wanted, "device", self._before)
 
         try:
             if wanted:
-                return dai.Device(found.get(wanted) or dai.DeviceInfo(wanted))
-            return dai.Device(choose()) if found else dai.Device()
+                return dai.Device(cameras.get(wanted) or dai.DeviceInfo(wanted))
+            return dai.Device(choose()) if cameras else dai.Device()
         except RuntimeError as error:
-            if str(error) in _NOT_THERE and wanted not in found:
+            if str(error) in _NOT_THERE and wanted not in cameras:
                 choose()
             raise refused("oak", error) from None
 
@@ -217,8 +217,8 @@ class OakSensor(Sensor):
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            known = width, height, lens, self._kind, self.name, self._rehearsal is not None
-            self._camera, self._calibrated = known_or_typical(*known)
+            arguments = width, height, lens, self._kind, self.name, self._rehearsal is not None
+            self._camera, self._calibrated = known_or_typical(*arguments)
             self._matrix = matrix
         return self._camera
 
@@ -274,8 +274,8 @@ class OakSensor(Sensor):
         dai, camera = self._dai, frame.intrinsics
         self._last_colour = self._last_colour if frame.colour is None else frame.colour
         if self._coloured and self._last_colour is not None:
-            made = message(dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns)
-            self._node.colour.send(made)
+            colour_image = message(dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns)
+            self._node.colour.send(colour_image)
         image = message(dai, frame.depth, dai.ImgFrame.Type.RAW16, number, frame.time_ns)
         lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))

@@ -173,9 +173,9 @@ class OrbbecSensor(Sensor):
         """Sets the camera's preset and its synchronisation mode. A recording has both already."""
         if preset:
             listed = self._device.get_available_preset_list()
-            known = [listed.get_name_by_index(i) for i in range(len(listed))]
-            if preset not in known:
-                mend = f"It has: {', '.join(known)}."
+            presets = [listed.get_name_by_index(i) for i in range(len(listed))]
+            if preset not in presets:
+                mend = f"It has: {', '.join(presets)}."
                 raise InputError(f"the preset {preset!r} does not exist", where=self.name, mend=mend)
             self._device.load_preset(preset)
         if sync and not self._rehearsed:
@@ -239,8 +239,8 @@ class OrbbecSensor(Sensor):
         Returns the library's undistortion filter for models that enliven does not support.
         """
         ob, bent = self._ob, profile.get_distortion()
-        told = profile.get_intrinsic()
-        lens = (told.fx, told.fy, told.cx, told.cy)
+        intrinsics = profile.get_intrinsic()
+        lens = (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy)
         size = profile.get_width(), profile.get_height()
         self._camera, self._calibrated = known_or_typical(*size, lens, self._kind, self.name, self._rehearsed)
         model, models = bent.model, ob.OBCameraDistortionModel

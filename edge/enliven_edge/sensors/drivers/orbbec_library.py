@@ -21,13 +21,13 @@ _MODES_SHOWN = 8
 def orbbec_library() -> Any:
     """Imports pyorbbecsdk, and turns its log files off."""
     ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
-    found = (
+    sdk_version = (
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
     )
-    if found < _OLDEST:
-        what = f"pyorbbecsdk is of version {'.'.join(map(str, found))}, which has another interface"
+    if sdk_version < _OLDEST:
+        problem = f"pyorbbecsdk is of version {'.'.join(map(str, sdk_version))}, which has another interface"
         mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
-        raise ResourceError(what, where="sensor orbbec", mend=mend)
+        raise ResourceError(problem, where="sensor orbbec", mend=mend)
     ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, tempfile.gettempdir())
     ob.Context.set_logger_to_console(ob.OBLogLevel.ERROR)
     return ob
@@ -44,14 +44,14 @@ def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
     """
     try:
         listed = context.query_devices()
-        known = [_names(listed, index) for index in range(len(listed))]
+        all_names = [_names(listed, index) for index in range(len(listed))]
         # If the user has no permission to open a camera, the camera has no serial number.
-        found = {names[0] or names[2]: index for index, names in enumerate(known)}
-        meant = {name: index for name, index in found.items() if wanted in ("", *known[index])}
+        indices = {names[0] or names[2]: index for index, names in enumerate(all_names)}
+        meant = {name: index for name, index in indices.items() if wanted in ("", *all_names[index])}
         if not meant and _is_address(wanted):
             return context.create_net_device(wanted, _PORT)
         index = chosen(
-            "orbbec", "an Orbbec camera", meant or found, "" if meant else wanted, "device", before
+            "orbbec", "an Orbbec camera", meant or indices, "" if meant else wanted, "device", before
         )
         return listed.get_device_by_index(index)
     except ob.OBError as error:
@@ -72,15 +72,15 @@ def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) ->
         if profile.get_format() in (ob.OBFormat.Y16, ob.OBFormat.Z16):
             video = profile.as_video_stream_profile()
             modes.setdefault((video.get_width(), video.get_height(), video.get_fps()), video)
-    for known, profile in modes.items():
-        if all(not want or want == has for want, has in zip(mode, known, strict=True)):
+    for offered, profile in modes.items():
+        if all(not want or want == has for want, has in zip(mode, offered, strict=True)):
             return profile
     near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True) if b))
-    said = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
+    alternatives = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
     raise InputError(
         f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
         where=name,
-        mend=f"It has: {said}. 0 stands for any; on USB 2 there are fewer.",
+        mend=f"It has: {alternatives}. 0 stands for any; on USB 2 there are fewer.",
     )
 
 

@@ -283,5 +283,5 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:
-            what = f"Orbbec's library cannot play it ({in_a_line(error)})"
-            raise InputError(what, where=path) from None
+            problem = f"Orbbec's library cannot play it ({in_a_line(error)})"
+            raise InputError(problem, where=path) from None

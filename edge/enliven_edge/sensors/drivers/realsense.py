@@ -86,8 +86,8 @@ class RealSenseSensor(Sensor):
 
     def condition(self) -> Condition:
         """Returns the link, the vision processor's temperature, and gravity if it has an accelerometer."""
-        if self._rehearsal is not None and (told := self._rehearsal.condition()):
-            return told
+        if self._rehearsal is not None and (condition := self._rehearsal.condition()):
+            return condition
         rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)
@@ -108,10 +108,10 @@ class RealSenseSensor(Sensor):
         rs = self._rs
         try:
             devices = list(rs.context().query_devices())
-            known = {device.get_info(rs.camera_info.serial_number): device for device in devices}
+            devices_by_serial = {device.get_info(rs.camera_info.serial_number): device for device in devices}
         except RuntimeError as error:
             raise refused("realsense", error) from None
-        return chosen("realsense", "a RealSense camera", known, serial, "serial", before)
+        return chosen("realsense", "a RealSense camera", devices_by_serial, serial, "serial", before)
 
     def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
         """Starts the depth images, the colour if requested, and the accelerometer if there is one."""
@@ -236,10 +236,10 @@ class RealSenseSensor(Sensor):
         camera = frame.intrinsics
         if (camera.width, camera.height) != (self._stream.width(), self._stream.height()):
             self._stream = self._rehearsed_stream(camera)
-        made = self._rs.software_video_frame()
-        made.pixels, made.bpp = np.ascontiguousarray(frame.depth), 2
-        made.stride = 2 * camera.width
-        made.timestamp, made.frame_number = 1e-6 * frame.time_ns, number
-        made.domain = self._rs.timestamp_domain.hardware_clock
-        made.profile, made.depth_units = self._stream, 0.001
-        self._sensor.on_video_frame(made)
+        video_frame = self._rs.software_video_frame()
+        video_frame.pixels, video_frame.bpp = np.ascontiguousarray(frame.depth), 2
+        video_frame.stride = 2 * camera.width
+        video_frame.timestamp, video_frame.frame_number = 1e-6 * frame.time_ns, number
+        video_frame.domain = self._rs.timestamp_domain.hardware_clock
+        video_frame.profile, video_frame.depth_units = self._stream, 0.001
+        self._sensor.on_video_frame(video_frame)

@@ -43,11 +43,11 @@ def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> A
             modes[video.width(), video.height(), each.fps()] = video
     if mode not in modes:
         near = sorted(modes, key=lambda m: sum(abs(a - b) for a, b in zip(m, mode, strict=True)))
-        known = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
+        alternatives = ", ".join(f"{w}x{h} at {fps}" for w, h, fps in near[:_MODES_SHOWN])
         raise InputError(
             f"it has no depth of {mode[0]}x{mode[1]} at {mode[2]} images a second on this port",
             where=name,
-            mend=f"It has: {known}. On USB 2 there are fewer.",
+            mend=f"It has: {alternatives}. On USB 2 there are fewer.",
         )
     return modes[mode]
 
@@ -58,17 +58,17 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
     Raises:
         InputError: for another distortion model. The coefficients of the inverse model have another meaning.
     """
-    known = (rs.distortion.none, rs.distortion.brown_conrady)
-    if lens.model not in known and any(lens.coeffs):
+    supported = (rs.distortion.none, rs.distortion.brown_conrady)
+    if lens.model not in supported and any(lens.coeffs):
         raise InputError(
             f"its images have the distortion model {lens.model}",
             where=name,
             mend="Choose a depth mode, which is rectified.",
         )
     k1, k2, p1, p2, k3 = lens.coeffs
-    said = (lens.fx, lens.fy, lens.ppx, lens.ppy)
-    camera, told = known_or_typical(lens.width, lens.height, said, kind, name, rehearsed)
-    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if told else camera), told
+    parameters = (lens.fx, lens.fy, lens.ppx, lens.ppy)
+    camera, is_reported = known_or_typical(lens.width, lens.height, parameters, kind, name, rehearsed)
+    return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if is_reported else camera), is_reported
 
 
 def whole(millimetres: float) -> float:
@@ -144,21 +144,21 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
     Raises:
         InputError: if there is none.
     """
-    found = []
+    candidates = []
     for sensor in device.query_sensors():
         for each in sensor.get_stream_profiles():
             if each.stream_type() == rs.stream.color and each.format() == rs.format.rgb8:
                 video = each.as_video_stream_profile()
                 if round(video.fps()) == round(fps) and not sensor.is_depth_sensor():
-                    apart = abs(video.width() - size[0]) + abs(video.height() - size[1])
-                    found.append((apart, sensor, video))
-    if not found:
+                    difference = abs(video.width() - size[0]) + abs(video.height() - size[1])
+                    candidates.append((difference, sensor, video))
+    if not candidates:
         raise InputError(
             f"it cannot send colour at {fps:g} images a second together with its depth",
             where=name,
             mend="Leave out colour=true, or give fps=30.",
         )
-    return min(found, key=lambda each: each[0])[1:]
+    return min(candidates, key=lambda each: each[0])[1:]
 
 
 class RehearsedColour:
@@ -186,12 +186,12 @@ class RehearsedColour:
     def send(self, frame: DepthFrame, number: int) -> None:
         """Sends the colour of an image, or the last colour before it."""
         self._last = self._last if frame.colour is None else frame.colour
-        made = self._rs.software_video_frame()
-        made.pixels, made.bpp, made.stride = np.ascontiguousarray(self._last), 3, 3 * self._last.shape[1]
-        made.timestamp, made.frame_number = 1e-6 * frame.time_ns, number
-        made.domain = self._rs.timestamp_domain.hardware_clock
-        made.profile = self._stream.as_video_stream_profile()
-        self._sensor.on_video_frame(made)
+        image = self._rs.software_video_frame()
+        image.pixels, image.bpp, image.stride = np.ascontiguousarray(self._last), 3, 3 * self._last.shape[1]
+        image.timestamp, image.frame_number = 1e-6 * frame.time_ns, number
+        image.domain = self._rs.timestamp_domain.hardware_clock
+        image.profile = self._stream.as_video_stream_profile()
+        self._sensor.on_video_frame(image)
 
 
 def lens_of(rs: Any, camera: Intrinsics, width: int, height: int) -> Any:

@@ -21,10 +21,13 @@ REHEARSE = "Rehearse with another recording: --set rehearse=OTHER.mcap; enliven 
 
 def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
     """Returns the table of the file, by sensor and for "system"."""
-    told = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
-    known = {name: (each["what"], each["mend"]) for name, each in told.pop("sentences").items()}
-    known["not allowed"] = (FORBIDDEN, ALLOW)
-    return {of: tuple((piece, known[name]) for piece, name in said.items()) for of, said in told.items()}
+    table = tomllib.loads(files(__package__).joinpath("refusals.toml").read_text("utf-8"))
+    sentences = {name: (each["what"], each["mend"]) for name, each in table.pop("sentences").items()}
+    sentences["not allowed"] = (FORBIDDEN, ALLOW)
+    return {
+        of: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())
+        for of, names_by_piece in table.items()
+    }
 
 
 SAID = _read()
@@ -41,14 +44,16 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
         where: the device, if it is known.
         rehearsed: True if a recording is played, so that no cable, port or other program is at fault.
     """
-    said, where = in_a_line(error), where or f"sensor {sensor}"
+    message, where = in_a_line(error), where or f"sensor {sensor}"
     if rehearsed:
-        return ResourceError(f"its library does not play the recording ({said})", where=where, mend=REHEARSE)
-    for piece, (what, mend) in (*SAID.get(sensor, ()), *SYSTEM):
-        if piece in said:
-            return ResourceError(what, where=where, mend=mend)
+        return ResourceError(
+            f"its library does not play the recording ({message})", where=where, mend=REHEARSE
+        )
+    for piece, (problem, mend) in (*SAID.get(sensor, ()), *SYSTEM):
+        if piece in message:
+            return ResourceError(problem, where=where, mend=mend)
     return ResourceError(
-        f"it cannot be used ({said})", where=where, mend=f"Unplug it once and plug it in again, {_CHECK}"
+        f"it cannot be used ({message})", where=where, mend=f"Unplug it once and plug it in again, {_CHECK}"
     )
 
 
@@ -85,8 +90,8 @@ def chosen(
             f"Name the one you mean: --set {option}={first}. Two at once: --sensor left={sensor} "
             f"--sensor right={sensor} --set left.{option}={first} --set right.{option}={second}"
         )
-        what = f"{len(found)} are connected: {', '.join(found)}"
-        raise ResourceError(what, where=f"sensor {sensor}", mend=mend)
+        problem = f"{len(found)} are connected: {', '.join(found)}"
+        raise ResourceError(problem, where=f"sensor {sensor}", mend=mend)
     return found.get(before) or next(iter(found.values()))
 
 
@@ -98,11 +103,11 @@ def _absent(sensor: str, which: str) -> ResourceError:
             troubles = dict(camera.troubles())
             if FORBIDDEN in troubles:
                 return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, mend=ALLOW)
-            what = f"{camera.title} is plugged in, but its library does not find it"
+            problem = f"{camera.title} is plugged in, but its library does not find it"
             mend = (
                 f"Close other programs that use it. Otherwise unplug it once and plug it in again, {_CHECK}"
             )
-            return ResourceError(what, where=where, mend=mend)
+            return ResourceError(problem, where=where, mend=mend)
     return ResourceError(
         f"{which} is not connected",
         where=where,

@@ -112,10 +112,12 @@ class Rehearsal:
             if frame is None:
                 break
             if isinstance(frame, DepthFrame) and self._has_room():
-                told = frame.sequence
+                sequence = frame.sequence
                 if self._paced:
                     self._sent.append(frame.time_ns)
-                self._send(frame, told if told is not None and 0 <= told < _MOST_COUNTED else number)
+                self._send(
+                    frame, sequence if sequence is not None and 0 <= sequence < _MOST_COUNTED else number
+                )
                 number += 1
                 time.sleep(_HEAD_START)
         self._ended = time.monotonic()

@@ -121,8 +121,8 @@ class TofSensor(Sensor):
     def condition(self) -> Condition:
         """Returns that it is at a camera port, and whether it reports its intrinsics: it reports nothing
         more."""
-        if self._rehearsal is not None and (told := self._rehearsal.condition()):
-            return told
+        if self._rehearsal is not None and (condition := self._rehearsal.condition()):
+            return condition
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
 
     def close(self) -> None:
@@ -139,14 +139,16 @@ class TofSensor(Sensor):
         camera = ac.ArducamCamera()
         code = camera.open(ac.Connection.CSI, device)
         if code != ac.TofErrorCode.ArducamSuccess:
-            what, mend = _REASONS.get(code.name, _NONE_FOUND)
-            raise ResourceError(f"{what} ({code.name.removeprefix('Arducam')})", where=self.name, mend=mend)
+            problem, mend = _REASONS.get(code.name, _NONE_FOUND)
+            raise ResourceError(
+                f"{problem} ({code.name.removeprefix('Arducam')})", where=self.name, mend=mend
+            )
         code = camera.start(ac.FrameType.DEPTH)
         if code != ac.TofErrorCode.ArducamSuccess:
             camera.close()
-            what = f"it does not start ({code.name.removeprefix('Arducam')})"
+            problem = f"it does not start ({code.name.removeprefix('Arducam')})"
             raise ResourceError(
-                what, where=self.name, mend="Close other programs that use it, or restart the Pi."
+                problem, where=self.name, mend="Close other programs that use it, or restart the Pi."
             )
         self._camera = camera
         try:
@@ -183,8 +185,8 @@ class TofSensor(Sensor):
         """Returns (H, W) uint16 millimetres, 0 for pixels with low confidence or out of range."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
-            what = f"an image has the shapes {depth.shape} and {confidence.shape}"
-            raise InputError(what, where=self.name, mend=f"Expected {(lens.height, lens.width)}.")
+            problem = f"an image has the shapes {depth.shape} and {confidence.shape}"
+            raise InputError(problem, where=self.name, mend=f"Expected {(lens.height, lens.width)}.")
         trusted = np.empty(depth.shape, np.uint16)
         _trust(depth, confidence, self._confidence, *self._limits, trusted)
         return trusted
@@ -208,5 +210,5 @@ def _trust(depth: Any, confidence: Any, least: float, low: int, high: int, trust
         for j in range(depth.shape[1]):
             millimetres = np.rint(depth[i, j])
             # If depth or confidence is NaN, every comparison fails, so the pixel counts as unknown.
-            known = confidence[i, j] >= least and low <= millimetres <= high
-            trusted[i, j] = np.uint16(millimetres) if known else np.uint16(0)
+            is_valid = confidence[i, j] >= least and low <= millimetres <= high
+            trusted[i, j] = np.uint16(millimetres) if is_valid else np.uint16(0)

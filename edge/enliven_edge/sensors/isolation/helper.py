@@ -51,10 +51,10 @@ def serve(
     # Redirect the standard output, because prints of a library must not mix with the program's own output.
     sys.stdout.flush()
     os.dup2(2, 1)
-    told = _Pipe(pipe)
-    logging.basicConfig(level=logging.INFO, handlers=[_Teller(told)], force=True)
+    shared_pipe = _Pipe(pipe)
+    logging.basicConfig(level=logging.INFO, handlers=[_Teller(shared_pipe)], force=True)
     with contextlib.suppress(EOFError, OSError):
-        _Helper(told, kind, options, every_frame).run()
+        _Helper(shared_pipe, kind, options, every_frame).run()
 
 
 class _Helper:

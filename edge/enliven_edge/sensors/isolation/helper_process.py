@@ -200,8 +200,8 @@ class HelperProcess:
         self._process.join(_CLOSING)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
-        if code and code < 0 and (said := self._words.read()):
-            keep_text(self._name, said, -code)
+        if code and code < 0 and (report := self._words.read()):
+            keep_text(self._name, report, -code)
         return SensorFault(why, where=self._name, mend="It is restarted automatically; see the log.")
 
 
@@ -209,8 +209,8 @@ def told_error(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
     """Returns a driver's error as the edge raises it: of its own class if that is one of the two."""
-    of, what, where, mend = said
-    made = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
+    of, problem, where, mend = said
+    error_type = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
     if kind is InputError:
-        made = InputError
-    return made(what, where=where or name, mend=mend)
+        error_type = InputError
+    return error_type(problem, where=where or name, mend=mend)

@@ -31,11 +31,11 @@ class LastWords:
         """Returns the report, empty without a crash. Call once, after the process has ended."""
         if self._near is None:
             return ""
-        said = b""
+        report = b""
         with contextlib.suppress(OSError), self._near:
-            while len(said) < _MOST_BYTES and (more := os.read(self._near.fileno(), _MOST_BYTES)):
-                said += more
-        return said.decode(errors="replace")
+            while len(report) < _MOST_BYTES and (more := os.read(self._near.fileno(), _MOST_BYTES)):
+                report += more
+        return report.decode(errors="replace")
 
     def close(self) -> None:
         """Closes the pipe. A second call does nothing."""

@@ -58,8 +58,8 @@ class CalibrationBoard:
         corners, numbers, *_ = self._detector.detectBoard(image)
         if numbers is None or corners is None:
             return {}
-        found = zip(np.ravel(numbers), np.reshape(corners, (-1, 2)), strict=True)
-        return {int(number): np.asarray(point, np.float64) for number, point in found}
+        numbered_points = zip(np.ravel(numbers), np.reshape(corners, (-1, 2)), strict=True)
+        return {int(number): np.asarray(point, np.float64) for number, point in numbered_points}
 
     @cached_property
     def points(self) -> Float:
@@ -109,8 +109,8 @@ class CalibrationBoard:
             name for name, (w, h) in _PAPERS.items() if wide + 2 * _EDGE <= w and high + 2 * _EDGE <= h
         ]
         if not fitting:
-            what = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
-            raise InputError(what, where="board", mend="Give smaller squares: --square 38")
+            problem = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
+            raise InputError(problem, where="board", mend="Give smaller squares: --square 38")
         paper = fitting[0]
         across, down = _PAPERS[paper]
         left, top = (across - wide) / 2, (down - high) / 2
@@ -134,11 +134,11 @@ def _pdf(drawing: str, width: float, height: float) -> bytes:
         f"/Resources << /Font << /F {font} >> >> >>".encode(),
         b"<< /Length %d >>\nstream\n%s\nendstream" % (len(stream), stream),
     ]
-    made, places = b"%PDF-1.4\n", []
+    document, places = b"%PDF-1.4\n", []
     for number, each in enumerate(objects, 1):
-        places.append(len(made))
-        made += b"%d 0 obj\n%s\nendobj\n" % (number, each)
+        places.append(len(document))
+        document += b"%d 0 obj\n%s\nendobj\n" % (number, each)
     table = "".join(f"{place:010} 00000 n \n" for place in places)
     head = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}"
-    tail = f"trailer << /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(made)}\n%%EOF\n"
-    return made + head.encode() + tail.encode()
+    tail = f"trailer << /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(document)}\n%%EOF\n"
+    return document + head.encode() + tail.encode()

@@ -57,8 +57,8 @@ def read_grey(path: Path) -> UInt8:
     try:
         with Image.open(io.BytesIO(read_file(path)), formats=("PNG", "JPEG")) as image:
             if image.width * image.height > _MOST_PIXELS:
-                what = f"it states {image.width} x {image.height} pixels"
-                raise InputError(what, where=str(path), mend="Remove the pair.")
+                problem = f"it states {image.width} x {image.height} pixels"
+                raise InputError(problem, where=str(path), mend="Remove the pair.")
             return np.asarray(image.convert("L"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
         raise InputError("the image is damaged", where=str(path), mend="Remove the pair.") from None

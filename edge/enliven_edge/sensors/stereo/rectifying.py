@@ -68,5 +68,7 @@ class Rectification:
                     mend="Calibrate in the size that is used: enliven calibrate-stereo.",
                 )
         remap, linear = self._cv.remap, self._cv.INTER_LINEAR
-        one, two = (remap(i, *m, linear) for i, m in zip((left, right), self._maps, strict=True))
-        return one, two
+        rectified_left, rectified_right = (
+            remap(i, *m, linear) for i, m in zip((left, right), self._maps, strict=True)
+        )
+        return rectified_left, rectified_right

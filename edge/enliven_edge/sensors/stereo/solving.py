@@ -118,9 +118,9 @@ def _fitted(
     cv = opencv()
     lenses = []
     for side in ("left", "right"):
-        seen = [getattr(each, side) for each in used]
-        points = [board.points[sorted(corners)].astype(np.float32) for corners in seen]
-        pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in seen]
+        side_corners = [getattr(each, side) for each in used]
+        points = [board.points[sorted(corners)].astype(np.float32) for corners in side_corners]
+        pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in side_corners]
         _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
         lenses += [matrix, np.ravel(distortion)[:5]]
     common = [[part.astype(np.float32)[:, None] for part in each.common(board)] for each in used]
@@ -132,7 +132,7 @@ def _fitted(
         np.zeros((3, 1)),
         flags=cv.CALIB_USE_INTRINSIC_GUESS,
     )
-    found = StereoCalibration(
+    calibration = StereoCalibration(
         width=size[0],
         height=size[1],
         left=_lens(lenses[0], lenses[1]),
@@ -143,11 +143,11 @@ def _fitted(
         reprojection=float(error),
         epipolar=0.0,
     )
-    rectification = Rectification(found)
-    flat = [_flat(rectification, found, *each.common(board)[1:]) for each in used]
+    rectification = Rectification(calibration)
+    flat = [_flat(rectification, calibration, *each.common(board)[1:]) for each in used]
     off = np.concatenate([left[:, 1] - right[:, 1] for left, right in flat])
     epipolar = float(np.sqrt(np.mean(off**2)))
-    return replace(found, epipolar=epipolar), np.asarray(errors).reshape(len(used), -1).max(1)
+    return replace(calibration, epipolar=epipolar), np.asarray(errors).reshape(len(used), -1).max(1)
 
 
 def _lens(matrix: Float, distortion: Float) -> StereoLens:
@@ -164,11 +164,11 @@ def _flat(
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
     sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
     undistort = opencv().undistortPoints
-    one, two = (
-        undistort(seen[:, None], lens.matrix(), np.array(lens.distortion), R=turn, P=matrix)[:, 0]
-        for seen, lens, turn in sides
+    flat_left, flat_right = (
+        undistort(pixels[:, None], lens.matrix(), np.array(lens.distortion), R=turn, P=matrix)[:, 0]
+        for pixels, lens, turn in sides
     )
-    return one, two
+    return flat_left, flat_right
 
 
 def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:

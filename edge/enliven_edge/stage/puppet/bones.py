@@ -79,18 +79,18 @@ class Bones:
 
     def see(self, body: Body, seconds: float) -> BonePose:
         """Updates the bones from a body ``seconds`` after the last one, and returns them."""
-        known = (body.confidence > 0) & np.isfinite(body.joints).all(1)
+        is_tracked = (body.confidence > 0) & np.isfinite(body.joints).all(1)
         gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
-        turns, sure = _trunk(body, known)
+        turns, sure = _trunk(body, is_tracked)
         # If the performer is too near for the hips to be visible, use the chest as the facing direction.
         self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
         back = turn_about_y(-yaw)
         self._trunk(back @ turns, sure, gain)
-        joints = np.where(known[:, None], body.joints, 0.0)
+        joints = np.where(is_tracked[:, None], body.joints, 0.0)
         vectors = (joints - joints[_PARENT]) @ back.T
         lengths = np.linalg.norm(vectors, axis=1)
-        both = known & known[_PARENT] & (lengths > _SHORT)
+        both = is_tracked & is_tracked[_PARENT] & (lengths > _SHORT)
         self._trust = np.where(both, np.minimum(self._trust + gain, 1.0), 0.0)
         directions = vectors / np.maximum(lengths, _SHORT)[:, None]
         before = self._directions
@@ -116,9 +116,9 @@ class Bones:
         self._sure = np.where(sure, np.minimum(self._sure + gain, 1.0), 0.0)
         mixed = self._turns + self._sure[:, None, None] * (turns - self._turns)
         left, _, right = np.linalg.svd(mixed)
-        made = left @ right
-        fine = np.linalg.det(made) > 0
-        self._turns = np.where(fine[:, None, None], made, self._turns)
+        rotations = left @ right
+        fine = np.linalg.det(rotations) > 0
+        self._turns = np.where(fine[:, None, None], rotations, self._turns)
 
 
 def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:

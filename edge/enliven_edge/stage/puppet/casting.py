@@ -61,8 +61,8 @@ def cast_from_project(
 
 def _read(spec: str) -> tuple[Project, Puppet]:
     if spec in MADE:
-        made = MADE[spec]()
-        return made, made.puppet(spec)
+        sample = MADE[spec]()
+        return sample, sample.puppet(spec)
     file, name = file_of(spec)
     if file.lower().endswith(".toml"):
         session = read_session(Path(file))

@@ -265,11 +265,18 @@ class Locomotion:
 
     def _stand(self, turned: Float, root: Float, stands: tuple[bool, bool]) -> None:
         """Moves the root during contact, as in a take. The first anchor is the lowest foot."""
-        known = self._known(stands)
+        contacts = self._known(stands)
         before = turned if self._before is None else self._before
         roots, anchors = np.stack([root, root]), np.array([self.anchor, -1])
         stand(
-            np.stack([before, turned]), self._feet, np.stack([known, known]), self._grip, 1, 1, roots, anchors
+            np.stack([before, turned]),
+            self._feet,
+            np.stack([contacts, contacts]),
+            self._grip,
+            1,
+            1,
+            roots,
+            anchors,
         )
         self.anchor = int(anchors[1])
         root[:] = roots[1]

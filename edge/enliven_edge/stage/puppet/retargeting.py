@@ -116,10 +116,10 @@ class Retargeting:
 
 def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones of a tracked person's skeleton, paired one to one. Empty for other skeletons."""
-    known = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
-    if {_plain(name) for name in skeleton.names} != set(known):
+    joints_by_name = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
+    if {_plain(name) for name in skeleton.names} != set(joints_by_name):
         return {}
-    return {k: _Bone(known[_plain(name)]) for k, name in enumerate(skeleton.names)}
+    return {k: _Bone(joints_by_name[_plain(name)]) for k, name in enumerate(skeleton.names)}
 
 
 def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:

@@ -67,12 +67,12 @@ class Binding:
             if parent < 0:
                 self.joints[joint] += self.trust[joint] * (body.joints[joint] - before[joint])
                 continue
-            kept, seen = before[joint] - before[parent], body.joints[joint] - body.joints[parent]
-            self.joints[joint] = self.joints[parent] + kept + self.trust[joint] * (seen - kept)
-        known: Float | None = None
+            old_bone, new_bone = before[joint] - before[parent], body.joints[joint] - body.joints[parent]
+            self.joints[joint] = self.joints[parent] + old_bone + self.trust[joint] * (new_bone - old_bone)
+        rotations: Float | None = None
         if self.still.orientations is not None and body.orientations is not None:
-            known = multiply(body.orientations, conjugate(self.still.orientations))[None]
-        self.turns = turns_of(self.take.skeleton, self.joints[None], known)[0]
+            rotations = multiply(body.orientations, conjugate(self.still.orientations))[None]
+        self.turns = turns_of(self.take.skeleton, self.joints[None], rotations)[0]
         self.seen_ns = time_ns
 
 
@@ -109,8 +109,8 @@ class LiveShape:
         take = clip_of_bodies([body], np.zeros(1), f"live {self._count}")
         self.bindings = [b for b in self.bindings if not alone and b.body != body.id]
         joints = np.array(body.joints, np.float64)
-        made = Binding(body.id, tuple(pairs), take, view, mirrored, body, joints, seen_ns=self._time_ns)
-        self.bindings.append(made)
+        binding = Binding(body.id, tuple(pairs), take, view, mirrored, body, joints, seen_ns=self._time_ns)
+        self.bindings.append(binding)
         self._rebuild()
         self._easing.restart_fade()
 

@@ -111,8 +111,8 @@ class RigActor(ChosenActor):
         rows, shown = chooser.rows(self.live_shape.joints)
         if shown < 0:
             return Board(own, "off", time_ns=self._time_ns)
-        told = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
-        return Board(own, "choosing", *told)
+        details = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
+        return Board(own, "choosing", *details)
 
     def _driven(self, hold: Binding) -> MatchRow:
         """Returns the chains that a performer drives, each with the limb that drives it."""

@@ -30,7 +30,7 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
         side: float32 metres.
     """
     which[:] = np.int32(0x7FFFFFFF)
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero32, one32 = np.float32(0.0), np.float32(1.0)
     liked = len(affinity) > 0
     for c in range(len(ends)):
         sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
@@ -39,17 +39,17 @@ def nearest_capsules(which, seen, affinity, ends, radii, side):
             np.float32(ends[c, 1, 1]) - sy,
             np.float32(ends[c, 1, 2]) - sz,
         )
-        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        share = one32 / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
         start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
         likes = affinity[c] if liked else seen[0]
-        scale = one if liked else zero
+        scale = one32 if liked else zero32
         for i in range(len(which)):
             px, py, pz = seen[0, i] - sx, seen[1, i] - sy, seen[2, i] - sz
-            t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+            t = min(one32, max(zero32, (px * dx + py * dy + pz * dz) * share))
             px, py, pz = px - t * dx, py - t * dy, pz - t * dz
             length = np.sqrt(px * px + py * py + pz * pz) + np.float32(1e-9)
             facing = (px * seen[3, i] + py * seen[4, i] + pz * seen[5, i]) / length
-            cost = abs(length - (start + t * growth)) + side * max(zero, one - facing) + scale * likes[i]
+            cost = abs(length - (start + t * growth)) + side * max(zero32, one32 - facing) + scale * likes[i]
             # Costs are not negative, so their bit patterns have the same order as the costs. The last bits
             # hold the capsule's index. So an integer minimum finds the nearest capsule without a branch.
             bits = (np.float32(cost).view(np.int32) & np.int32(~_NUMBER)) | np.int32(c)
@@ -71,7 +71,7 @@ def misfits(points, ends, radii, far):
         far: metres to which a point's distance is capped.
     """
     out = np.empty(len(ends))
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero32, one32 = np.float32(0.0), np.float32(1.0)
     nearest = np.empty(points.shape[1], np.float32)
     for k in range(len(ends)):
         nearest[:] = np.float32(far)
@@ -84,12 +84,12 @@ def misfits(points, ends, radii, far):
             )
             dx, dy = np.float32(ends[k, c, 1, 0]) - sx, np.float32(ends[k, c, 1, 1]) - sy
             dz = np.float32(ends[k, c, 1, 2]) - sz
-            share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+            share = one32 / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
             start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
             closest = np.float32(1e6)
             for i in range(points.shape[1]):
                 px, py, pz = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
-                t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+                t = min(one32, max(zero32, (px * dx + py * dy + pz * dz) * share))
                 px, py, pz = px - t * dx, py - t * dy, pz - t * dz
                 distance = abs(np.sqrt(px * px + py * py + pz * pz) - (start + t * growth))
                 nearest[i] = min(nearest[i], distance)
@@ -105,19 +105,19 @@ def standing_out(points, ends, radii):
 
     Points inside have negative distances.
     """
-    zero, one = np.float32(0.0), np.float32(1.0)
-    seen, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
+    zero32, one32 = np.float32(0.0), np.float32(1.0)
+    coordinates, out = np.empty((3, len(points)), np.float32), np.full(len(points), np.float32(1e9))
     for i in range(len(points)):
-        seen[0, i], seen[1, i], seen[2, i] = points[i, 0], points[i, 1], points[i, 2]
+        coordinates[0, i], coordinates[1, i], coordinates[2, i] = points[i, 0], points[i, 1], points[i, 2]
     for c in range(len(ends)):
         sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
         dx, dy = np.float32(ends[c, 1, 0]) - sx, np.float32(ends[c, 1, 1]) - sy
         dz = np.float32(ends[c, 1, 2]) - sz
-        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        share = one32 / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
         start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
         for i in range(len(points)):
-            px, py, pz = seen[0, i] - sx, seen[1, i] - sy, seen[2, i] - sz
-            t = min(one, max(zero, (px * dx + py * dy + pz * dz) * share))
+            px, py, pz = coordinates[0, i] - sx, coordinates[1, i] - sy, coordinates[2, i] - sz
+            t = min(one32, max(zero32, (px * dx + py * dy + pz * dz) * share))
             px, py, pz = px - t * dx, py - t * dy, pz - t * dz
             out[i] = min(out[i], np.sqrt(px * px + py * py + pz * pz) - (start + t * growth))
     return out
@@ -137,12 +137,12 @@ def clear_of_rays(points, eye, near, far, ends, radii):
         near, far: start and end of the segment in metres beyond the point; negative in front of it.
         ends, radii: (C, 2, 3) and (C, 2) metres, world frame.
     """
-    zero, one, tiny = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
+    zero32, one32, tiny = np.float32(0.0), np.float32(1.0), np.float32(1e-12)
     first, long = np.float32(near), np.float32(far - near)
     rays, out = np.empty((6, len(points)), np.float32), np.full(len(points), np.float32(1e9))
     for i in range(len(points)):
         x, y, z = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
-        scale = one / np.sqrt(x * x + y * y + z * z + tiny)
+        scale = one32 / np.sqrt(x * x + y * y + z * z + tiny)
         x, y, z = x * scale, y * scale, z * scale
         rays[0, i], rays[1, i] = points[i, 0] + first * x, points[i, 1] + first * y
         rays[2, i], rays[3, i] = points[i, 2] + first * z, long * x
@@ -162,10 +162,10 @@ def clear_of_rays(points, eye, near, far, ends, radii):
             d = x * vx + y * vy + z * vz
             # If the two segments are parallel, all points on them are equally near. In that case take the
             # start of the segment.
-            s = min(one, max(zero, (b * f - d * e) / (a * e - b * b + tiny)))
-            t = min(one, max(zero, (b * s + f) / e))
-            s = min(one, max(zero, (b * t - d) / a))
-            t = min(one, max(zero, (b * s + f) / e))
+            s = min(one32, max(zero32, (b * f - d * e) / (a * e - b * b + tiny)))
+            t = min(one32, max(zero32, (b * s + f) / e))
+            s = min(one32, max(zero32, (b * t - d) / a))
+            t = min(one32, max(zero32, (b * s + f) / e))
             x, y, z = x + s * vx - t * dx, y + s * vy - t * dy, z + s * vz - t * dz
             out[i] = min(out[i], np.sqrt(x * x + y * y + z * z) - (thick + t * more))
     return out

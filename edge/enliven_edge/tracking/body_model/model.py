@@ -51,10 +51,10 @@ REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085
 
 def by_frame(usual: float, others: dict[int, float]) -> Float:
     """Returns (13,) a weight for each frame: ``usual``, except for the frames in ``others``."""
-    made = np.full(len(FRAME_PARENTS), usual)
+    weights = np.full(len(FRAME_PARENTS), usual)
     for frame, weight in others.items():
-        made[frame] = weight
-    return made
+        weights[frame] = weight
+    return weights
 
 
 def lengths_for_height(height: float) -> Float:
@@ -73,11 +73,11 @@ def _offset(
     x: dict[int, float] | None = None, y: dict[int, float] | None = None, z: dict[int, float] | None = None
 ) -> Float:
     """Returns (3, 12) an offset in a frame. Each coordinate is a linear combination of the lengths."""
-    made = np.zeros((3, len(LENGTHS)))
+    offset = np.zeros((3, len(LENGTHS)))
     for row, terms in enumerate((x, y, z)):
         for length, factor in (terms or {}).items():
-            made[row, length] = factor
-    return made
+            offset[row, length] = factor
+    return offset
 
 
 def _pivots() -> Float:

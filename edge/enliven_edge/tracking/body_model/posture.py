@@ -178,11 +178,11 @@ def continued(before: Posture, now: Posture) -> Posture:
 
     The motion continues, slightly slower and with limited speed.
     """
-    made = now.copy()
+    predicted = now.copy()
     step = _CARRY_ON * (now.position - before.position)
-    made.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
-    carry_on(made.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
-    return made
+    predicted.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
+    carry_on(predicted.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
+    return predicted
 
 
 _LEANS = 0.15

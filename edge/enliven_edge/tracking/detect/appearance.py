@@ -206,7 +206,7 @@ def _facing(rotations, place, eye):
 
 def turned_about(posture: Posture) -> Posture:
     """Returns the posture flipped: rotated by 180 degrees about its trunk's axis, with exchanged limbs."""
-    made = posture.copy()
-    made.rotations = joint_limits.mirrored(posture.rotations)
-    made.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
-    return made
+    flipped = posture.copy()
+    flipped.rotations = joint_limits.mirrored(posture.rotations)
+    flipped.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
+    return flipped

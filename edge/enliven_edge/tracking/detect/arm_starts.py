@@ -91,9 +91,9 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
 
 def _as_the_other(posture: Posture, arm: Arm) -> Posture:
     """Returns the posture with an arm posed as the mirror image of the other one."""
-    made, index = posture.copy(), list(arm)
-    made.rotations[index] = mirrored(posture.rotations)[index]
-    return made
+    symmetric, index = posture.copy(), list(arm)
+    symmetric.rotations[index] = mirrored(posture.rotations)[index]
+    return symmetric
 
 
 @njit(cache=True, nogil=True)
@@ -104,25 +104,25 @@ def _at_surface(view, joints):
     """
     depth, mask, pose = view.depth, view.mask, view.world_from_camera
     fx, fy, cx, cy = view.camera
-    made, here = joints.copy(), np.empty(3)
+    moved, in_camera = joints.copy(), np.empty(3)
     for n in range(len(joints)):
         for a in range(3):
-            here[a] = 0.0
+            in_camera[a] = 0.0
             for b in range(3):
-                here[a] += pose[b, a] * (joints[n, b] - pose[b, 3])
+                in_camera[a] += pose[b, a] * (joints[n, b] - pose[b, 3])
         u, v = (
-            int(np.floor(fx * here[0] / here[2] + cx + 0.5)),
-            int(np.floor(fy * here[1] / here[2] + cy + 0.5)),
+            int(np.floor(fx * in_camera[0] / in_camera[2] + cx + 0.5)),
+            int(np.floor(fy * in_camera[1] / in_camera[2] + cy + 0.5)),
         )
         if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0] and mask[v, u]):
             continue
         along = depth[v, u] + _RADIUS
-        if abs(along - here[2]) >= _FARTHEST:
+        if abs(along - in_camera[2]) >= _FARTHEST:
             continue
         for a in range(3):
             # Place the point on the line through the sensor and the joint, at the depth of the surface.
-            made[n, a] = pose[a, 3] + (joints[n, a] - pose[a, 3]) * (along / here[2])
-    return made
+            moved[n, a] = pose[a, 3] + (joints[n, a] - pose[a, 3]) * (along / in_camera[2])
+    return moved
 
 
 def _where_it_stands_out(

@@ -211,11 +211,11 @@ def estimates_by_facing(
     """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
     ways = np.argsort(-estimate.facing)[:_LIKELIEST]
     turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
-    made: list[Estimate] = []
+    estimates: list[Estimate] = []
     for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):
-        made += estimator.estimates(estimate.crop, world_from_camera, [facing])
+        estimates += estimator.estimates(estimate.crop, world_from_camera, [facing])
         yield _SUPPOSED
-    return made
+    return estimates
 
 
 def _starts(

@@ -57,23 +57,23 @@ def extremities(
     if not thinned.any():
         return Extremities(np.zeros((0, 3)), np.zeros(0))
     points = _placed(depth, step, camera, pose)
-    known = points[thinned]
-    middle = np.median(known, axis=0)
-    source = int(np.flatnonzero(thinned)[np.argmin(np.linalg.norm(known - middle, axis=1))])
+    body_points = points[thinned]
+    middle = np.median(body_points, axis=0)
+    source = int(np.flatnonzero(thinned)[np.argmin(np.linalg.norm(body_points - middle, axis=1))])
     cell = np.empty(count, np.int64)
     far = np.empty(count)
     distance = np.full(thinned.shape, np.inf)
     spread(points, depth, thinned, step, source, distance)
-    kept = 0
+    kept_count = 0
     for k in range(count):
         reached = np.where(np.isfinite(distance), distance, -1.0)
         cell[k] = int(np.argmax(reached))
         far[k] = reached.flat[cell[k]]
         if far[k] < nearest:
             break
-        kept += 1
+        kept_count += 1
         spread(points, depth, thinned, step, cell[k], distance)
-    return Extremities(points.reshape(-1, 3)[cell[:kept]], far[:kept])
+    return Extremities(points.reshape(-1, 3)[cell[:kept_count]], far[:kept_count])
 
 
 def _placed(z: Float, step: int, camera: Float, pose: Float) -> Float:

@@ -40,7 +40,7 @@ def posed(estimate: Estimate, lengths: Float) -> Posture:
 def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
     """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
-    made, _ = align(
+    aligned, _ = align(
         posture,
         model.JOINT_FRAMES,
         model.JOINT_OFFSETS,
@@ -49,7 +49,7 @@ def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Pos
         width=_DOUBTED,
         iterations=steps,
     )
-    return made
+    return aligned
 
 
 def _trunk_axes(joints: Float) -> Float:
@@ -159,18 +159,18 @@ def banked_starts(
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
-    held = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
-    shapes = np.stack([posture.capsules()[0] for posture in held])
+    bank_postures = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
+    shapes = np.stack([posture.capsules()[0] for posture in bank_postures])
     turns = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
     ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
-    radii = held[0].capsules()[1]
+    radii = bank_postures[0].capsules()[1]
     positions = _around(points, centre, ends, radii, eye)
     misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
-    made = []
+    starts = []
     for index in np.argsort(misfit, kind="stable")[:most]:
-        rotations = _turned(held[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
-        made.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
-    return made
+        rotations = _turned(bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
+        starts.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
+    return starts
 
 
 def _towards(eye: Float, centre: Float) -> float:
@@ -180,9 +180,9 @@ def _towards(eye: Float, centre: Float) -> float:
 
 def _turned(rotations: Float, yaw: float) -> Float:
     """Returns the (13, 3, 3) posture rotated about the vertical."""
-    made = rotations.copy()
-    made[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
-    return made
+    turned = rotations.copy()
+    turned[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
+    return turned
 
 
 def _one_raised(limbs: list[int]) -> Float:
@@ -273,5 +273,5 @@ def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])
     wanted = np.concatenate([targets[extremity[matched]], posture.position[None]])
     weights = np.full(len(frames), 0.02)
-    made, _ = align(posture, frames, local, wanted, weights, width=0.3, iterations=10)
-    return made
+    aligned, _ = align(posture, frames, local, wanted, weights, width=0.3, iterations=10)
+    return aligned

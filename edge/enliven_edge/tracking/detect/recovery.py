@@ -241,11 +241,11 @@ def _same_way(one: Posture, other: Posture) -> bool:
 
 def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
     """Returns a person that stands at the place of the points, with the heading ``facing`` in radians."""
-    made = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
+    person = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)
     away = centre - observation.view.world_from_camera[:3, 3]
     away[1] = 0.0
-    made.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
-    lowest = made.joints()[:, 1].min() - made.position[1]
-    made.position[1] = _ANKLE - lowest
-    return made
+    person.position = centre + BEHIND_SURFACE * away / max(1e-6, float(np.linalg.norm(away)))
+    lowest = person.joints()[:, 1].min() - person.position[1]
+    person.position[1] = _ANKLE - lowest
+    return person

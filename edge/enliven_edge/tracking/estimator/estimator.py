@@ -152,12 +152,12 @@ class PoseEstimator:
         image = crop.image[None]
         image = image if len(condition) == 1 else np.repeat(image, len(condition), 0)
         joints, spread, facing, parts = self._session.run(None, {"image": image, "told": condition})
-        made = []
+        estimates = []
         for n in range(len(condition)):
-            here = crop.to_camera(joints[n].astype(np.float64))
-            world, off, ways, person = _decoded(here, spread[n], facing[n], world_from_camera)
-            made.append(Estimate(world, off, ways, parts[n], crop, person))
-        return made
+            in_camera = crop.to_camera(joints[n].astype(np.float64))
+            world, off, ways, person = _decoded(in_camera, spread[n], facing[n], world_from_camera)
+            estimates.append(Estimate(world, off, ways, parts[n], crop, person))
+        return estimates
 
     def estimate(
         self, z: Float, mask: Bool, camera: Float, world_from_camera: Float, facing: float | None

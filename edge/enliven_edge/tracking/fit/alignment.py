@@ -65,14 +65,14 @@ def align(
         width: robust width in metres: a larger residual counts less.
         iterations: maximum number of steps.
     """
-    made = start.copy()
+    aligned = start.copy()
     # Copy to a contiguous array: for a view of a column, numba would compile and load a second version.
     sure = np.ascontiguousarray(weights)
     energy = _align(
-        made.position, made.rotations, made.lengths, frames, local, targets, sure, width, _SKELETON,
+        aligned.position, aligned.rotations, aligned.lengths, frames, local, targets, sure, width, _SKELETON,
         _LIMITS, iterations,
     )  # fmt: skip
-    return made, float(energy)
+    return aligned, float(energy)
 
 
 @njit(cache=True, nogil=True)

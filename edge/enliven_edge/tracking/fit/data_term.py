@@ -47,8 +47,8 @@ def depth_to_model(sums, seen, affinity, surface, weight, width, side, support):
         f, support[c] = capsule_frame[c], 0.0
         if first[c] == first[c + 1]:
             continue
-        here, axis = (first[c], first[c + 1]), (ends[c], radii[c])
-        cost, support[c] = _moments(squares, firsts, powers, points, here, axis, np.float32(width))
+        span, axis = (first[c], first[c + 1]), (ends[c], radii[c])
+        cost, support[c] = _moments(squares, firsts, powers, points, span, axis, np.float32(width))
         energy, explained = energy + cost, explained + support[c]
         scale = weight / many
         squares *= scale
@@ -83,7 +83,7 @@ def _by_capsule(which, seen, count):
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-def _moments(squares, firsts, powers, points, here, axis, width):
+def _moments(squares, firsts, powers, points, span, axis, width):
     """Computes the moments of a capsule's points with robust weights.
 
     Returns (energy, points within ``width``).
@@ -97,33 +97,33 @@ def _moments(squares, firsts, powers, points, here, axis, width):
         powers: (5,) receives sum w t^k and sum w r t^k likewise.
         points: (3, M) float32, of all capsules. The compiler would not know that a slice of each row is
             contiguous.
-        here: the first point of the capsule, and the end of its points.
+        span: the first point of the capsule, and the end of its points.
         axis: (2, 3) and (2,) the capsule's ends and radii.
         width: float32 metres.
     """
     ends, radii = axis
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero32, one32 = np.float32(0.0), np.float32(1.0)
     sx, sy, sz = np.float32(ends[0, 0]), np.float32(ends[0, 1]), np.float32(ends[0, 2])
     dx, dy, dz = np.float32(ends[1, 0]) - sx, np.float32(ends[1, 1]) - sy, np.float32(ends[1, 2]) - sz
-    share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+    share = one32 / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
     start, growth = np.float32(radii[0]), np.float32(radii[1] - radii[0])
-    xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero
-    xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero
-    rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero
-    for i in range(here[0], here[1]):
+    xx0 = xy0 = xz0 = yy0 = yz0 = zz0 = xx1 = xy1 = xz1 = yy1 = yz1 = zz1 = zero32
+    xx2 = xy2 = xz2 = yy2 = yz2 = zz2 = x0 = y0 = z0 = x1 = y1 = z1 = x2 = y2 = z2 = zero32
+    rx0 = ry0 = rz0 = rx1 = ry1 = rz1 = w0 = w1 = w2 = r0 = r1 = energy = within = zero32
+    for i in range(span[0], span[1]):
         # Compute the residual: the distance from the axis minus the radius at that point.
         a, b, c = points[0, i] - sx, points[1, i] - sy, points[2, i] - sz
-        t = min(one, max(zero, (a * dx + b * dy + c * dz) * share))
+        t = min(one32, max(zero32, (a * dx + b * dy + c * dz) * share))
         a, b, c = a - t * dx, b - t * dy, c - t * dz
         length = np.sqrt(a * a + b * b + c * c) + np.float32(1e-9)
-        scale = one / length
+        scale = one32 / length
         residual = length - start - t * growth
         # Compute the Geman-McClure energy and weight.
         ratio = residual / width
-        kept = one / (one + ratio * ratio)
-        energy += residual * residual * kept
-        within += one if abs(residual) < width else zero
-        w = kept * kept
+        falloff = one32 / (one32 + ratio * ratio)
+        energy += residual * residual * falloff
+        within += one32 if abs(residual) < width else zero32
+        w = falloff * falloff
         a, b, c = a * scale, b * scale, c * scale
         # Add to the weighted sums.
         wt = w * t
@@ -143,10 +143,10 @@ def _moments(squares, firsts, powers, points, here, axis, width):
     _fill_square(squares[0], xx0, xy0, xz0, yy0, yz0, zz0)
     _fill_square(squares[1], xx1, xy1, xz1, yy1, yz1, zz1)
     _fill_square(squares[2], xx2, xy2, xz2, yy2, yz2, zz2)
-    made = ((x0, y0, z0), (x1, y1, z1), (x2, y2, z2), (rx0, ry0, rz0), (rx1, ry1, rz1))
+    first_moments = ((x0, y0, z0), (x1, y1, z1), (x2, y2, z2), (rx0, ry0, rz0), (rx1, ry1, rz1))
     for k in range(5):
         for a in range(3):
-            firsts[k, a] = made[k][a]
+            firsts[k, a] = first_moments[k][a]
     powers[0], powers[1], powers[2], powers[3], powers[4] = w0, w1, w2, r0, r1
     return energy, within
 

@@ -133,16 +133,16 @@ class Fitter:
             width: robust width in metres; None: from the settings.
             proportions: (12,) weights that keep the lengths near ``start``'s; None: fixed lengths.
         """
-        made = start.copy()
+        fitted = start.copy()
         prior = self._prior(start, predicted, proportions)
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         information = np.zeros((model.DOFS, model.DOFS))
         constants = self._constants_of(width, self._bends_far(start))
         energy, explained = minimise(
-            made.position, made.rotations, made.lengths, observation.held, constants, *prior,
+            fitted.position, fitted.rotations, fitted.lengths, observation.held, constants, *prior,
             self.settings.iterations if iterations is None else iterations, support, violated, information,
         )  # fmt: skip
-        return made, FitReport(energy, explained, support, violated, information)
+        return fitted, FitReport(energy, explained, support, violated, information)
 
     def _prior(
         self, start: Posture, predicted: Posture | None, proportions: Float | None

@@ -91,15 +91,15 @@ def _parting_row(filled, values, first, second, normal, body):
         body: the frames of a posture.
     """
     world, pivots, moves = body.world, body.pivots, body.moves
-    one, point, by_one, t = first
-    other, centre, by_other, along = second
+    first_frame, point, by_one, t = first
+    second_frame, centre, by_other, along = second
     count = 0
     for k in range(len(body.dof_frame)):
-        if moves[one, k] == moves[other, k]:
+        if moves[first_frame, k] == moves[second_frame, k]:
             continue
         f, axis = body.dof_frame[k], body.dof_axis[k]
-        side = -1.0 if moves[one, k] else 1.0
-        at = point if moves[one, k] else centre
+        side = -1.0 if moves[first_frame, k] else 1.0
+        at = point if moves[first_frame, k] else centre
         ax, ay, az = world[f, 0, axis], world[f, 1, axis], world[f, 2, axis]
         x, y, z = at[0] - pivots[f, 0], at[1] - pivots[f, 1], at[2] - pivots[f, 2]
         filled[count] = 3 + k
@@ -108,10 +108,12 @@ def _parting_row(filled, values, first, second, normal, body):
         )
         count += 1
     for p in range(by_one.shape[2]):
-        apart = 0.0
+        derivative = 0.0
         for a in range(3):
-            here = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
-            apart += normal[a] * ((1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - here)
-        filled[count], values[count] = model.DOFS + p, apart
+            first_motion = (1.0 - t) * by_one[0, a, p] + t * by_one[1, a, p]
+            derivative += normal[a] * (
+                (1.0 - along) * by_other[0, a, p] + along * by_other[1, a, p] - first_motion
+            )
+        filled[count], values[count] = model.DOFS + p, derivative
         count += 1
     return count

@@ -101,8 +101,10 @@ class Observation:
 
     def guided(self, affinity: Float32, landmarks: Float | None = None) -> Observation:
         """Returns a copy with other affinities, and with other landmarks unless they are None."""
-        told = self.landmarks if landmarks is None else landmarks
-        return Observation(self.points, self.surface, self.pixels, self.view, self.cut, affinity, told)
+        new_landmarks = self.landmarks if landmarks is None else landmarks
+        return Observation(
+            self.points, self.surface, self.pixels, self.view, self.cut, affinity, new_landmarks
+        )
 
     def thinned(self, step: int) -> Observation:
         """Returns a copy with every ``step``-th point."""
@@ -217,18 +219,18 @@ def observe(
         world_from_camera: (4, 4) the camera's pose.
         points: at most this many surface points are kept, spread evenly over the pixels.
     """
-    found, both, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
+    samples, both, pixels, nearest = _observed(surface, z, mask, world_from_camera[:3, 3].copy(), points)
     view = ImageView(z, mask, nearest, camera.camera, world_from_camera)
     cut = bool(np.count_nonzero(mask[-2:]) > 0.05 * mask.shape[1])
-    return Observation(found, both, pixels, view, cut)
+    return Observation(samples, both, pixels, view, cut)
 
 
 @njit(cache=True, nogil=True)
 def _observed(surface, z, mask, eye, points):
     """Returns points, points with their normals, pixels and nearest columns, as in :class:`Observation`."""
     pixels = sampled(mask, points)
-    found, normals = surface_samples(surface, z, pixels, eye)
-    return found, side_by_side(found, normals), pixels, nearest_columns(mask)
+    samples, normals = surface_samples(surface, z, pixels, eye)
+    return samples, side_by_side(samples, normals), pixels, nearest_columns(mask)
 
 
 @njit(cache=True, nogil=True)
@@ -253,11 +255,11 @@ def surface_samples(points, z, pixels, eye):
     instead.
     """
     height, width = z.shape
-    found, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
+    samples, out = np.empty((len(pixels), 3), np.float32), np.empty((len(pixels), 3), np.float32)
     for i in range(len(pixels)):
         v, u = pixels[i, 0], pixels[i, 1]
-        here = points[v, u]
-        x, y, depth = eye[0] - here[0], eye[1] - here[1], eye[2] - here[2]
+        point = points[v, u]
+        x, y, depth = eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]
         if 0 < v < height - 1 and 0 < u < width - 1:
             right, left, down, up = z[v, u + 1], z[v, u - 1], z[v + 1, u], z[v - 1, u]
             low, high = min(min(right, left), min(down, up)), max(max(right, left), max(down, up))
@@ -266,9 +268,9 @@ def surface_samples(points, z, pixels, eye):
                 along = _between(points[v - 1, u], points[v + 1, u])
                 x, y, depth = _turned_to((x, y, depth), _cross(across, along))
         length = np.sqrt(x**2 + y**2 + depth**2) + 1e-12
-        found[i, 0], found[i, 1], found[i, 2] = here[0], here[1], here[2]
+        samples[i, 0], samples[i, 1], samples[i, 2] = point[0], point[1], point[2]
         out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, depth / length
-    return found, out
+    return samples, out
 
 
 @njit(cache=True, nogil=True)

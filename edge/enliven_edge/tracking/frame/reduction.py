@@ -37,16 +37,16 @@ def survey(depth: UInt16) -> DepthSurvey:
     """Returns the statistics of an (H, W) uint16 depth image in millimetres. 0 and 65535 are unknown."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))
-    known, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
+    known_count, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
     total = max(1, count)
-    return DepthSurvey(known / total, usable / total, speckle / total, int(mark))
+    return DepthSurvey(known_count / total, usable / total, speckle / total, int(mark))
 
 
 @njit(cache=True, nogil=True)
 def _survey(depth, step, near):
     """Counts over every ``step``-th row and column, and computes an FNV-1a hash of those pixels."""
     height, width = depth.shape
-    known, usable, speckle, count = 0, 0, 0, 0
+    known_count, usable, speckle, count = 0, 0, 0, 0
     mark = np.uint64(14695981039346656037)
     for v in range(step // 2, height, step):
         for u in range(step // 2, width, step):
@@ -54,14 +54,14 @@ def _survey(depth, step, near):
             count += 1
             mark = (mark ^ np.uint64(d)) * np.uint64(1099511628211)
             if d != 0 and d != 65535:
-                known += 1
+                known_count += 1
                 if d >= near:
                     usable += 1
             elif 0 < u < width - 1:
                 left, right = depth[v, u - 1], depth[v, u + 1]
                 if left != 0 and left != 65535 and right != 0 and right != 65535:
                     speckle += 1
-    return known, usable, speckle, count, mark
+    return known_count, usable, speckle, count, mark
 
 
 _SIDE = 3

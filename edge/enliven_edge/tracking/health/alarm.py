@@ -33,8 +33,8 @@ class MessageTemplate:
 def _read() -> dict[HealthKind, MessageTemplate]:
     table = tomllib.loads(files(__package__).joinpath("messages.toml").read_text("utf-8"))
     return {
-        HealthKind(kind): MessageTemplate(Severity[said.pop("severity")], **said)
-        for kind, said in table.items()
+        HealthKind(kind): MessageTemplate(Severity[entry.pop("severity")], **entry)
+        for kind, entry in table.items()
     }
 
 
@@ -172,5 +172,5 @@ class Alarms:
         message = HEALTH_MESSAGES[kind]
         words = {**facts, "performer": f"Performer {performer}", "sensor": self._sensor}
         mend = message.mend if self.is_device else message.mend_made or message.mend
-        what, mend = message.what.format(**words), mend.format(**words)
-        return HealthState(kind, message.severity, alarm.since_ns, what, mend, performer)
+        problem, mend = message.what.format(**words), mend.format(**words)
+        return HealthState(kind, message.severity, alarm.since_ns, problem, mend, performer)

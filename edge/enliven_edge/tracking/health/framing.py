@@ -22,12 +22,12 @@ _NAMES = ("hips", "head", "feet", "feet")
 
 def touching(bodies: list[Body]) -> tuple[int, ...]:
     """Returns the ids of the first two people with touching joints, or an empty tuple."""
-    for i, one in enumerate(bodies):
+    for i, body in enumerate(bodies):
         for other in bodies[i + 1 :]:
-            if np.abs(one.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
-                between = one.joints[:, None] - other.joints
+            if np.abs(body.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
+                between = body.joints[:, None] - other.joints
                 if float(np.einsum("abi,abi->ab", between, between).min()) < _TOUCH**2:
-                    return one.id, other.id
+                    return body.id, other.id
     return ()
 
 

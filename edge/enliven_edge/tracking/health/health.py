@@ -318,8 +318,8 @@ class HealthMonitor:
         self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
         away = self._alarms.between(HealthKind.TOO_FAR, -distance, _PLACE_MARGIN - far, -far, body.id)
         self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
-        what, side = cut_off(local, camera)
-        self._alarms.note(HealthKind.CUT_OFF, bool(what), now, body.id, what=what, side=side)
+        cut_part, side = cut_off(local, camera)
+        self._alarms.note(HealthKind.CUT_OFF, bool(cut_part), now, body.id, what=cut_part, side=side)
 
     def _forget_times(self) -> None:
         """Drops all measurements by the sensor's clock, because it was set back."""

@@ -77,11 +77,11 @@ class Output:
             world_from_camera: (4, 4) pose of the sensor, for the mirror; None: the world's origin.
         """
         self._forget(time_ns)
-        made = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
+        output_bodies = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
         if self.settings.output.mirror:
             plane = mirror_of(world_from_camera)
-            made = [mirrored(body, *plane) for body in made]
-        return made
+            output_bodies = [mirrored(body, *plane) for body in output_bodies]
+        return output_bodies
 
     def forget(self) -> None:
         """Forgets all people. The next bodies are not smoothed together with earlier ones."""

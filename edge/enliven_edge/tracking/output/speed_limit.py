@@ -22,17 +22,17 @@ def finite_joints(joints: Float, confidence: Float, last: Float | None) -> tuple
 
     Without a last position it is placed at its parent. The root is placed at the middle of the other joints.
     """
-    known, sure, every = _known(joints, confidence)
+    is_finite, sure, every = _known(joints, confidence)
     if every:
         return joints, sure
-    made = np.where(known[:, None], joints, 0.0 if last is None else last)
+    completed = np.where(is_finite[:, None], joints, 0.0 if last is None else last)
     if last is None:
-        if not known[Joint.HIP_CENTER]:
-            made[Joint.HIP_CENTER] = joints[known].mean(0) if known.any() else 0.0
-        for joint in np.flatnonzero(~known):
+        if not is_finite[Joint.HIP_CENTER]:
+            completed[Joint.HIP_CENTER] = joints[is_finite].mean(0) if is_finite.any() else 0.0
+        for joint in np.flatnonzero(~is_finite):
             if joint:
-                made[joint] = made[_PARENTS[joint]]
-    return made, sure
+                completed[joint] = completed[_PARENTS[joint]]
+    return completed, sure
 
 
 @njit(cache=True, nogil=True)
@@ -41,13 +41,13 @@ def _known(joints, confidence):
 
     The confidence of a joint that is not finite is 0.
     """
-    known, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
+    is_finite, sure, every = np.empty(len(joints), np.bool_), np.zeros(len(joints)), True
     for j in range(len(joints)):
-        known[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
-        every &= known[j]
-        if known[j] and np.isfinite(confidence[j]):
+        is_finite[j] = np.isfinite(joints[j, 0]) and np.isfinite(joints[j, 1]) and np.isfinite(joints[j, 2])
+        every &= is_finite[j]
+        if is_finite[j] and np.isfinite(confidence[j]):
             sure[j] = min(1.0, max(0.0, confidence[j]))
-    return known, sure, every
+    return is_finite, sure, every
 
 
 def finite_turns(orientations: Float, last: Float | None) -> Float:
@@ -56,8 +56,8 @@ def finite_turns(orientations: Float, last: Float | None) -> Float:
         return orientations
     length = np.einsum("ji,ji->j", orientations, orientations)
     usable = np.isfinite(length) & (length > 1e-12)
-    made = normalized(orientations)
-    return made if last is None else np.where(usable[:, None], made, last)
+    unit_turns = normalized(orientations)
+    return unit_turns if last is None else np.where(usable[:, None], unit_turns, last)
 
 
 @njit(cache=True, nogil=True)
@@ -109,10 +109,10 @@ class SpeedLimit:
         waits = leaps & (self._waited <= self._settings.hold)
         share = np.where(waits, 0.0, np.minimum(1.0, allowed / np.maximum(distance, 1e-9)))
         carried = np.zeros(3) if leaps[Joint.HIP_CENTER] else step[Joint.HIP_CENTER]
-        made = last + share[:, None] * step
-        made[waits] += carried
-        self._last = made
-        return made, confidence * share
+        limited = last + share[:, None] * step
+        limited[waits] += carried
+        self._last = limited
+        return limited, confidence * share
 
 
 @njit(cache=True, nogil=True)

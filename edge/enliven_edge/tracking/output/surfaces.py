@@ -23,8 +23,8 @@ def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -
     for index, person in enumerate(ids.tolist()):
         mask = inner_pixels(view.z, owner, index)
         if person >= 0 and mask.any():
-            found, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
-            surfaces[person] = ObservedPoints(found, normals)
+            samples, normals = surface_samples(view.points, view.z, sampled(mask, points), view.eye)
+            surfaces[person] = ObservedPoints(samples, normals)
     return surfaces
 
 

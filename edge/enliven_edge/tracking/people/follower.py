@@ -260,41 +260,41 @@ class Follower:
         """
         self._since_detected += 1
         height = self.settings.body_height
-        now = cost(report, posture, seen, eye, height)
+        current_cost = cost(report, posture, seen, eye, height)
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
         # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
-            if now < _DOUBTED or now > _WORSE * self._cost_in_vain:
+            if current_cost < _DOUBTED or current_cost > _WORSE * self._cost_in_vain:
                 self._wait = _AGAIN_AFTER
-            doubted = now >= _DOUBTED and self._since_detected >= self._wait
+            doubted = current_cost >= _DOUBTED and self._since_detected >= self._wait
             if not doubted or _is_borne_out(posture, report, seen):
                 return None
             self._since_detected = 0
-            known = posture.lengths if self._fitted > _KNOWN_AFTER else None
-            steps = new_detection(self._fitter, plain, seen, eye, height, posture, known)
-            begun = (observation, seen, posture, now, known is not None)
+            known_lengths = posture.lengths if self._fitted > _KNOWN_AFTER else None
+            steps = new_detection(self._fitter, plain, seen, eye, height, posture, known_lengths)
+            begun = (observation, seen, posture, current_cost, known_lengths is not None)
             self._redetection = Redetection(BudgetedTask(steps), *begun)
         under_way = self._redetection
         if not under_way.task.go_on(self.budget):
             return None
-        self._redetection, found = None, under_way.task.result
+        self._redetection, detection = None, under_way.task.result
         # Compare the detection with the fit, first in the frame in which the detection began, then in the
         # present frame.
         better = (
-            found is not None
-            and cost(found[1], found[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
+            detection is not None
+            and cost(detection[1], detection[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
         )
-        if found is not None and better and under_way.observation is not observation:
-            found = self._brought(found[0], posture.position - under_way.posture.position, plain)
-            better = cost(found[1], found[0], seen, eye, height) <= _CLEARLY * now
+        if detection is not None and better and under_way.observation is not observation:
+            detection = self._brought(detection[0], posture.position - under_way.posture.position, plain)
+            better = cost(detection[1], detection[0], seen, eye, height) <= _CLEARLY * current_cost
         if not better:
             self._wait = min(2 * self._wait, _LONGEST)
-            self._cost_in_vain = now
+            self._cost_in_vain = current_cost
             return None
         self._wait = _AGAIN_AFTER
         self._fitted = self._fitted if under_way.known else 0
         self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
-        return found
+        return detection
 
     def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
         """Moves an earlier frame's posture by (3,) metres and fits it to this frame.

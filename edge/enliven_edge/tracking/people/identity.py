@@ -137,16 +137,16 @@ class Register:
         # accepted.
         padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
         rows, columns = least_cost(padded)
-        made: list[tuple[Absent | None, bool]] = []
+        matches: list[tuple[Absent | None, bool]] = []
         for row, column in zip(rows, columns, strict=True):
             absent = self.absent[column] if column < len(self.absent) else None
             others = np.delete(padded[row, : len(self.absent) + 1], column if absent else -1)
             lead = float(others.min() - padded[row, column])
-            known = found[row][0].weight >= _KNOWN_FRAMES
+            is_well_known = found[row][0].weight >= _KNOWN_FRAMES
             back = absent is not None and found[row][0].weight > 0
-            sure = lead > _LEAD and (known or (back and len(self.absent) == 1 and len(found) == 1))
-            made.append((absent, sure))
-        return made
+            sure = lead > _LEAD and (is_well_known or (back and len(self.absent) == 1 and len(found) == 1))
+            matches.append((absent, sure))
+        return matches
 
     def _just_there(self, found: tuple[Looks, Float], time_ns: int) -> bool:
         """Returns True if the only new person stands where the only absent one was lost just before."""

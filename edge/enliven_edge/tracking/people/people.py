@@ -172,9 +172,9 @@ class MultiPersonTracker:
             away = [float(np.linalg.norm((group.centre - place)[[0, 2]])) for place in places]
             if away[k] < reach and away[k] == min(away):
                 pixels = pixels | segments.group(group)
-        found = Follower.found(view, pixels, self.roster.of_height(person.looks), self._fitter)
-        if found is not None:
-            person.replaced(found[0], view.time_ns)
+        detection = Follower.found(view, pixels, self.roster.of_height(person.looks), self._fitter)
+        if detection is not None:
+            person.replaced(detection[0], view.time_ns)
             segments.owner[pixels], segments.labels[pixels] = k, 0
             segments.counts[k] = np.count_nonzero(pixels)
 

@@ -77,11 +77,11 @@ class PeopleFinder:
 
     def searched_pixels(self, view: FrameView) -> Bool:
         """Returns the (h, w) pixels of the candidates that are being searched."""
-        made = np.zeros(view.z.shape, bool)
+        searched = np.zeros(view.z.shape, bool)
         for newcomer in self._search.sought:
             if newcomer.seen_ns == view.time_ns:
-                made |= newcomer.pixels
-        return made
+                searched |= newcomer.pixels
+        return searched
 
     def find(
         self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
@@ -202,9 +202,9 @@ class PeopleFinder:
 
 def _fragments(segments: Segments, places: list[Float]) -> Bool:
     """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
-    made = np.zeros(segments.labels.shape, bool)
+    fragments = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
         beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)
         if beside and group.area < _FRAGMENT:
-            made |= segments.group(group)
-    return made
+            fragments |= segments.group(group)
+    return fragments

@@ -117,8 +117,8 @@ class Person:
     @property
     def vague(self) -> bool:
         """Returns True if hardly any joint was ever visible, or the network classifies this as an object."""
-        known = (self.shapely or self.travelled) and self._turn < _TRIAL
-        odd = self._person_probability < _THING and not (self.plain or known)
+        is_established = (self.shapely or self.travelled) and self._turn < _TRIAL
+        odd = self._person_probability < _THING and not (self.plain or is_established)
         return odd or (self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN)
 
     @property

@@ -94,5 +94,5 @@ def turned_around(
 
 def conditioned_on_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
-    known: list[float | None] = [facing(posture, view.eye)]
-    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, known)[0])
+    facings: list[float | None] = [facing(posture, view.eye)]
+    return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, facings)[0])

@@ -149,16 +149,16 @@ class Search:
         It returns at most one.
         """
         best: list[Found] = []
-        found: list[Found] = []
-        yield from self.found(view, due[: TRIES if alone else 1], found, alone=alone)
-        for made in found:
-            shown = trunk_shown(view, made[1].posture, made[0].pixels)
-            borne_out = shown > _SHOWN and float(made[1].confidence.mean()) > _FAINT
-            borne_out = borne_out and float(made[1].posture.position[1]) < _HIGH
-            if not borne_out or not (alone or made[0].awaited or _certain(view, *made)):
-                made[0].failed(view.time_ns)
-            elif not best or made[2] > best[0][2] + _CLEARLY:
-                best = [made]
+        guesses: list[Found] = []
+        yield from self.found(view, due[: TRIES if alone else 1], guesses, alone=alone)
+        for guess in guesses:
+            shown = trunk_shown(view, guess[1].posture, guess[0].pixels)
+            borne_out = shown > _SHOWN and float(guess[1].confidence.mean()) > _FAINT
+            borne_out = borne_out and float(guess[1].posture.position[1]) < _HIGH
+            if not borne_out or not (alone or guess[0].awaited or _certain(view, *guess)):
+                guess[0].failed(view.time_ns)
+            elif not best or guess[2] > best[0][2] + _CLEARLY:
+                best = [guess]
         return best
 
 

@@ -86,9 +86,9 @@ class SpreadSearch:
             return []
         for newcomer, tried, _ in self._tried:
             newcomer.settle(tried)
-        found = [self._found_body(each) for each in self._made]
+        bodies = [self._found_body(each) for each in self._made]
         self._task, self._tried = None, []
-        return found
+        return bodies
 
     def _found_body(self, found: Found) -> FoundBody:
         newcomer, centre = next((n, at) for n, shown, at in self._tried if shown is found[0])

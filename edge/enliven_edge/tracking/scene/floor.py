@@ -56,10 +56,10 @@ def world_from_floor(
     plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
     if not plane.any():
         return None
-    found = world_above_floor(plane[:3], float(plane[3]))
-    level = np.ascontiguousarray((points @ found[:3, :3].T + found[:3, 3]).T)
+    pose = world_above_floor(plane[:3], float(plane[3]))
+    level = np.ascontiguousarray((points @ pose[:3, :3].T + pose[:3, 3]).T)
     fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
-    return _levelled(found, fitted, 1.0)
+    return _levelled(pose, fitted, 1.0)
 
 
 def _triples(count: int, random: np.random.Generator) -> Int:
@@ -80,7 +80,7 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
 
     Zeros if there is no such plane.
     """
-    best, found = 0.04 * len(points), np.zeros(4)
+    best, plane = 0.04 * len(points), np.zeros(4)
     normal = np.empty(3)
     for trial in range(len(trials)):
         a, b, c = points[trials[trial, 0]], points[trials[trial, 1]], points[trials[trial, 2]]
@@ -107,8 +107,8 @@ def _best_plane(points, tolerance, up, steepest, lowest, highest, trials):
             below += distance < -3.0 * tolerance[i]
         if on - 3 * below > best:
             best = on - 3 * below
-            found[0], found[1], found[2], found[3] = normal[0], normal[1], normal[2], height
-    return found
+            plane[0], plane[1], plane[2], plane[3] = normal[0], normal[1], normal[2], height
+    return plane
 
 
 def world_above_floor(normal: Float, height: float) -> Float:
@@ -189,13 +189,13 @@ def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
     turn = np.eye(3) + cross + cross @ cross / (1.0 + normal[1])
     # Rotate about the point of the floor that is under the sensor, so that nothing shifts sideways.
     foot = np.array([world_from_camera[0, 3], 0.0, world_from_camera[2, 3]])
-    made = world_from_camera.copy()
-    made[:3, :3] = turn @ world_from_camera[:3, :3]
-    made[:3, 3] = turn @ (world_from_camera[:3, 3] - foot) + foot
-    made[0, 3], made[2, 3] = foot[0], foot[2]
+    levelled = world_from_camera.copy()
+    levelled[:3, :3] = turn @ world_from_camera[:3, :3]
+    levelled[:3, 3] = turn @ (world_from_camera[:3, 3] - foot) + foot
+    levelled[0, 3], levelled[2, 3] = foot[0], foot[2]
     height = float(plane[0] * foot[0] + plane[1] * foot[2] + plane[2])
-    made[1, 3] -= gain * height
-    return made
+    levelled[1, 3] -= gain * height
+    return levelled
 
 
 @njit(cache=True, nogil=True)

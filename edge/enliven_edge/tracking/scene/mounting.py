@@ -197,10 +197,10 @@ class Mounting:
         if not self._floor_known:
             return False
         points = unproject(view.z * 1e3, self.camera.ray)[~people & (view.z > 0)]
-        found = world_from_floor(points, self.settings.upside_down)
-        if found is None:
+        pose = world_from_floor(points, self.settings.upside_down)
+        if pose is None:
             return False
-        return not _same_floor(found, self.world_from_camera)
+        return not _same_floor(pose, self.world_from_camera)
 
     def _set_stated_pose(self, given: Float) -> None:
         """Takes over the (4, 4) pose that the sensor reports."""
@@ -222,15 +222,15 @@ class Mounting:
     def _follow_floor(self, z: Float) -> None:
         """Finds the floor near its pose in the previous frame, or else near the mounting's direction."""
         assert self.world_from_camera is not None
-        known = z > 0
-        if known.mean() < _ENOUGH_DEPTH:
+        has_depth = z > 0
+        if has_depth.mean() < _ENOUGH_DEPTH:
             return
-        points = unproject(z * 1e3, self.camera.ray)[known]
-        found = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY, lowest=_LYING)
-        if found is None:
-            found = world_from_floor(points, self.settings.upside_down)
-        if found is not None:
-            self.world_from_camera, self._floor_known = found, True
+        points = unproject(z * 1e3, self.camera.ray)[has_depth]
+        pose = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY, lowest=_LYING)
+        if pose is None:
+            pose = world_from_floor(points, self.settings.upside_down)
+        if pose is not None:
+            self.world_from_camera, self._floor_known = pose, True
 
     def _look_for_floor(self, z: Float, no_people: bool) -> None:
         """Sets the pose from the floor, or from the settings if no floor is found."""
@@ -238,20 +238,20 @@ class Mounting:
         if self.world_from_camera is None:
             roll = np.pi if scene.upside_down else 0.0
             self.world_from_camera = world_from_level_camera(self._guess, scene.tilt, roll)
-        known = z > 0
-        if known.mean() < _ENOUGH_DEPTH:
+        has_depth = z > 0
+        if has_depth.mean() < _ENOUGH_DEPTH:
             return  # The camera is still starting, or it is covered.
         self._looked += 1
         if self._looked % _LOOK_EVERY != 1:
             return
-        points, before = unproject(z * 1e3, self.camera.ray)[known], self._suggested
+        points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
         up, within = (None, TILTED_BY) if self.down is None else (-self.down, _FELT_WITHIN)
-        self._suggested = found = world_from_floor(
+        self._suggested = pose = world_from_floor(
             points, scene.upside_down, up=up, within=within, seed=self._looked
         )
-        if found is not None and (no_people or (before is not None and _same_floor(found, before))):
-            self.world_from_camera, self._floor_known, self.levelled = found, True, not no_people
-        elif found is None and no_people:
+        if pose is not None and (no_people or (before is not None and _same_floor(pose, before))):
+            self.world_from_camera, self._floor_known, self.levelled = pose, True, not no_people
+        elif pose is None and no_people:
             self._place_by_guess(points)
 
     def _place_by_guess(self, points: Float) -> None:

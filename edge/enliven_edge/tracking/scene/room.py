@@ -151,12 +151,12 @@ class RoomModel:
         """Fills in never-seen background, again when enough has changed."""
         time_ns = view.time_ns
         if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
-            known = int(np.count_nonzero(self.z))
-            if abs(known - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
+            known_count = int(np.count_nonzero(self.z))
+            if abs(known_count - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
                 self._fill_z = np.zeros_like(self.z)
-                if known >= _TELLS * self.z.size:
+                if known_count >= _TELLS * self.z.size:
                     ray, pose = view.camera.ray, view.world_from_camera
                     self._fill_z = background_fill(self.z, ray, pose, floor_band)
-                self._known, self._stale = known, 0
+                self._known, self._stale = known_count, 0
             self._stale += 1
-            self._filled_ns = time_ns if known else None
+            self._filled_ns = time_ns if known_count else None

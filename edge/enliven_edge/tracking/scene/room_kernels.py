@@ -93,12 +93,12 @@ def classified(z, points, room, fill, near, far, floor_band):
     out = np.empty((height, width), np.uint8)
     for v in range(height):
         for u in range(width):
-            d, known, likely = z[v, u], room[v, u], fill[v, u]
+            d, background, likely = z[v, u], room[v, u], fill[v, u]
             margin = 0.05 + 0.012 * d * d
-            seen = BEFORE if d < known - margin else ROOM
+            where_seen = BEFORE if d < background - margin else ROOM
             never_seen = UNSEEN if (likely == 0.0) | (d < likely - margin) else UNLIKELY
             counts = (d > near) & (d < far) & (points[v, u, 1] > floor_band)
-            out[v, u] = (seen if known > 0.0 else never_seen) if counts else ROOM
+            out[v, u] = (where_seen if background > 0.0 else never_seen) if counts else ROOM
     return out
 
 
@@ -130,12 +130,12 @@ def learn_frame(z, person, hold, state, rate):
         _follow_room(usual, z[v], room[v], flips[v], waited[v], away[v], guarded[v], step)
         # Learn the marked pixels one by one.
         for u in _places_of(chosen, other, words):
-            d, known = z[v, u], room[v, u] > 0.0
+            d, has_background = z[v, u], room[v, u] > 0.0
             if d <= 0.0:
                 _not_measured(room, waited, away, v, u, step, dark)
                 continue
             # If the background is unknown here, learn the depth after it was constant for long enough.
-            if not known:
+            if not has_background:
                 same = abs(d - nearer[v, u]) <= _margin(d)
                 if not hold[v, u] and (seen_for == 0.0 or (same and waited[v, u] + step > seen_for)):
                     room[v, u], waited[v, u] = d, 0.0
@@ -148,7 +148,7 @@ def learn_frame(z, person, hold, state, rate):
                 continue
             # The depth is nearer, or the background is not learnt yet. Learn it only after waiting, and not
             # while a person is guarded at this depth.
-            compared, count_nearer = compared + known, count_nearer + known
+            compared, count_nearer = compared + has_background, count_nearer + has_background
             away[v, u] = 0.0
             if guarded[v, u] < 0 or abs(d - guard_z[v, u]) > 2.0 * _margin(d):
                 _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold[v, u])
@@ -163,8 +163,8 @@ def _mark_row(usual, other, room, z, person):
     """
     count = 0
     for u in range(len(z)):
-        d, known = z[u], room[u] > 0.0
-        same = known & (d > 0.0) & (abs(d - room[u]) <= _margin(d)) & (not person[u])
+        d, has_background = z[u], room[u] > 0.0
+        same = has_background & (d > 0.0) & (abs(d - room[u]) <= _margin(d)) & (not person[u])
         usual[u] = same
         other[u] = not (same | person[u])
         count += same
@@ -248,14 +248,14 @@ def _time_still(room, z, still, still_z, step):
     """
     none, twice = np.float32(0.0), np.float32(2.0) * step
     for u in range(len(z)):
-        d, known = np.float32(z[u]), room[u] > 0.0
-        apart = d - still_z[u]
-        same = abs(apart) <= np.float32(0.01) + np.float32(0.004) * d * d
+        d, has_background = np.float32(z[u]), room[u] > 0.0
+        difference = d - still_z[u]
+        same = abs(difference) <= np.float32(0.01) + np.float32(0.004) * d * d
         passed = still[u] + (step if same else -twice)
         anew = (not same) & (passed <= none)
-        follows = still_z[u] + (np.float32(0.1) * apart if same else none)
-        still_z[u] = still_z[u] if known else (d if anew else follows)
-        still[u] = still[u] if known else (none if anew else passed)
+        follows = still_z[u] + (np.float32(0.1) * difference if same else none)
+        still_z[u] = still_z[u] if has_background else (d if anew else follows)
+        still[u] = still[u] if has_background else (none if anew else passed)
 
 
 @njit(cache=True, nogil=True)
@@ -298,9 +298,9 @@ def widened(mask, pixels):
             beside = mask[near]
             for u in range(width):
                 middle[u] |= beside[u]
-        made = out[v]
+        out_row = out[v]
         for first in range(2 * pixels + 1):
             moved = row[first : first + width]
             for u in range(width):
-                made[u] |= moved[u]
+                out_row[u] |= moved[u]
     return out

@@ -119,7 +119,7 @@ def _thickness(z: Float) -> Float:
 @njit(cache=True, nogil=True, fastmath=True)
 def _best_line(points, thickness, weight, pairs):
     """Returns (3,) the line a x + b z + c = 0 through two of the (N, 2) points with the heaviest inliers."""
-    best, found = 0.0, np.zeros(3)
+    best, line = 0.0, np.zeros(3)
     x, z = points[:, 0].copy(), points[:, 1].copy()
     for trial in range(len(pairs)):
         p, q = points[pairs[trial, 0]], points[pairs[trial, 1]]
@@ -135,5 +135,5 @@ def _best_line(points, thickness, weight, pairs):
             on += weight[i] if abs(a * x[i] + b * z[i] + c) < thickness[i] else 0.0
         if on > best:
             best = on
-            found[0], found[1], found[2] = a, b, c
-    return found
+            line[0], line[1], line[2] = a, b, c
+    return line

@@ -148,8 +148,8 @@ class Candidate:
         whole = self.shape.cut or (self.shape.crown > _TALL and stout)
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        known = self.recognised and self._knowable
-        return (stands or known) and self.area > _LEAST and not self.refused
+        is_recognised = self.recognised and self._knowable
+        return (stands or is_recognised) and self.area > _LEAST and not self.refused
 
     @property
     def _knowable(self) -> bool:

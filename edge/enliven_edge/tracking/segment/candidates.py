@@ -101,13 +101,13 @@ class Candidates:
             for part, walls in parts:
                 if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
-                found = self._one(view, kind, part, walls, shape if part is mask else None)
-                if found is not None and found not in present:
-                    found.parts = bare if walls is None else []
-                    found.bystander = not admits(found.centre)
-                    found.awaited = awaits(found.centre)
-                    found.group = group if len(parts) == 1 else None
-                    present.append(found)
+                candidate = self._one(view, kind, part, walls, shape if part is mask else None)
+                if candidate is not None and candidate not in present:
+                    candidate.parts = bare if walls is None else []
+                    candidate.bystander = not admits(candidate.centre)
+                    candidate.awaited = awaits(candidate.centre)
+                    candidate.group = group if len(parts) == 1 else None
+                    present.append(candidate)
         self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
@@ -132,8 +132,8 @@ class Candidates:
         # In front of removed walls, any outline passes as a person. So the candidate also needs a head.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None
-        known = [n for n in self._known if n.seen_ns != view.time_ns]
-        near = min(known, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
+        unmatched = [n for n in self._known if n.seen_ns != view.time_ns]
+        near = min(unmatched, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
         if near is None or np.linalg.norm(near.centre - centre) > _SAME:
             near = Candidate(centre, view.time_ns)
             self._known.append(near)

@@ -45,13 +45,15 @@ def furniture_beside(
         people: the postures of the people; at least one.
         floor: metres above the floor up to which a pixel belongs to the floor.
     """
-    made = still & (view.z > 0.0) & (view.points[..., 1] > floor)
-    theirs = made & (owner >= 0)
+    furniture = still & (view.z > 0.0) & (view.points[..., 1] > floor)
+    theirs = furniture & (owner >= 0)
     if theirs.any():
-        made &= ~lying_on(view, people, floor, BESIDE, theirs)
-    if made.any():
-        made[made] = ~_before(np.ascontiguousarray(view.points[made], np.float32), view, people)
-    return made
+        furniture &= ~lying_on(view, people, floor, BESIDE, theirs)
+    if furniture.any():
+        furniture[furniture] = ~_before(
+            np.ascontiguousarray(view.points[furniture], np.float32), view, people
+        )
+    return furniture
 
 
 def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:

@@ -133,16 +133,16 @@ def _distances(away, place, count, ends, radii):
     It uses only the first ``count`` places.
     """
     away[:count] = np.float32(np.inf)
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero32, one32 = np.float32(0.0), np.float32(1.0)
     for c in range(len(ends)):
         sx, sy, sz = np.float32(ends[c, 0, 0]), np.float32(ends[c, 0, 1]), np.float32(ends[c, 0, 2])
         dx, dy = np.float32(ends[c, 1, 0]) - sx, np.float32(ends[c, 1, 1]) - sy
         dz = np.float32(ends[c, 1, 2]) - sz
-        share = one / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
+        share = one32 / (dx * dx + dy * dy + dz * dz + np.float32(1e-12))
         start, growth = np.float32(radii[c, 0]), np.float32(radii[c, 1] - radii[c, 0])
         for i in range(count):
             x, y, z = place[0, i] - sx, place[1, i] - sy, place[2, i] - sz
-            t = min(one, max(zero, (x * dx + y * dy + z * dz) * share))
+            t = min(one32, max(zero32, (x * dx + y * dy + z * dz) * share))
             x, y, z = x - t * dx, y - t * dy, z - t * dz
             away[i] = min(away[i], np.sqrt(x * x + y * y + z * z) - (start + t * growth))
 

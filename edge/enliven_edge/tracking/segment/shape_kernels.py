@@ -98,8 +98,8 @@ def outline_of_pixels(z, mask, pixels):
     cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
     total = max(1.0, farther + nearer + other + border)
     around = total + unknown
-    told = total >= _TELLING * around
-    if not told or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
+    is_measured = total >= _TELLING * around
+    if not is_measured or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
         return 1.0, 0.0, border / total, cut
     return farther / total, nearer / total, border / total, cut
 

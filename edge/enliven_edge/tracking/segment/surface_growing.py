@@ -43,12 +43,12 @@ def _abut(owner, v):
     The loop has no branch, so that the compiler can vectorise it: mostly the answer is no.
     """
     row, above = owner[v], owner[max(0, v - 1)]
-    found = False
+    abuts = False
     for u in range(len(row)):
-        found |= (row[u] >= 0) & (above[u] >= 0) & (row[u] != above[u])
+        abuts |= (row[u] >= 0) & (above[u] >= 0) & (row[u] != above[u])
     for u in range(1, len(row)):
-        found |= (row[u] >= 0) & (row[u - 1] >= 0) & (row[u] != row[u - 1])
-    return found
+        abuts |= (row[u] >= 0) & (row[u - 1] >= 0) & (row[u] != row[u - 1])
+    return abuts
 
 
 @njit(cache=True, nogil=True)

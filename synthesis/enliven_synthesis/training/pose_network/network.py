@@ -66,8 +66,8 @@ class PoseNetwork(nn.Module):
         waist = self.waist(eighth)
         facing = self.facing(waist.mean((2, 3)))
         size = (told[:, 2:] - USUAL_CELL) / CELL_SPREAD
-        known = self.told(torch.cat([told[:, :2], size], 1))
-        x = self.mixed(relu(waist + known[:, :, None, None]))
+        condition = self.told(torch.cat([told[:, :2], size], 1))
+        x = self.mixed(relu(waist + condition[:, :, None, None]))
         x = self.up_8(eighth + _doubled(self.to_8(x)))
         x = self.up_4(quarter + _doubled(self.to_4(x)))
         joints, spread = self._read(self.maps(x).flatten(2).float(), told[:, 2:])

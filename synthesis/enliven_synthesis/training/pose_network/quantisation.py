@@ -71,10 +71,10 @@ class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
 
     def __init__(self, dataset: Dataset, first: int) -> None:
         batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
-        known = batch.is_person & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
+        has_facing = batch.is_person & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
         angle = np.nan_to_num(batch.facing)
-        told = np.stack([known * np.cos(angle), known * np.sin(angle), batch.cell], 1)
-        self._image, self._told = batch.image, told.astype(np.float32)
+        condition = np.stack([has_facing * np.cos(angle), has_facing * np.sin(angle), batch.cell], 1)
+        self._image, self._told = batch.image, condition.astype(np.float32)
         self._next = 0
 
     def get_next(self) -> dict[str, Float32] | None:

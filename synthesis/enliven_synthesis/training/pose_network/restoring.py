@@ -37,12 +37,12 @@ def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
     Args:
         share: weight of the second network, 0 to 1.
     """
-    made, first, second = copy.deepcopy(other), one.state_dict(), other.state_dict()
+    interpolated, first, second = copy.deepcopy(other), one.state_dict(), other.state_dict()
     for name, value in second.items():
         if value.is_floating_point():
             second[name] = torch.lerp(first[name], value, share)
-    made.load_state_dict(second)
-    return made
+    interpolated.load_state_dict(second)
+    return interpolated
 
 
 def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
@@ -71,9 +71,9 @@ def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     ]
     batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
     unknown = np.zeros((len(batch.cell), 2), np.float32)
-    told = np.concatenate([unknown, batch.cell[:, None].astype(np.float32)], 1)
+    condition = np.concatenate([unknown, batch.cell[:, None].astype(np.float32)], 1)
     with torch.no_grad():
-        network(torch.from_numpy(batch.image), torch.from_numpy(told))
+        network(torch.from_numpy(batch.image), torch.from_numpy(condition))
     for hook in hooks:
         hook.remove()
     return network
@@ -108,11 +108,11 @@ def _weights(path: Path) -> dict[str, Float32]:
         graph = onnx.load(path).graph
     except Exception as error:  # The errors of onnx.load have no common base class.
         raise _unfit(path, f"it cannot be read as a network ({type(error).__name__})") from None
-    known = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
-    weights = {name: array for name, array in known.items() if array.dtype == np.float32}
+    arrays = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+    weights = {name: array for name, array in arrays.items() if array.dtype == np.float32}
     for node in graph.node:
-        if node.op_type == "DequantizeLinear" and node.input[0] in known:
-            packed, scale, zero = (known[name].astype(np.float32) for name in node.input)
+        if node.op_type == "DequantizeLinear" and node.input[0] in arrays:
+            packed, scale, zero = (arrays[name].astype(np.float32) for name in node.input)
             along = (-1,) + (1,) * (packed.ndim - 1)
             name = node.input[0].removesuffix("_quantized")
             weights[name] = (packed - zero.reshape(along)) * scale.reshape(along)

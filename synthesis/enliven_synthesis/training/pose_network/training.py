@@ -147,14 +147,14 @@ def measure(path: Path, dataset: Dataset) -> Measured:
         people = batch.is_person
         for k, sure in enumerate((1.0, 0.0)):
             angle = sure * np.nan_to_num(batch.facing)
-            told = np.stack([sure * np.cos(angle), sure * np.sin(angle), batch.cell], 1)
-            given = {"image": batch.image, "told": told.astype(np.float32)}
-            joints, _, ways, seen = session.run(None, given)
+            condition = np.stack([sure * np.cos(angle), sure * np.sin(angle), batch.cell], 1)
+            inputs = {"image": batch.image, "told": condition.astype(np.float32)}
+            joints, _, ways, part_logits = session.run(None, inputs)
             near[k].append(np.linalg.norm(joints - batch.joints, axis=2)[people] < 0.1)
         facing.append((ways[:, :FACINGS].argmax(1) == _ways(batch))[people])
         persons.append((ways.argmax(1) < FACINGS) == people)
         shown = batch.parts != NOBODY
-        parts.append((seen.argmax(1) == batch.parts)[shown])
+        parts.append((part_logits.argmax(1) == batch.parts)[shown])
     shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
     return Measured((shares[0], shares[1]), *shares[2:])
 
@@ -201,8 +201,8 @@ def _condition(batch: TensorBatch) -> Tensor:
     angle = torch.where(batch.is_person, batch.facing, anywhere)
     angle = angle + _TOLD_OFF * torch.randn_like(angle)
     angle = angle + torch.pi * (torch.rand_like(angle) < _TOLD_WRONGLY)
-    known = torch.rand_like(angle) < _TOLD
-    return torch.stack([angle.cos() * known, angle.sin() * known, batch.cell], 1)
+    has_facing = torch.rand_like(angle) < _TOLD
+    return torch.stack([angle.cos() * has_facing, angle.sin() * has_facing, batch.cell], 1)
 
 
 def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Tensor:
