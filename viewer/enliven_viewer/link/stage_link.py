@@ -133,8 +133,8 @@ class StageLink:
 
     def remove(self, character: str, then: Then | None = None) -> None:
         """Removes a character from the stage."""
-        told = then or (lambda answer: None)
-        self._ask(RemoveCharacter(character), told)
+        on_answer = then or (lambda answer: None)
+        self._ask(RemoveCharacter(character), on_answer)
 
     def poll(self) -> None:
         """Continues the uploads; does not block."""

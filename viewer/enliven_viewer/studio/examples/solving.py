@@ -66,29 +66,29 @@ class Solving:
         The returned puppet may have other control points than the project's, so draw the returned one.
         """
         request = _Request(project, project.puppets[puppet_id])
-        known = self._known.setdefault(puppet_id, _Solved())
-        if request.same(known.good) and known.problem is None:
-            assert known.good is not None
-            return known.good.project, request.puppet
+        solved = self._known.setdefault(puppet_id, _Solved())
+        if request.same(solved.good) and solved.problem is None:
+            assert solved.good is not None
+            return solved.good.project, request.puppet
         if not request.puppet.layers or missing(project, request.puppet):
-            known.good = known.problem = None
+            solved.good = solved.problem = None
             return project, request.puppet.with_changes(
                 layers=()
             ) if request.puppet.layers else request.puppet
-        self._ask(known, request)
-        if known.good is None:
+        self._ask(solved, request)
+        if solved.good is None:
             return project, request.puppet.with_changes(layers=())
-        return known.good.project, known.good.puppet
+        return solved.good.project, solved.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
         """Returns the error of a puppet's newest motions; None if they can be solved."""
-        known = self._known.get(puppet_id)
-        return known.problem if known else None
+        solved = self._known.get(puppet_id)
+        return solved.problem if solved else None
 
     def busy(self, puppet_id: str) -> bool:
         """Returns True if a motion of the puppet is being solved."""
-        known = self._known.get(puppet_id)
-        return known is not None and known.future is not None
+        solved = self._known.get(puppet_id)
+        return solved is not None and solved.future is not None
 
     def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
         """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.

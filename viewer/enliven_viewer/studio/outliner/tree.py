@@ -55,9 +55,9 @@ def rows_of(
         opened: keys of the unfolded rows.
         typed: filter text. Rows with matching names are shown together with their parents.
     """
-    found = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
-    if found is not None:
-        return tuple(found)
+    matches = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
+    if matches is not None:
+        return tuple(matches)
     shown: list[Row] = []
     closed = 99  # This value is larger than any depth, so no row is hidden at first.
     for row in _every(project, live):
@@ -73,21 +73,21 @@ def _filtered(rows: list[Row], wanted: str) -> list[Row]:
     keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
     above: list[int] = []
     for number, row in enumerate(rows):
-        above = [one for one in above if rows[one].depth < row.depth]
+        above = [parent for parent in above if rows[parent].depth < row.depth]
         if keep[number]:
-            for one in above:
-                keep[one] = True
+            for parent in above:
+                keep[parent] = True
         above.append(number)
-    return [row for row, kept in zip(rows, keep, strict=True) if kept]
+    return [row for row, is_kept in zip(rows, keep, strict=True) if is_kept]
 
 
 def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
     yield Row(GROUP, "shapes", later("Shapes"), str(len(project.characters)), folds=True)
-    for one in project.characters.values():
-        below = list(_handles(one))
-        yield Row(CHARACTER, one.id, one.id, one.word, depth=1, folds=bool(below))
+    for character in project.characters.values():
+        below = list(_handles(character))
+        yield Row(CHARACTER, character.id, character.id, character.word, depth=1, folds=bool(below))
         yield from below
-    used = set().union(*(one.needed()["takes"] for one in project.characters.values()))
+    used = set().union(*(character.needed()["takes"] for character in project.characters.values()))
     yield Row(GROUP, "takes", later("Takes"), str(len(project.takes)), folds=True)
     folded = [name for name in project.takes if name not in used and _is_onlooker(name)]
     for name in (name for name in project.takes if name not in folded):

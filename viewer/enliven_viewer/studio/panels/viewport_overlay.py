@@ -67,11 +67,13 @@ def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     editor = workspace.editor
     if not editor.selection.several:
         return
-    for one in editor.seen:
-        pixels = editor.lens.pixels_of(np.asarray(one.extent, float)[:: max(len(one.extent) // 300, 1)])
-        if one.id not in editor.selection.characters or not pixels:
+    for character in editor.seen:
+        pixels = editor.lens.pixels_of(
+            np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
+        )
+        if character.id not in editor.selection.characters or not pixels:
             continue
-        colour = packed(ACCENT if one.id == editor.selection.character else INK, 0.9)
+        colour = packed(ACCENT if character.id == editor.selection.character else INK, 0.9)
         (left, top), (right, bottom) = np.min(pixels, axis=0) - _AIR, np.max(pixels, axis=0) + _AIR
         for x, inward in ((left, _CORNER), (right, -_CORNER)):
             for y, down in ((top, _CORNER), (bottom, -_CORNER)):

@@ -72,9 +72,11 @@ class LiveRecorder:
     def _count_from(self, kept: Performed, since: int) -> None:
         """Starts a recording at a time of the sensor's clock, including the attachments made before it."""
         kept.since_ns, self._delay_ns = since, None
-        first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
+        first = min(
+            (events[0].time_ns for events in self.holders.since_free.values() if events), default=since
+        )
         kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
-        kept.events = [said for held in self.holders.since_free.values() for said in held]
+        kept.events = [event for events in self.holders.since_free.values() for event in events]
 
     def end(self) -> Performed:
         """Ends the recording and returns it."""

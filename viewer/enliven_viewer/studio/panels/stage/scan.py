@@ -147,30 +147,33 @@ def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
 
 def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
     """Draws the progress, in a box ``tall`` pixels high, and the commands of a running scan."""
-    said = scan.said
+    status = scan.said
     heading("Scan")
     imgui.begin_child("##progress", ImVec2(0, tall), imgui.ChildFlags_.frame_style)
-    _progress(said)
+    _progress(status)
     imgui.end_child()
     workspace.remember("scan progress")
     heading("Go on")
-    making = said.phase == "finishing"
+    making = status.phase == "finishing"
     imgui.begin_disabled(making)
-    label = tr("\uf04c  Pause") if said.phase == "scanning" else tr("\uf04b  Go on")
+    label = tr("\uf04c  Pause") if status.phase == "scanning" else tr("\uf04b  Go on")
     half = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, 0)
     if imgui.button(f"{label}###pause", half):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
     imgui.same_line()
-    imgui.begin_disabled(said.undoable <= 0)
+    imgui.begin_disabled(status.undoable <= 0)
     if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), half):
         workspace.actions.do("scan.undo")
     workspace.remember("scan undo")
     told(
-        tr("Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped", said.undoable)
+        tr(
+            "Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped",
+            status.undoable,
+        )
     )
     imgui.end_disabled()
-    if said.thing != "person":
+    if status.thing != "person":
         _keeping(workspace, scan)
     imgui.end_disabled()
 
