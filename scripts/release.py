@@ -413,12 +413,12 @@ def _known_to_git(folder: str) -> list[str]:
     return [path for path in listed if (ROOT / path).exists()]
 
 
-def _must(command: list[str], what: str, folder: Path, **environment: str) -> str:
+def _must(command: list[str], failure: str, folder: Path, **environment: str) -> str:
     """Runs a command in a folder and returns its output. Raises ReleaseError if it fails."""
     words = {**os.environ, **environment}
     done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
     if done.returncode:
-        raise ReleaseError(f"{what}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        raise ReleaseError(f"{failure}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout
 
 

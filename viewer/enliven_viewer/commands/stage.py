@@ -140,20 +140,20 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 
-def _of_project(path: Path, one: str) -> tuple[Project, str, bool]:
+def _of_project(path: Path, character_id: str) -> tuple[Project, str, bool]:
     """Returns the named character in a project or session; without a name, the only one."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
 
     if path.suffix.lower() == ".toml":
         session = read_session(path)
-        return session.project, one or session.puppet, False
+        return session.project, character_id or session.puppet, False
     project = read_project(path)
-    if not one and len(project.characters) != 1:
+    if not character_id and len(project.characters) != 1:
         names = ", ".join(f"{path.name}#{each}" for each in project.characters)
         problem = f"it has {len(project.characters)} characters"
         raise InputError(problem, where=str(path), mend=f"Name one: {names}." if names else "Make one first.")
-    return project, one or next(iter(project.characters)), False
+    return project, character_id or next(iter(project.characters)), False
 
 
 @contextlib.contextmanager
@@ -178,10 +178,10 @@ def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> No
         time.sleep(_TURN)
 
 
-def _need_done(answers: list[Answer], what: str) -> None:
+def _need_done(answers: list[Answer], where: str) -> None:
     from enliven.wire import Done, Refused
 
     if answers and isinstance(answers[0], Done):
         return
     reason = answers[0].reason if answers and isinstance(answers[0], Refused) else "the edge does not answer"
-    raise InputError(reason.rstrip("."), where=what)
+    raise InputError(reason.rstrip("."), where=where)

@@ -226,8 +226,8 @@ class StageLink:
         if waiting is not None:
             waiting()
 
-    def _ask(self, body: Ask, told: Then) -> None:
+    def _ask(self, body: Ask, on_answer: Then) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
-        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: told(answer or silent)):
-            told(Refused("no edge is connected"))
+        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: on_answer(answer or silent)):
+            on_answer(Refused("no edge is connected"))

@@ -62,8 +62,8 @@ def _read_cues(message: CuesMessage, edge: str) -> ReceivedCues:
     return ReceivedCues(message.character, *cue_values, message_to_owners(message), message.held)
 
 
-def _put_pose(document: Document, seen: ReceivedPose) -> None:
-    document.add_pose(seen.pose, seen.character)
+def _put_pose(document: Document, received: ReceivedPose) -> None:
+    document.add_pose(received.pose, received.character)
 
 
 def _put_cues(document: Document, cues: ReceivedCues) -> None:

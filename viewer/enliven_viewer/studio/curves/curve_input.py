@@ -210,7 +210,7 @@ class CurveInput:
             (float(np.hypot(layout.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
             for dot in group.dots
         ]
-        best = min(near, default=None, key=lambda one: one[:3])
+        best = min(near, default=None, key=lambda candidate: candidate[:3])
         return best[3] if best is not None and best[0] <= REACH else None
 
     def press(self, x: float, y: float) -> None:

@@ -314,14 +314,14 @@ class Editor:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
 
-    def _step(self, said: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
+    def _step(self, pattern: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
         if name is None:
             self.toasts.say(tr(none))
             return
         step()
         self._mend_selection()
-        self.toasts.say(tr(said, tr(name)))
+        self.toasts.say(tr(pattern, tr(name)))
 
     def _mend_selection(self) -> None:
         """Removes from the selection what the project no longer contains."""

@@ -167,8 +167,8 @@ def _others(
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
-    def about(one: HardConstraint) -> tuple[str, int, str]:
-        return one.point, one.frame, getattr(one, "other", "")
+    def about(constraint: HardConstraint) -> tuple[str, int, str]:
+        return constraint.point, constraint.frame, getattr(constraint, "other", "")
 
     constraints: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
     return name, tuple(

@@ -53,7 +53,7 @@ def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
     ):
         for number, moment in enumerate(side):
             bodies.append(GhostBody(sampled.bodies[moment], tint, 1.0 - number / (len(side) + 1.0)))
-    return sorted(bodies, key=lambda one: one.opacity)
+    return sorted(bodies, key=lambda body: body.opacity)
 
 
 def trail_rows(

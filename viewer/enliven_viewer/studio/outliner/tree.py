@@ -108,14 +108,14 @@ def _is_onlooker(name: str) -> bool:
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
 
 
-def _handles(one: RigBase) -> Iterator[Row]:
+def _handles(character: RigBase) -> Iterator[Row]:
     """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
-    word = _HANDLES.get(one.kind, later("bone"))
-    if isinstance(one, GraphShape):
-        for number, part in enumerate(one.parts) if len(one.parts) > 1 else ():
-            yield Row(HANDLE, one.id, part.take, word, number, 2)
+    word = _HANDLES.get(character.kind, later("bone"))
+    if isinstance(character, GraphShape):
+        for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
+            yield Row(HANDLE, character.id, part.take, word, number, 2)
         return
-    parents, names = one.parents, one.handles
+    parents, names = character.parents, character.handles
     below: dict[int, list[int]] = {}
     for number, parent in enumerate(parents):
         below.setdefault(int(parent), []).append(number)
@@ -124,7 +124,12 @@ def _handles(one: RigBase) -> Iterator[Row]:
         number, depth = waiting.pop()
         children = below.get(number, [])
         yield Row(
-            HANDLE, one.id, names[number], later("root") if _roots(parents, number) else word, number, depth
+            HANDLE,
+            character.id,
+            names[number],
+            later("root") if _roots(parents, number) else word,
+            number,
+            depth,
         )
         # Indent only below a fork. A chain stays at the same depth, so that an arm of twenty bones fits the
         # panel.

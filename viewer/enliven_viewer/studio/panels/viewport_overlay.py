@@ -146,8 +146,8 @@ def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> Non
     workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 
-def _warning(said: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
-    text = f"\uf071  {said}"
+def _warning(warning: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
+    text = f"\uf071  {warning}"
     wide = imgui.calc_text_size(text).x + 26
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed((*GLASS[:3], 0.92)), 9.0)
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)

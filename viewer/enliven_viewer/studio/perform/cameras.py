@@ -140,9 +140,9 @@ class CameraSearch:
             self.cameras = ()
             self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
 
-    def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
+    def _see(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
         """Stores the image of a test, or the error."""
-        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        lines = [line.strip() for line in output.splitlines() if line.strip()]
         if failed or not path.is_file():
             why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")
             self.looked, self.picture = (camera, why), None

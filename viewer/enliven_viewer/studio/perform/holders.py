@@ -58,7 +58,7 @@ class Holders:
         holders = [
             Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
         ]
-        return tuple(sorted(holders, key=lambda one: (one.body, one.character)))
+        return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
 
     def take(self, said: HoldMessage) -> None:
         """Processes a change of attachments."""

@@ -109,12 +109,12 @@ class StageSender:
             self._tell(tr("{0} is gone from the stage", name), "")
 
 
-def _stands_alike(one: RigBase, sent: RigBase) -> bool:
+def _stands_alike(character: RigBase, sent: RigBase) -> bool:
     """Returns True if an edit of a possessed mesh changed only its motion.
 
     On the stage the mesh is at rest.
     """
-    kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
+    kinds = isinstance(character, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(
-        getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends", "joints")
+        getattr(character, each) is getattr(sent, each) for each in (*character.drawn_by, "ends", "joints")
     )

@@ -91,18 +91,18 @@ class Twins:
         pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.heard)
         return replace(actor, pose=pose), joints
 
-    def _over(self, one: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
+    def _over(self, shape: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
-        performed = one.id in told.held and told.heard and not told.replaces
-        return performed and _same(one, actor) and plays(self.editor.project, one)
+        performed = shape.id in told.held and told.heard and not told.replaces
+        return performed and _same(shape, actor) and plays(self.editor.project, shape)
 
-    def _performed_over(self, one: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+    def _performed_over(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""
-        cached = self._overs.get(one.id)
+        cached = self._overs.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
-            live_over = LiveOver(self.editor.project, one.id, actor.character)
-            cached = self._overs[one.id] = self.editor.project, actor.character, live_over
-        posed = self.editor.posed(one.id)
+            live_over = LiveOver(self.editor.project, shape.id, actor.character)
+            cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
+        posed = self.editor.posed(shape.id)
         pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
         # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
@@ -110,14 +110,14 @@ class Twins:
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 
-def _same(one: RigBase, actor: SceneCharacter) -> bool:
+def _same(character: RigBase, actor: SceneCharacter) -> bool:
     """Returns True if the stage has the same surface as the project."""
-    return one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
+    return character.mesh is not None and len(character.mesh.vertices) == len(actor.character.vertices)
 
 
-def _alone(one: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
+def _alone(character: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
     """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
-    return told.heard and (not playing or (_same(one, actor) and one.id in told.held))
+    return told.heard and (not playing or (_same(character, actor) and character.id in told.held))
 
 
 def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:

@@ -98,7 +98,7 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     for a still one the user can turn the view.
     """
     rest, now = chair.mesh.vertices, _pixels(editor, chair)
-    legs = sorted(legs_of(chair.mesh), key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
+    legs = sorted(legs_of(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
     for leg in legs:
         box, others = _aired(_box(now[leg])), _others(chair.mesh, leg, now)
         for share in _CUTS:
@@ -195,9 +195,9 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
     return Target(box=_aired(_box(pixels))) if np.isfinite(pixels).all() else Target()
 
 
-def _pixels(editor: Editor, one: GraphShape) -> Float:
+def _pixels(editor: Editor, shape: GraphShape) -> Float:
     """Returns the (V, 2) pixels of its vertices in the image."""
-    return editor.lens.project(editor.posed(one.id).vertices)[0]
+    return editor.lens.project(editor.posed(shape.id).vertices)[0]
 
 
 def _box(pixels: Float) -> Rectangle:

@@ -136,7 +136,7 @@ class Toured:
     def chair(self) -> GraphShape | None:
         """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
         held = self._held()
-        chairs = sorted(self.chairs, key=lambda one: (one.id in held, _size(one)))
+        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
         return chairs[-1] if chairs else None
 
     @property
@@ -210,5 +210,5 @@ class Toured:
         return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
 
 
-def _size(one: GraphShape) -> int:
-    return len(one.mesh.vertices)
+def _size(shape: GraphShape) -> int:
+    return len(shape.mesh.vertices)

@@ -211,7 +211,7 @@ class TimelineLayout:
 
     def markers(self) -> tuple[tuple[Marker, float], ...]:
         """Returns every marker with its x coordinate, in order of time."""
-        ordered = sorted(self.project.markers.values(), key=lambda one: one.seconds)
+        ordered = sorted(self.project.markers.values(), key=lambda marker: marker.seconds)
         return tuple((marker, self.x(marker.seconds)) for marker in ordered)
 
     def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:

@@ -146,11 +146,11 @@ class EndsTool(Tool):
         search = self._found
         return search.result() if search is not None and search.done() else np.empty(0, np.int64)
 
-    def _name(self, shape: GraphShape, ends: Float, told: str) -> None:
+    def _name(self, shape: GraphShape, ends: Float, step: str) -> None:
         def named(project: Project) -> Project:
             return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 
-        self.editor.edit(told, named)
+        self.editor.edit(step, named)
 
 
 def suggested_ends(mesh: Mesh) -> Int:

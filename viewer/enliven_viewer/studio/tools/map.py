@@ -180,8 +180,8 @@ class MapTool(Tool):
                 retargeted.project, retargeted.shape_id, clip, retargeted.duration, retargeted.plan
             )
 
-        def then(found: tuple[Retargeted, MotionQuality]) -> None:
-            retargeted, quality = found
+        def then(fitted_take: tuple[Retargeted, MotionQuality]) -> None:
+            retargeted, quality = fitted_take
 
             def change(project: Project) -> Project:
                 return retargeted.project if project is before else fitted(project).project

@@ -197,7 +197,7 @@ class PaintTool(Tool):
         seen = posed.solved if posed.solved is not None else posed.vertices
         return ToolPicture(shade=(seen, character.mesh.faces, shades(stiffness)))
 
-    def _shown(self, one: RigBase, mesh: Mesh) -> Float32 | None:
+    def _shown(self, character: RigBase, mesh: Mesh) -> Float32 | None:
         """Returns the stiffness including the stroke that is being drawn."""
         if not self._stroke:
             return mesh.stiffness

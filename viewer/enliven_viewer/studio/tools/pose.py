@@ -100,7 +100,7 @@ class PoseTool(Tool):
                 away = np.where(np.isfinite(away), away, np.inf)
                 node = int(away.argmin())
                 candidates.append((float(away[node]), character.id, node, nodes[node]))
-        best = min(candidates, key=lambda one: one[0], default=None)
+        best = min(candidates, key=lambda candidate: candidate[0], default=None)
         return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:

@@ -199,7 +199,9 @@ def _add_session(editor: Editor, path: Path, session: Session) -> None:
     _add_played(editor, path.name, session.project, session.puppet, session.notes)
 
 
-def _add_played(editor: Editor, said: str, source: Project, character: str, notes: tuple[str, ...]) -> None:
+def _add_played(
+    editor: Editor, file_name: str, source: Project, character: str, notes: tuple[str, ...]
+) -> None:
     """Adds a character of another project, with the motion that it plays."""
     added_ids: list[str] = []
     box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
@@ -212,9 +214,9 @@ def _add_played(editor: Editor, said: str, source: Project, character: str, note
             return project
         return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
 
-    if editor.edit(later("open {0}", said), add):
+    if editor.edit(later("open {0}", file_name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, Path(said), notes, "")
+        _tell(editor, Path(file_name), notes, "")
         editor.frame_way()
 
 

@@ -32,9 +32,11 @@ class Fitting:
         """
         return self._heights({character.id: character.vertices for character in self.editor.standing})
 
-    def _heights(self, seen: Mapping[str, Float]) -> tuple[float, float] | None:
+    def _heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
         """Returns the same heights for given vertices (V, 3) of every character."""
-        heights = {name: float(np.ptp(vertices[:, 1])) for name, vertices in seen.items() if len(vertices)}
+        heights = {
+            name: float(np.ptp(vertices[:, 1])) for name, vertices in surfaces.items() if len(vertices)
+        }
         own = heights.pop(self.editor.selection.character or "", 0.0)
         others = [height for height in heights.values() if height > 0.0]
         return (own, float(np.median(others))) if own > 0.0 and others else None

@@ -127,12 +127,12 @@ class MotionClipboard:
             target,
         )
 
-    def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
+    def _begin(self, message: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.beside.begin(said, work, partial(self._put, word, guarded))
+        self.editor.beside.begin(message, work, partial(self._put, word, guarded))
 
     def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
         """Puts a solved mesh into the project."""

@@ -437,8 +437,8 @@ class Workspace:
         options.chosen(characters)
         options.checked_range(length)
 
-        def tell(said: str) -> None:
-            first, _, rest = said.partition(". ")
+        def tell(message: str) -> None:
+            first, _, rest = message.partition(". ")
             toasts.say(first, rest)
 
         def work() -> str:

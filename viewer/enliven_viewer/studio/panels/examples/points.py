@@ -91,8 +91,8 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
     editor, name = workspace.editor, point.name
 
-    def change(what: str, **changes: object) -> bool:
-        return editor.edit(what, lambda project: change_point(project, puppet.id, name, **changes))
+    def change(step: str, **changes: object) -> bool:
+        return editor.edit(step, lambda project: change_point(project, puppet.id, name, **changes))
 
     def edit(field: str, of: Callable[[float], object]) -> Change:
         return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})

@@ -101,9 +101,9 @@ def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     return [rectangle for rectangle in rectangles if rectangle is not None]
 
 
-def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | None) -> None:
+def _view(draw: imgui.ImDrawList, area: Area, view: CameraViewOf, texture: int | None) -> None:
     """Draws one camera's image."""
-    name, bodies = one.name, seen(one.bodies, one.camera)
+    name, bodies = view.name, seen(view.bodies, view.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
     if texture is not None:
@@ -111,8 +111,8 @@ def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | 
         draw.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
     draw.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
-        limbs = one.limbs.get(body.id, {})
-        _figure(draw, area, body, performer_colour(number), width_of(one.camera), limbs)
+        limbs = view.limbs.get(body.id, {})
+        _figure(draw, area, body, performer_colour(number), width_of(view.camera), limbs)
     label = name if bodies else tr("{0}: no one in view", name)
     caption(draw, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT)
     draw.pop_clip_rect()

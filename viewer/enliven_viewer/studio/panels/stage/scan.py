@@ -198,22 +198,22 @@ def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
     imgui.end_disabled()
 
 
-def _progress(said: ScanMessage) -> None:
+def _progress(status: ScanMessage) -> None:
     """Draws the progress of a scan in a box of fixed height, so that changing text moves no button."""
     imgui.push_text_wrap_pos(0.0)
-    places = tr(", in {0} places", said.places) if said.places > 1 else ""
-    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
+    places = tr(", in {0} places", status.places) if status.places > 1 else ""
+    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", status.way, status.fused, places))
     imgui.pop_text_wrap_pos()
-    share = 1.0 - min(max(said.missing, 0.0), 1.0)
+    share = 1.0 - min(max(status.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
     told(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * share))
-    arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
+    arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
     quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
-    if said.note:
-        quiet(said.note)
-    if said.mend:
-        quiet(said.mend)
+    if status.note:
+        quiet(status.note)
+    if status.mend:
+        quiet(status.mend)
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:
