@@ -11,9 +11,9 @@ take, notes = read_take(sys.argv[1])
 model = read_gltf(sys.argv[2], height=1.6, floor=True)
 print(*notes, *model.notes, sep="\n")
 
-made = retarget(model.shape, take)
-for chain in made.plan.chains:
+retargeted = retarget(model.shape, take)
+for chain in retargeted.plan.chains:
     print(f"{chain.source} -> {chain.target}")
-export(made.project, "retarget_model.glb")
-times = [float(time) for time in np.linspace(0.0, made.duration, 4)]
-write_project_sheet("retarget_model.png", made.project, times, "A model that moves by a take")
+export(retargeted.project, "retarget_model.glb")
+times = [float(time) for time in np.linspace(0.0, retargeted.duration, 4)]
+write_project_sheet("retarget_model.png", retargeted.project, times, "A model that moves by a take")

@@ -56,11 +56,11 @@ def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
     """Returns the sort key of a package: the configured order of each folder that contains it, else its
     name."""
     parts = room.split(".")
-    found = []
+    sort_key = []
     for depth in range(1, len(parts)):
         order = rules.order.get(".".join(parts[:depth]), [])
-        found.append((order.index(parts[depth]) if parts[depth] in order else 0, parts[depth]))
-    return tuple(found)
+        sort_key.append((order.index(parts[depth]) if parts[depth] in order else 0, parts[depth]))
+    return tuple(sort_key)
 
 
 def drawing(house: House, package: str) -> str:
@@ -68,8 +68,8 @@ def drawing(house: House, package: str) -> str:
     out (transitive reduction)."""
     inside = {room.split(".")[1] for room in house.doors if room.startswith(f"{package}.")}
     after: dict[str, set[str]] = {room: set() for room in inside}
-    for one in house.imports:
-        source, target = one.source.split(".")[:2], one.target.split(".")[:2]
+    for dependency in house.imports:
+        source, target = dependency.source.split(".")[:2], dependency.target.split(".")[:2]
         if source[0] == target[0] == package and source != target and {source[-1], target[-1]} <= inside:
             after[source[-1]].add(target[-1])
 

@@ -101,7 +101,7 @@ def rounds(lines: list[str]) -> list[list[str]]:
 def vulnerabilities() -> list[str]:
     """Returns one sentence for each known vulnerability of a pinned release, and for each release that was
     not looked up."""
-    found: list[dict] = []
+    releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
     for pins in rounds(pinned()):
@@ -109,16 +109,16 @@ def vulnerabilities() -> list[str]:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
             options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
             try:
-                done = subprocess.run([tool("pip-audit"), *options], capture_output=True, text=True)
-                found += json.loads(done.stdout)["dependencies"]
+                process = subprocess.run([tool("pip-audit"), *options], capture_output=True, text=True)
+                releases += json.loads(process.stdout)["dependencies"]
             except (subprocess.CalledProcessError, OSError) as error:
                 not_asked, reason = not_asked + pins, f"pip-audit cannot be installed or run ({error})"
             except (json.JSONDecodeError, KeyError):
-                last = done.stderr.strip().splitlines()[-1:] or ["it said nothing"]
+                last = process.stderr.strip().splitlines()[-1:] or ["it said nothing"]
                 not_asked, reason = not_asked + pins, f"pip-audit failed: {last[0][:200]}"
-    known = [release for release in found if "skip_reason" not in release]
-    print(f"vulnerabilities: {len(known)} of {len(found) + len(not_asked)} releases could be looked up")
-    return [*flaws(known), *unchecked(found, not_asked, reason)]
+    checked = [release for release in releases if "skip_reason" not in release]
+    print(f"vulnerabilities: {len(checked)} of {len(releases) + len(not_asked)} releases could be looked up")
+    return [*flaws(checked), *unchecked(releases, not_asked, reason)]
 
 
 def flaws(known: list[dict]) -> list[str]:
@@ -180,18 +180,19 @@ def telemetry_hosts(packages: Path) -> Iterator[tuple[str, str]]:
 def licences() -> list[str]:
     """Prints the licences. Returns one sentence for each installed package with an unacceptable licence."""
     command = [tool("pip-licenses"), "--python", sys.executable, "--format", "json", "--with-system"]
-    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    kinds = sorted({one["License"] for one in found})
-    print(f"licences: {len(found)} packages under {len(kinds)} names: {'; '.join(kinds)}")
-    return objections(found)
+    packages = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    kinds = sorted({package["License"] for package in packages})
+    print(f"licences: {len(packages)} packages under {len(kinds)} names: {'; '.join(kinds)}")
+    return objections(packages)
 
 
 def objections(found: list[dict[str, str]]) -> list[str]:
     """Returns one sentence for each package with an unknown licence, or with copyleft and no other choice."""
     return [
-        f"{one['Name']} {one['Version']} has the licence {one['License']!r}"
-        for one in found
-        if one["License"] == "UNKNOWN" or (COPYLEFT.search(one["License"]) and one["Name"] not in CHOSEN)
+        f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
+        for package in found
+        if package["License"] == "UNKNOWN"
+        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN)
     ]
 
 

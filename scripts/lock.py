@@ -65,12 +65,12 @@ def environments() -> Iterator[dict[str, str]]:
 
 def pins() -> dict[str, list[Requirement]]:
     """Returns the lines of constraints.txt by canonical name."""
-    found: dict[str, list[Requirement]] = {}
+    requirements: dict[str, list[Requirement]] = {}
     for line in (HOUSE / "constraints.txt").read_text().splitlines():
         if line and not line.startswith("#"):
             pin = Requirement(line)
-            found.setdefault(canonicalize_name(pin.name), []).append(pin)
-    return found
+            requirements.setdefault(canonicalize_name(pin.name), []).append(pin)
+    return requirements
 
 
 def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
@@ -89,20 +89,20 @@ def wanted(kind: str) -> list[str]:
         return [line for line in lines if line]
     asked = list(BUILD)
     for package in PACKAGES:
-        told = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
-        hooks = told["tool"]["hatch"].get("metadata", {}).get("hooks", {})
-        asked += (hooks.get("custom") or told["project"])["dependencies"]
+        pyproject = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
+        hooks = pyproject["tool"]["hatch"].get("metadata", {}).get("hooks", {})
+        asked += (hooks.get("custom") or pyproject["project"])["dependencies"]
         extras = [*RUN_EXTRAS.get(package, ())]
         extras += DEV_EXTRAS.get(package, ()) if kind == "dev" else ()
         for extra in extras:
-            asked += told["project"]["optional-dependencies"][extra]
+            asked += pyproject["project"]["optional-dependencies"][extra]
     return [line for line in asked if not Requirement(line).name.startswith("enliven")]
 
 
 def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
     """Returns the canonical names of all packages required in an environment, from the metadata of the
     packages installed here."""
-    found: set[tuple[str, str]] = set()
+    packages: set[tuple[str, str]] = set()
     queue = [(Requirement(line), "") for line in asked]
     while queue:
         requirement, extra = queue.pop()
@@ -110,11 +110,11 @@ def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
             continue
         for asked_for in ("", *requirement.extras):
             at = (canonicalize_name(requirement.name), asked_for)
-            if at not in found:
-                found.add(at)
+            if at not in packages:
+                packages.add(at)
                 with suppress(PackageNotFoundError):
                     queue += [(Requirement(line), asked_for) for line in requires(at[0]) or ()]
-    return {name for name, _ in found}
+    return {name for name, _ in packages}
 
 
 def absent(names: Iterable[str]) -> Iterator[str]:
@@ -146,7 +146,7 @@ def wheels(names: Iterable[str]) -> Wheels:
     from pip._internal.index.collector import parse_links
     from pip._internal.models.link import Link
 
-    found: Wheels = {}
+    offered: Wheels = {}
     command = create_command("install")
     options, _ = command.parse_args(["-q"])
     with command.main_context():
@@ -161,8 +161,8 @@ def wheels(names: Iterable[str]) -> Wheels:
                     except InvalidWheelFilename:
                         continue
                     if sha := (link._hashes or {}).get("sha256"):
-                        found.setdefault((name, str(version)), {})[sha] = tags
-    return found
+                        offered.setdefault((name, str(version)), {})[sha] = tags
+    return offered
 
 
 def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
@@ -185,9 +185,9 @@ def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> l
     for release, places in lacking.items():
         print(f"{release} has no wheel for {', '.join(places)}")
     return [
-        " \\\n    ".join([line, *(f"--hash=sha256:{sha}" for sha in sorted(known))])
-        for (_, line), known in sorted(hashes.items())
-        if known
+        " \\\n    ".join([line, *(f"--hash=sha256:{sha}" for sha in sorted(shas))])
+        for (_, line), shas in sorted(hashes.items())
+        if shas
     ]
 
 
@@ -206,15 +206,15 @@ def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
 
 
 def main() -> None:
-    found = pins()
-    here = {key: str(value) for key, value in default_environment().items()}
-    if unknown := list(absent(needed(wanted("dev"), here))):
+    requirements = pins()
+    environment = {key: str(value) for key, value in default_environment().items()}
+    if unknown := list(absent(needed(wanted("dev"), environment))):
         sys.exit(
             f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )
-    offered = wheels(sorted(found))
+    offered = wheels(sorted(requirements))
     for kind in ("run", "dev"):
-        lines = locked(kind, found, offered)
+        lines = locked(kind, requirements, offered)
         path = HOUSE / "locks" / f"{kind}.txt"
         path.parent.mkdir(exist_ok=True)
         head = "# Written by scripts/lock.py: what `make setup` installs, with the SHA-256 of each wheel."

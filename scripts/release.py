@@ -110,14 +110,14 @@ def section(changelog: str, of: str) -> str:
         ReleaseError: if the section is missing or empty.
     """
     name = "Unreleased" if is_development(of) else of
-    found = re.search(
+    match = re.search(
         rf"^## \[{re.escape(name)}\][^\n]*\n(.*?)(?=^## \[|\Z)", changelog, re.MULTILINE | re.DOTALL
     )
-    if not found or not found[1].strip():
+    if not match or not match[1].strip():
         raise ReleaseError(
             f"CHANGELOG.md says nothing of {name}: write a section `## [{name}]` with its changes."
         )
-    return found[1].strip() + "\n"
+    return match[1].strip() + "\n"
 
 
 def check_commit(of: str) -> None:
@@ -172,10 +172,10 @@ def wanted_files(folder: str) -> set[str]:
     """Returns the paths that a package's wheel should have: all files that git does not ignore, and the
     firmware for the edge."""
     package = PACKAGES[folder]
-    found = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
+    paths = {path.removeprefix(f"{folder}/") for path in _known_to_git(f"{folder}/{package}")}
     if folder == "edge":
-        found |= {f"{package}/{path}" for path in _known_to_git(FIRMWARE)}
-    return found
+        paths |= {f"{package}/{path}" for path in _known_to_git(FIRMWARE)}
+    return paths
 
 
 def wheel_files(wheel: Path) -> set[str]:
@@ -375,8 +375,8 @@ class Environment:
 
     def camera_library(self) -> Iterator[str]:
         """Imports the library for OAK cameras, and searches for a camera."""
-        told = self._run(str(self._bin / "python"), "-c", "import depthai; print(depthai.__version__)")
-        yield self._done(f"import depthai, version {told.splitlines()[-1]}")
+        output = self._run(str(self._bin / "python"), "-c", "import depthai; print(depthai.__version__)")
+        yield self._done(f"import depthai, version {output.splitlines()[-1]}")
         self._enliven("sensors", "--json")
         yield self._done("enliven sensors --json")
 
@@ -391,16 +391,16 @@ class Environment:
             words, cwd=self.place / "work", env=self._around, capture_output=True, text=True
         )
         if done.returncode not in codes:
-            said = f"{done.stdout[-2000:]}{done.stderr[-3000:]}"
+            output = f"{done.stdout[-2000:]}{done.stderr[-3000:]}"
             raise ReleaseError(
-                f"with {self._asked} installed, {' '.join(words[:2])} ended with {done.returncode}:\n{said}"
+                f"with {self._asked} installed, {' '.join(words[:2])} ended with {done.returncode}:\n{output}"
             )
         return done.stdout.strip()
 
 
 def _one(folder: str, built: Path, pattern: str) -> Path:
-    (found,) = built.glob(f"{PACKAGES[folder]}-[0-9]{pattern}")
-    return found
+    (path,) = built.glob(f"{PACKAGES[folder]}-[0-9]{pattern}")
+    return path
 
 
 def _git(*words: str) -> str:
@@ -413,12 +413,12 @@ def _known_to_git(folder: str) -> list[str]:
     return [path for path in listed if (ROOT / path).exists()]
 
 
-def _must(command: list[str], what: str, folder: Path, **environment: str) -> str:
+def _must(command: list[str], failure: str, folder: Path, **environment: str) -> str:
     """Runs a command in a folder and returns its output. Raises ReleaseError if it fails."""
     words = {**os.environ, **environment}
     done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
     if done.returncode:
-        raise ReleaseError(f"{what}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+        raise ReleaseError(f"{failure}:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
     return done.stdout
 
 

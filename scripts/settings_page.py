@@ -34,29 +34,29 @@ def tables(kind: type, path: str = "") -> Iterator[str]:
         if inner is None:
             rows.append(_row(field, hints[field.name]))
         else:
-            many = "" if dataclasses.is_dataclass(hints[field.name]) else ".NAME" * (key != "chain")
-            groups.append((f"{path}.{key}{many}".lstrip("."), inner))
+            suffix = "" if dataclasses.is_dataclass(hints[field.name]) else ".NAME" * (key != "chain")
+            groups.append((f"{path}.{key}{suffix}".lstrip("."), inner))
     if rows:
-        said = (kind.__doc__ or "").partition("\n")[0]
+        summary = (kind.__doc__ or "").partition("\n")[0]
         name = f"[[{path}]]" if path == "chain" else f"[{path}]"
         heading = [f"### `{name}`", ""] if path else []
         table = ["| key | default | may be | what it is |", "|---|---|---|---|", *rows]
-        yield "\n".join([*heading, said, "", *table])
+        yield "\n".join([*heading, summary, "", *table])
     for name, inner in groups:
         yield from tables(inner, name)
 
 
 def _group(hint: Any) -> type | None:
     """Returns the class of a group, or of the groups in a table of groups; None for a single value."""
-    for one in (hint, *typing.get_args(hint)):
-        if dataclasses.is_dataclass(one) and isinstance(one, type):
-            return one
+    for kind in (hint, *typing.get_args(hint)):
+        if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+            return kind
     return None
 
 
 def _row(field: dataclasses.Field[Any], hint: Any) -> str:
-    said = field.metadata.get("doc", "").replace("|", "\\|")
-    cells = (f"`{field.name}`", _default(field), _range(field, hint), said)
+    description = field.metadata.get("doc", "").replace("|", "\\|")
+    cells = (f"`{field.name}`", _default(field), _range(field, hint), description)
     return f"| {' | '.join(cells)} |"
 
 
@@ -94,8 +94,8 @@ def _words(hint: Any) -> Iterator[str]:
     if typing.get_origin(hint) is Literal:
         yield from map(str, typing.get_args(hint))
     elif typing.get_origin(hint) in (typing.Union, types.UnionType):
-        for one in typing.get_args(hint):
-            yield from _words(one)
+        for part in typing.get_args(hint):
+            yield from _words(part)
 
 
 def written(page: str) -> str:

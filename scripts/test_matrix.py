@@ -82,8 +82,8 @@ def command_of(row: Row, rest: list[str]) -> str:
 def counted(said: str) -> tuple[int, int]:
     """Returns (passed, failed) from pytest's last line. Errors count as failed."""
     lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
-    found = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
-    counts = {word: int(count) for count, word in found}
+    matches = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
+    counts = {word: int(count) for count, word in matches}
     return counts.get("passed", 0), counts.get("failed", 0) + counts.get("error", 0)
 
 
@@ -111,16 +111,16 @@ def main() -> int:
     parser.add_argument("--load", type=int, default=8, help="busy processes of the row 'load'")
     options, rest = parser.parse_known_args()
     rest = [word for word in rest if word != "--"]
-    known = {row.name: row for row in rows(options.load)}
-    if unknown := [name for name in options.only if name not in known]:
-        parser.error(f"there is no row {' '.join(unknown)}; there are {' '.join(known)}")
+    rows_by_name = {row.name: row for row in rows(options.load)}
+    if unknown := [name for name in options.only if name not in rows_by_name]:
+        parser.error(f"there is no row {' '.join(unknown)}; there are {' '.join(rows_by_name)}")
     print("| row | command | passed | failed | seconds |\n|---|---|---|---|---|", flush=True)
-    held = []
-    for name in options.only or known:
-        good, line = run(known[name], rest)
-        held.append(good)
+    passed = []
+    for name in options.only or rows_by_name:
+        good, line = run(rows_by_name[name], rest)
+        passed.append(good)
         print(line, flush=True)
-    return 0 if all(held) else 1
+    return 0 if all(passed) else 1
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def shown(tree: ast.Module) -> Iterator[ast.Constant]:
                     yield from constants(node.args[place])
         elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if any(isinstance(one, ast.Name) and one.id in TABLES for one in targets):
+            if any(isinstance(target, ast.Name) and target.id in TABLES for target in targets):
                 yield from constants(node.value)
         elif isinstance(node, ast.FunctionDef) and node.name.lstrip("_").startswith(SAYING):
             for part in ast.walk(node):
@@ -94,25 +94,25 @@ def modules() -> list[Path]:
 
 def texts() -> dict[str, str]:
     """Returns every text that the window translates, with its file and line, or its action."""
-    found: dict[str, str] = {}
+    places: dict[str, str] = {}
     with tempfile.TemporaryDirectory() as folder:
         workspace = Workspace.new(Editor(), Path(folder))
     for action in workspace.actions:
         for text in (action.menu, action.group, action.label, action.entry, action.about):
             if text:
-                found.setdefault(text, f"action {action.id}")
+                places.setdefault(text, f"action {action.id}")
     for name in (*ROOMS, *(tool.label for tool in workspace.input.tools.values())):
-        found.setdefault(name, "workspaces and tools")
+        places.setdefault(name, "workspaces and tools")
     for name in (GraphShape.word, Puppet.word, Shape.word):
-        found.setdefault(name, "characters")
+        places.setdefault(name, "characters")
     for look in LOOKS:
-        found.setdefault(look, "looks")
+        places.setdefault(look, "looks")
     for group, name, *_ in NUMBERS:
-        found.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
+        places.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
     for path in modules():
         for node in shown(ast.parse(path.read_text("utf-8"))):
-            found.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
-    return found
+            places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
+    return places
 
 
 def plurals() -> dict[str, str]:
@@ -161,15 +161,15 @@ def main() -> None:
             }
             path.parent.mkdir(exist_ok=True)
             begun.save(str(path))
-    found = texts()
+    places = texts()
     for path in sorted(CATALOGUES.glob("*.po")):
         catalogue = polib.pofile(str(path), wrapwidth=WRAP)
-        update(catalogue, found)
+        update(catalogue, places)
         catalogue.save(str(path))
         lacking = [entry for entry in catalogue if not is_translated(entry)]
         print(f"{path.name}: {len(catalogue)} texts, {len(lacking)} without a translation")
         for entry in lacking:
-            print(f"  {found[entry.msgid]}: {entry.msgid!r}")
+            print(f"  {places[entry.msgid]}: {entry.msgid!r}")
 
 
 if __name__ == "__main__":

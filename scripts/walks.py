@@ -30,7 +30,9 @@ class Walk:
     @staticmethod
     def read(path: Path = WALKS) -> dict[str, Walk]:
         """Reads the traces of a file, by name."""
-        return {name: Walk(**said) for name, said in tomllib.loads(path.read_text(encoding="utf-8")).items()}
+        return {
+            name: Walk(**entry) for name, entry in tomllib.loads(path.read_text(encoding="utf-8")).items()
+        }
 
 
 def table(house: House, walk: Walk) -> str:
@@ -43,16 +45,16 @@ def table(house: House, walk: Walk) -> str:
     """
     rows, before = list[str](), list[str]()
     for step in walk.steps:
-        path, name, said = _place(house, step["at"])
+        path, name, description = _place(house, step["at"])
         word = step.get("by", name.split(".")[-1])
         if word and not any(re.search(rf"\b{re.escape(word)}\b", text) for text in before):
             raise ValueError(f"{step['at']}: no file before it in the walk says {word!r}")
-        said = step.get("says", said)
-        if not said:
+        description = step.get("says", description)
+        if not description:
             raise ValueError(f"{step['at']} has no docstring, and the walk says nothing of it")
         before.append(path.read_text(encoding="utf-8"))
         place = path.relative_to(house.root).as_posix()
-        rows.append(f"| {len(rows) + 1} | [{place}](../{place}) | `{name or path.name}` | {said} |")
+        rows.append(f"| {len(rows) + 1} | [{place}](../{place}) | `{name or path.name}` | {description} |")
     if len(rows) > walk.most:
         raise ValueError(f"{walk.title}: {len(rows)} files, {len(rows) - walk.most} too many")
     head = [f"### {walk.title}: {len(rows)} files", "", "| | file | function | what it does |"]
@@ -71,12 +73,12 @@ def _place(house: House, at: str) -> tuple[Path, str, str]:
         raise ValueError(f"there is no module {module}")
     path = house.modules[module]
     body: list[ast.stmt] = ast.parse(path.read_text(encoding="utf-8")).body
-    found: ast.stmt | None = None
+    definition: ast.stmt | None = None
     for part in name.split("."):
         kinds = ast.ClassDef | ast.FunctionDef
-        found = next((node for node in body if isinstance(node, kinds) and node.name == part), None)
-        if found is None:
+        definition = next((node for node in body if isinstance(node, kinds) and node.name == part), None)
+        if definition is None:
             raise ValueError(f"{module} has no {name}")
-        body = found.body  # type: ignore[attr-defined]
-    text = ast.get_docstring(found) or ""  # type: ignore[arg-type]
+        body = definition.body  # type: ignore[attr-defined]
+    text = ast.get_docstring(definition) or ""  # type: ignore[arg-type]
     return path, name, re.split(r"(?<=\.)\s|\n\n|:\n", " ".join(text.split("\n\n")[0].split()))[0]

@@ -157,12 +157,12 @@ def _places(pose: _Pose, rest: Float) -> Float:
     places = rest.copy()
     arms = {"left": (pose.left, 1.0), "right": (pose.right, -1.0)}
     for k, (name, _, _) in enumerate(_POINTS):
-        side, _, what = name.partition(" ")
-        if what in ("elbow", "hand"):
+        side, _, part = name.partition(" ")
+        if part in ("elbow", "hand"):
             arm, sign = arms[side]
-            at = np.array(arm.elbow if what == "elbow" else arm.end) * [sign, 1.0, 1.0]
+            at = np.array(arm.elbow if part == "elbow" else arm.end) * [sign, 1.0, 1.0]
             places[k] = _on_trunk(pose, at, _SHOULDER)
-        elif what != "foot" and side != "pot":
+        elif part != "foot" and side != "pot":
             places[k] = _on_trunk(pose, rest[k], rest[k, 1])
     if pose.step:
         edge = np.array([-0.15, 0.0, 0.0])

@@ -47,11 +47,11 @@ def _window() -> Check:
         from enliven_viewer.window import error_text
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install glfw")
-    said: list[str] = []
-    glfw.set_error_callback(lambda code, text: said.append(error_text(text)))
+    errors: list[str] = []
+    glfw.set_error_callback(lambda code, text: errors.append(error_text(text)))
     if not glfw.init():
         return Check(
-            name, False, said[-1] if said else "glfw found no display", "Look at DISPLAY, or use --film."
+            name, False, errors[-1] if errors else "glfw found no display", "Look at DISPLAY, or use --film."
         )
     version = error_text(glfw.get_version_string())
     glfw.terminate()
@@ -70,8 +70,8 @@ def _encoder() -> Check:
         return Check(name, False, str(error), "Install it: pip install av")
     except EnlivenError as error:
         return Check(name, False, error.what, error.mend)
-    told = f"{encoder.name} ({encoder.format}; licence {encoder.licence})"
+    description = f"{encoder.name} ({encoder.format}; licence {encoder.licence})"
     if encoder.format != "H.264":
-        told = f"no H.264 encoder, films are {encoder.format}"
-        return Check(name, False, told, "Install PyAV's wheel: pip install av")
-    return Check(name, True, told)
+        description = f"no H.264 encoder, films are {encoder.format}"
+        return Check(name, False, description, "Install PyAV's wheel: pip install av")
+    return Check(name, True, description)

@@ -51,9 +51,9 @@ class Later(str):
 
 def later(text: str, *values: object) -> Later:
     """Returns an English text that keeps its pattern and values, for example a history step or a state."""
-    made = Later(text.format(*values) if values else text)
-    made.pattern, made.values = text, values
-    return made
+    message = Later(text.format(*values) if values else text)
+    message.pattern, message.values = text, values
+    return message
 
 
 def tr(text: str, *values: object) -> str:
@@ -61,8 +61,8 @@ def tr(text: str, *values: object) -> str:
     if isinstance(text, Later):
         return tr(text.pattern, *(values or text.values))
     translated = _InUse.catalogue.gettext(text) if text else ""
-    told = (tr(one) if isinstance(one, Later) else one for one in values)
-    return translated.format(*told) if values else translated
+    texts = (tr(value) if isinstance(value, Later) else value for value in values)
+    return translated.format(*texts) if values else translated
 
 
 def tr_n(one: str, many: str, count: int, *values: object) -> str:

@@ -191,9 +191,9 @@ def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     """
     if size is None:
         return settings
-    found = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
-    if not found or not all(16 <= int(n) <= 16384 for n in found.groups()):
+    match = re.fullmatch(r"(\d{2,5})\s*[x×]\s*(\d{2,5})", size.strip().lower())
+    if not match or not all(16 <= int(n) <= 16384 for n in match.groups()):
         raise InputError(
             f"{size!r} is not a size", where="--size", mend="Give WIDTHxHEIGHT, such as 1280x720."
         )
-    return replace(settings, width=int(found[1]), height=int(found[2]))
+    return replace(settings, width=int(match[1]), height=int(match[2]))

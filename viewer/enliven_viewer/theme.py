@@ -270,10 +270,10 @@ class _Shown(Sequence[Any]):
         value: Sequence[Any] = getattr(source, self.name)
         if not self._as_light:
             return value
-        many = isinstance(value[0], tuple)
-        shares = [tuple(part / 255 for part in one) for one in (value if many else (value,))]
-        shares = [(*one, 1.0)[: self._as_light] for one in shares]
-        return shares if many else shares[0]
+        is_sequence = isinstance(value[0], tuple)
+        shares = [tuple(part / 255 for part in colour) for colour in (value if is_sequence else (value,))]
+        shares = [(*share, 1.0)[: self._as_light] for share in shares]
+        return shares if is_sequence else shares[0]
 
     def __getitem__(self, at: Any) -> Any:
         return self._now[at]
@@ -385,8 +385,8 @@ FLIGHT: Colour = _Shown("flight", as_light=4)
 
 def use_theme(name: str, colours: str) -> None:
     """Switches to a theme and a palette; an unknown name selects the first of its kind."""
-    _InUse.theme = next((one for one in THEMES if one == name), "dark")
-    _InUse.colours = next((one for one in COLOUR_SETS if one == colours), "usual")
+    _InUse.theme = next((theme for theme in THEMES if theme == name), "dark")
+    _InUse.colours = next((palette for palette in COLOUR_SETS if palette == colours), "usual")
 
 
 def theme_in_use() -> tuple[ThemeName, ColourSetName]:

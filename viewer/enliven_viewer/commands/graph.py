@@ -41,9 +41,9 @@ def graph(
     Cut vertices and bridges of the graph are marked: KinEtre's E_rig acts there.
     """
     if output.suffix.lower() not in _WRITABLE:
-        known = ", ".join(ending[1:] for ending in _WRITABLE)
+        endings = ", ".join(ending[1:] for ending in _WRITABLE)
         raise InputError(
-            f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {known}."
+            f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {endings}."
         )
     need_folder(output)
     # Heavy modules are imported only here, so that `--help` appears quickly.
@@ -60,9 +60,11 @@ def graph(
             say(f"enliven: {note}", err=True)
         if height != 0:
             shape = refine(fit_height(shape, height, up), _LONGEST_EDGE * height / 1.75)
-    made = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
+    deformation_graph = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
     name = CHAIR if mesh == CHAIR else Path(mesh).name
-    counts = write_graph_picture(output, character_from(shape, made, name), made, name, (size, size * 5 // 4))
+    counts = write_graph_picture(
+        output, character_from(shape, deformation_graph, name), deformation_graph, name, (size, size * 5 // 4)
+    )
     say(
         f"enliven: {counts.nodes} nodes, {counts.edges} edges, {counts.bridges} bridges and "
         f"{counts.cut_vertices} cut vertices are in {output}"

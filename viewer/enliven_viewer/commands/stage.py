@@ -95,9 +95,11 @@ def list_(edge: Edge = "127.0.0.1") -> None:
     words = {"graph": "a possessed mesh", "bones": "a rigged model", "points": "a puppet"}
     with _joined(edge) as client:
         cues = client.latest(CUES)
-        for name, one in client.characters.items():
-            what = f"{words[one.kind]}, {len(one.vertices)} vertices{_holders(cues.get(name))}"
-            say(f"{name}: revision {client.edges[0].revision(name)}, {what}")
+        for name, character in client.characters.items():
+            description = (
+                f"{words[character.kind]}, {len(character.vertices)} vertices{_holders(cues.get(name))}"
+            )
+            say(f"{name}: revision {client.edges[0].revision(name)}, {description}")
         if not client.characters:
             say("enliven: the stage is empty")
 
@@ -115,14 +117,14 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     from enliven.document import Project
     from enliven.formats.project import project_of_mesh
 
-    file, _, one = spec.partition("#")
+    file, _, character_id = spec.partition("#")
     path = Path(file)
     if spec in ("chair", "lamp"):
         from enliven.samples import load_sample
 
         return project_of_mesh(load_sample(spec), spec), spec, False
     if path.suffix.lower() in (".enliven", ".toml"):
-        return _of_project(path, one)
+        return _of_project(path, character_id)
     if drive == "skeleton":
         from enliven.formats.gltf import read_gltf
 
@@ -138,20 +140,20 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 
-def _of_project(path: Path, one: str) -> tuple[Project, str, bool]:
+def _of_project(path: Path, character_id: str) -> tuple[Project, str, bool]:
     """Returns the named character in a project or session; without a name, the only one."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
 
     if path.suffix.lower() == ".toml":
         session = read_session(path)
-        return session.project, one or session.puppet, False
+        return session.project, character_id or session.puppet, False
     project = read_project(path)
-    if not one and len(project.characters) != 1:
-        known = ", ".join(f"{path.name}#{each}" for each in project.characters)
-        what = f"it has {len(project.characters)} characters"
-        raise InputError(what, where=str(path), mend=f"Name one: {known}." if known else "Make one first.")
-    return project, one or next(iter(project.characters)), False
+    if not character_id and len(project.characters) != 1:
+        names = ", ".join(f"{path.name}#{each}" for each in project.characters)
+        problem = f"it has {len(project.characters)} characters"
+        raise InputError(problem, where=str(path), mend=f"Name one: {names}." if names else "Make one first.")
+    return project, character_id or next(iter(project.characters)), False
 
 
 @contextlib.contextmanager
@@ -176,10 +178,10 @@ def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> No
         time.sleep(_TURN)
 
 
-def _need_done(answers: list[Answer], what: str) -> None:
+def _need_done(answers: list[Answer], where: str) -> None:
     from enliven.wire import Done, Refused
 
     if answers and isinstance(answers[0], Done):
         return
     reason = answers[0].reason if answers and isinstance(answers[0], Refused) else "the edge does not answer"
-    raise InputError(reason.rstrip("."), where=what)
+    raise InputError(reason.rstrip("."), where=where)

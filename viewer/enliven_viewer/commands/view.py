@@ -118,11 +118,11 @@ def _film(
     feed = _feed(take, addresses)
     document = Document(Timeline(settings.playback, bounded=False))
     with contextlib.closing(feed):
-        made = make_film(
+        report = make_film(
             feed, document, film, sheet, settings, seconds=seconds, title=_title(take), caption=hud
         )
     written = " and ".join(str(path) for path in (film, sheet) if path)
-    say(f"enliven: {made.pictures} pictures, {made.seconds:.1f} s, are in {written}")
+    say(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written}")
 
 
 def _window(
@@ -172,9 +172,9 @@ def _addresses(edges: list[str], port: int | None, control_port: int | None) -> 
     from enliven.wire import Endpoint, parse_endpoint
 
     if len(edges) > 1 and (port or control_port):
-        what, mend = "one port cannot be that of several edges", "Give each its own: --edge HOST:PORT."
-        raise InputError(what, where="--port", mend=mend)
-    found = parse_endpoint(edges[0])
-    pose = port or found.pose_port
-    control = control_port or (pose + 1 if port else found.control_port)
-    return [str(Endpoint(found.host, pose, control)), *(str(parse_endpoint(one)) for one in edges[1:])]
+        problem, mend = "one port cannot be that of several edges", "Give each its own: --edge HOST:PORT."
+        raise InputError(problem, where="--port", mend=mend)
+    endpoint = parse_endpoint(edges[0])
+    pose = port or endpoint.pose_port
+    control = control_port or (pose + 1 if port else endpoint.control_port)
+    return [str(Endpoint(endpoint.host, pose, control)), *(str(parse_endpoint(edge)) for edge in edges[1:])]

@@ -81,8 +81,8 @@ def make_film(
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
         for moment, second in _moments(feed, document, studio.settings, seconds):
             strip.add(second, studio.draw(moment, second))
-            told = f"{time_text(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
-            progress.update(task, description="Filming", completed=second, told=told)
+            status = f"{time_text(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
+            progress.update(task, description="Filming", completed=second, told=status)
     if sheet:
         subtitle = f"{time_text(studio.count / studio.settings.film.rate)} of sensor time"
         write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)

@@ -22,7 +22,10 @@ class _Sampled:
     ) -> None:
         self._left = list(performances)
         self._progress, self._polled = progress, 0
-        longest = max((float(one.times[-1]) for one in performances if len(one.times)), default=0.0)
+        longest = max(
+            (float(performance.times[-1]) for performance in performances if len(performance.times)),
+            default=0.0,
+        )
         self._pictures = max(longest * rate, 1.0)
 
     def poll(self, document: Document) -> int:

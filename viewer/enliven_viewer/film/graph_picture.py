@@ -181,9 +181,9 @@ def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
         sheet.paste(Image.fromarray(panel), (number * width, HEADER))
     draw = ImageDraw.Draw(sheet)
     draw.text((28, 24), title, fill=INK, font=ImageFont.load_default(30))
-    told = f"R = {counts.radius:.3g} m"
+    radius_text = f"R = {counts.radius:.3g} m"
     font = ImageFont.load_default(20)
-    draw.text((sheet.width - 28 - font.getlength(told), 33), told, fill=QUIET, font=font)
+    draw.text((sheet.width - 28 - font.getlength(radius_text), 33), radius_text, fill=QUIET, font=font)
     _legend(draw, sheet.width, HEADER + height, counts)
     return sheet
 

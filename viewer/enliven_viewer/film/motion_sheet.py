@@ -86,14 +86,14 @@ def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[fl
     return MotionRow(character_of(shape), [player.pose(second) for second in seconds], facing + SIDE)
 
 
-def _model(made: Retargeted, times: Float) -> MotionRow:
-    player = Player(made.project, made.shape_id)
-    shape = made.project.shape(made.shape_id)
-    return MotionRow(character_of(shape), [player.pose(t) for t in times], made.model_facing + SIDE)
+def _model(retargeted: Retargeted, times: Float) -> MotionRow:
+    player = Player(retargeted.project, retargeted.shape_id)
+    shape = retargeted.project.shape(retargeted.shape_id)
+    return MotionRow(character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + SIDE)
 
 
-def _take(made: Retargeted, times: Float) -> MotionRow:
-    return performer_row(made.clip, made.take_facing, made.plan.travel, times)
+def _take(retargeted: Retargeted, times: Float) -> MotionRow:
+    return performer_row(retargeted.clip, retargeted.take_facing, retargeted.plan.travel, times)
 
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:

@@ -36,8 +36,8 @@ def write_puppet_sheet(
     """
     times = np.linspace(*span, frames)
     rows = [_performer(project, puppet, times), _puppet(project, puppet, times)]
-    said = f"{len(puppet.poses)} key poses, {len(puppet.points)} control points"
-    write_rows(path, rows, times, puppet.id, f"{span[1] - span[0]:.1f} s, {said}", size)
+    counts_text = f"{len(puppet.poses)} key poses, {len(puppet.points)} control points"
+    write_rows(path, rows, times, puppet.id, f"{span[1] - span[0]:.1f} s, {counts_text}", size)
 
 
 def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:

@@ -54,7 +54,7 @@ class EdgeFeed:
             # After a restart, the messages may contain times of two clocks, so do not sort them.
             # After a slow frame, several seconds of one topic arrive before those of the next topic. So sort
             # all of them by time.
-            arrived.sort(key=lambda one: _time_ns(one[1]))
+            arrived.sort(key=lambda arrival: _time_ns(arrival[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)
             self.heard(topic, value)

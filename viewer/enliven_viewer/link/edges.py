@@ -71,15 +71,15 @@ class EdgeClient:
         prefixed: bool = False,
     ) -> None:
         escape_records()
-        found = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
-        found = list(dict.fromkeys(found))
-        if not found:
+        edge_endpoints = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
+        edge_endpoints = list(dict.fromkeys(edge_endpoints))
+        if not edge_endpoints:
             raise InputError(
                 "no edge to link to", where="link", mend="Give an address, such as 127.0.0.1:5580."
             )
         self._notices: deque[Notice] = deque(maxlen=200)
         self._heard: dict[tuple[str, int], tuple[float, float]] = {}
-        self._prefixed = several = prefixed or len(found) > 1
+        self._prefixed = several = prefixed or len(edge_endpoints) > 1
         warm_up()
 
         def label(edge: str, character: str) -> str:
@@ -88,7 +88,9 @@ class EdgeClient:
         # Use the process's shared context, because a separate one would wait for its sockets at garbage
         # collection.
         context: zmq.Context[Any] = zmq.Context.instance()
-        self.edges = [EdgeConnection(context, e, name[:64], label, self._notices.append) for e in found]
+        self.edges = [
+            EdgeConnection(context, e, name[:64], label, self._notices.append) for e in edge_endpoints
+        ]
 
     def poll(self) -> None:
         """Processes all received messages and requests missing data; does not block."""
@@ -161,8 +163,8 @@ class EdgeClient:
                 own = msgspec.structs.replace(order, character=character.removeprefix(prefix))
                 edge.command(own, on_reply)
                 return
-        known = ", ".join(self.characters) or "none"
-        refused = Refused(f"unknown character {character!r}; known: {known}"[:400])
+        character_names = ", ".join(self.characters) or "none"
+        refused = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
         self._notices.append(Notice("warning", refused.reason))
         if on_reply is not None:
             on_reply(refused)

@@ -212,8 +212,8 @@ class EdgeConnection:
     @property
     def complete(self) -> bool:
         """Returns True if the edge's list of characters is known and all of them have been received."""
-        known = self.status is not None and self._known_revision == self.status.revision
-        return known and self._revisions == self._wanted
+        is_list_current = self.status is not None and self._known_revision == self.status.revision
+        return is_list_current and self._revisions == self._wanted
 
     def close(self) -> None:
         """Closes the sockets."""

@@ -133,8 +133,8 @@ class StageLink:
 
     def remove(self, character: str, then: Then | None = None) -> None:
         """Removes a character from the stage."""
-        told = then or (lambda answer: None)
-        self._ask(RemoveCharacter(character), told)
+        on_answer = then or (lambda answer: None)
+        self._ask(RemoveCharacter(character), on_answer)
 
     def poll(self) -> None:
         """Continues the uploads; does not block."""
@@ -226,8 +226,8 @@ class StageLink:
         if waiting is not None:
             waiting()
 
-    def _ask(self, body: Ask, told: Then) -> None:
+    def _ask(self, body: Ask, on_answer: Then) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
-        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: told(answer or silent)):
-            told(Refused("no edge is connected"))
+        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: on_answer(answer or silent)):
+            on_answer(Refused("no edge is connected"))

@@ -47,8 +47,8 @@ class TakeFeed:
 
     def __init__(self, path: Path) -> None:
         recording = Recording(path)
-        known = [CHARACTER.name, *(topic.name for topic in shown_topics())]
-        present = [name for name in known if name in recording.info.topics]
+        topic_names = [CHARACTER.name, *(topic.name for topic in shown_topics())]
+        present = [name for name in topic_names if name in recording.info.topics]
         if not {"character", "pose"} <= set(present):
             raise InputError(
                 "it holds no performance (characters and poses)",
@@ -108,11 +108,11 @@ class TakeFeed:
 
     def _introduce(self, document: Document, data: bytes) -> None:
         """Adds the character of a message to the document unless it is already there."""
-        made = msgspec.msgpack.decode(data, type=CharacterMessage)
-        if self._revisions.get(made.id) != made.revision:
-            character = message_to_character(made)
-            self._held[made.id, made.revision] = character, PoseCodec(character)
-            self._revisions[made.id] = made.revision
+        message = msgspec.msgpack.decode(data, type=CharacterMessage)
+        if self._revisions.get(message.id) != message.revision:
+            character = message_to_character(message)
+            self._held[message.id, message.revision] = character, PoseCodec(character)
+            self._revisions[message.id] = message.revision
             document.add_character(character)
 
     def _look_ahead(self, document: Document, character_id: str, revision: int) -> None:
@@ -122,8 +122,8 @@ class TakeFeed:
         self._searched.add((character_id, revision))
         for _, data in self._recording.messages("character"):
             try:
-                made = msgspec.msgpack.decode(data, type=CharacterMessage)
-                if (made.id, made.revision) == (character_id, revision):
+                message = msgspec.msgpack.decode(data, type=CharacterMessage)
+                if (message.id, message.revision) == (character_id, revision):
                     self._introduce(document, data)
                     return
             except (msgspec.MsgspecError, EnlivenError, ValueError):

@@ -58,12 +58,12 @@ def _read_bodies(message: BodiesMessage, edge: str) -> ReceivedBodies:
 
 def _read_cues(message: CuesMessage, edge: str) -> ReceivedCues:
     nodes, strengths = message_to_cues(message)
-    what = (message.state, nodes, strengths, message.body, message.time_ns)
-    return ReceivedCues(message.character, *what, message_to_owners(message), message.held)
+    cue_values = (message.state, nodes, strengths, message.body, message.time_ns)
+    return ReceivedCues(message.character, *cue_values, message_to_owners(message), message.held)
 
 
-def _put_pose(document: Document, seen: ReceivedPose) -> None:
-    document.add_pose(seen.pose, seen.character)
+def _put_pose(document: Document, received: ReceivedPose) -> None:
+    document.add_pose(received.pose, received.character)
 
 
 def _put_cues(document: Document, cues: ReceivedCues) -> None:

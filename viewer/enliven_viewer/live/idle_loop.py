@@ -31,14 +31,14 @@ WORDS: dict[Loss, str] = {
 
 def loss_of(live: LiveStage) -> Loss:
     """Returns why nothing new arrives from a stage; "" if it does, and for takes."""
-    edge, known = live.document.edge, len(live.document.timeline) > 0
+    edge, has_moments = live.document.edge, len(live.document.timeline) > 0
     if live.take:
         return ""
     if not edge.connected:
-        return "away" if known else "waiting"
+        return "away" if has_moments else "waiting"
     if edge.phase == "ended":
         return "ended"
-    return "silent" if edge.signal == "silent" and known else ""
+    return "silent" if edge.signal == "silent" and has_moments else ""
 
 
 class IdleLoop:

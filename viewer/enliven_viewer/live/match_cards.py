@@ -60,8 +60,8 @@ def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
     several = len(choosing) > 1
-    made = [_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)]
-    return tuple(card for cards in made for card in cards)
+    card_rows = [_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)]
+    return tuple(card for cards in card_rows for card in cards)
 
 
 def _cards(

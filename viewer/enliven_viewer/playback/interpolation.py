@@ -105,14 +105,14 @@ def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float
 
     Their lines are interpolated if both moments have them.
     """
-    made = dict(before)
+    boards = dict(before)
     for name, first in before.items():
         last = after.get(name)
         if last is None or (first.state, len(first.rows)) != (last.state, len(last.rows)):
             continue
         rows = tuple(_blend_row(a, b, share) for a, b in zip(first.rows, last.rows, strict=True))
-        made[name] = replace(first, rows=rows)
-    return made
+        boards[name] = replace(first, rows=rows)
+    return boards
 
 
 def _blend_row(first: MatchRow, last: MatchRow, share: float) -> MatchRow:

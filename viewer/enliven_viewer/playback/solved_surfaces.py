@@ -57,16 +57,16 @@ class SolvedSurfaces:
         """
         if character.kind != "points":
             return None
-        known = self._known.get(character.id)
-        if known is None or known.character is not character:
-            known = _SolvedSurface(character)
-            self._known[character.id] = known
-        return known.vertices(pose, wait=self._wait)
+        surface = self._known.get(character.id)
+        if surface is None or surface.character is not character:
+            surface = _SolvedSurface(character)
+            self._known[character.id] = surface
+        return surface.vertices(pose, wait=self._wait)
 
     def forget_but(self, characters: Iterable[Character]) -> None:
         """Discards the puppets that are not among these."""
         names = {character.id for character in characters}
-        self._known = {name: known for name, known in self._known.items() if name in names}
+        self._known = {name: surface for name, surface in self._known.items() if name in names}
 
 
 class _SolvedSurface:
@@ -143,13 +143,13 @@ class _SolvedSurface:
         """Returns the surface in the mesh's frame; the last valid one if the positions are invalid."""
         began = time.perf_counter()
         try:
-            made = surface.settle(places) if self._local is None else surface.solve(places)
+            vertices = surface.settle(places) if self._local is None else surface.solve(places)
         except _FAILURES as error:
-            made = surface.pose
+            vertices = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)
         if self._local is not None:
             self._seconds = time.perf_counter() - began
-        return made.astype(np.float32)
+        return vertices.astype(np.float32)
 
     def _take(self) -> None:
         """Takes the surface that a thread has solved, if it is ready."""

@@ -211,8 +211,8 @@ class Timeline:
     def _at(self, time_ns: int) -> TimelineMoment:
         """Returns the moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
-        found = index < len(self._times) and self._times[index] == time_ns
-        if found:
+        is_stored = index < len(self._times) and self._times[index] == time_ns
+        if is_stored:
             return self._moments[index]
         empty = TimelineMoment(time_ns, cues=self._cues)
         if not index:

@@ -56,10 +56,10 @@ def capsules_of(
     """
     tints = linear_from_srgb(np.array(PERFORMERS, float))
     rows = [_capsules_of_one(body, tints[k % len(tints)], opacity) for k, body in enumerate(bodies)]
-    for body, made in zip(bodies, rows, strict=True):
+    for body, body_rows in zip(bodies, rows, strict=True):
         for joint, tint in limbs.get(body.id, {}).items():
             bone = [number for number, (_, end) in enumerate(BONES) if end == joint]
-            made[[*bone, len(BONES) + joint], 8:11] = linear_from_srgb(255.0 * np.array(tint))
+            body_rows[[*bone, len(BONES) + joint], 8:11] = linear_from_srgb(255.0 * np.array(tint))
     return np.concatenate(rows) if rows else np.zeros((0, 12), np.float32)
 
 

@@ -33,15 +33,17 @@ def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = (
     """
     cues, character = actor.cues, actor.character
     count = len(character.pivots)
-    if cues is None or strength <= 0 or not (known := (cues.nodes >= 0) & (cues.nodes < count)).any():
+    if cues is None or strength <= 0 or not (is_valid := (cues.nodes >= 0) & (cues.nodes < count)).any():
         return None
-    level = strength * np.clip(cues.strengths[known], 0, 1) * np.where(cues.firm[known], 1.0, _PREVIEW)
+    level = strength * np.clip(cues.strengths[is_valid], 0, 1) * np.where(cues.firm[is_valid], 1.0, _PREVIEW)
     light = np.zeros((count, 3), np.float32)
-    np.maximum.at(light, cues.nodes[known], (level[:, None] * cue_tints(cues, bodies)[known]).astype("f4"))
+    np.maximum.at(
+        light, cues.nodes[is_valid], (level[:, None] * cue_tints(cues, bodies)[is_valid]).astype("f4")
+    )
     edges = character.edges if character.kind == "graph" else np.zeros((0, 2), np.int32)
-    both = np.concatenate([edges, edges[:, ::-1]])
+    directed_edges = np.concatenate([edges, edges[:, ::-1]])
     for _ in range(_STEPS):
-        np.maximum.at(light, both[:, 1], _LEFT * light[both[:, 0]])
+        np.maximum.at(light, directed_edges[:, 1], _LEFT * light[directed_edges[:, 0]])
     return light
 
 

@@ -63,7 +63,7 @@ class MeshPass:
             if mesh.held:
                 self._outline(mesh)
         if clear:
-            clear.sort(key=lambda one: -float(np.linalg.norm(one[0].hull().mean(0) - eye)))
+            clear.sort(key=lambda entry: -float(np.linalg.norm(entry[0].hull().mean(0) - eye)))
             self._draw_clear(picture, clear, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:

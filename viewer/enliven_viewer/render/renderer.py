@@ -151,23 +151,23 @@ class Renderer:
         """
         names = {actor.character.id for actor in scene.actors}
         glow, bodies = self.settings.held_light * scene.style.held, [body.id for body in scene.bodies]
-        for gone in set(self._meshes) - names:
-            self._meshes.pop(gone).release()
+        for removed in set(self._meshes) - names:
+            self._meshes.pop(removed).release()
         for actor in scene.actors:
-            known = self._meshes.get(actor.character.id)
-            if known is None or known.character is not actor.character:
+            mesh = self._meshes.get(actor.character.id)
+            if mesh is None or mesh.character is not actor.character:
                 crease = math.radians(self.settings.crease_angle)
-                made = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
-                if known is not None:
+                new_mesh = SkinnedMesh(self.ctx, actor.character, crease, self._skin, self.textures)
+                if mesh is not None:
                     # Release the old mesh only after the new one has taken the textures that both share.
-                    known.release()
-                known = made
-                self._meshes[actor.character.id] = made
-            known.hold(held_light(actor, glow, bodies))
+                    mesh.release()
+                mesh = new_mesh
+                self._meshes[actor.character.id] = new_mesh
+            mesh.hold(held_light(actor, glow, bodies))
             if actor.vertices is None:
-                known.skin(actor.pose)
+                mesh.skin(actor.pose)
             else:
-                known.place(actor.vertices)
+                mesh.place(actor.vertices)
         return [self._meshes[actor.character.id] for actor in scene.actors]
 
     def _write_frame(self, box: Box, view: CameraView) -> Float:

@@ -44,7 +44,7 @@ def places_of(bits):
         size *= 2
     mask = np.uint64(size - 1)
     first = np.full(size, -1, np.int32)
-    out, found = np.empty(count, np.int32), 0
+    out, group_count = np.empty(count, np.int32), 0
     for v in range(count):
         mixed = np.uint64(0)
         for c in range(columns):
@@ -55,8 +55,8 @@ def places_of(bits):
             other = first[np.int64(at)]
             if other < 0:
                 first[np.int64(at)] = v
-                out[v] = found
-                found += 1
+                out[v] = group_count
+                group_count += 1
                 break
             same = True
             for c in range(columns):
@@ -170,16 +170,16 @@ def _link(place, normals, cosine, parents, one, other):
 @njit(cache=True, nogil=True)
 def _numbered(parents):
     """Returns (K,) group numbers from 0 for a union-find forest (K,), and the number of groups."""
-    numbers, found = np.full(len(parents), -1), 0
+    numbers, group_count = np.full(len(parents), -1), 0
     for k in range(len(parents)):
         top = root_of(parents, k)
         if numbers[top] < 0:
-            numbers[top] = found
-            found += 1
+            numbers[top] = group_count
+            group_count += 1
         parents[k] = top
     for k in range(len(parents)):
         parents[k] = numbers[parents[k]]
-    return parents, found
+    return parents, group_count
 
 
 @njit(cache=True, nogil=True)
@@ -189,16 +189,16 @@ def drawn_of(group, faces, vertices):
     There is one drawn vertex per group and vertex, or per group and other number (F, 3) below ``vertices``.
     """
     keys, number = _room(len(group))
-    corner, first, found = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
+    corner, first, drawn_count = np.empty(len(group), np.int32), np.empty(len(group), np.int64), 0
     for k in range(len(group)):
         key = group[k] * vertices + faces[k // 3, k % 3]
         at = _slot(keys, key)
         if keys[at] == _EMPTY:
-            keys[at], number[at] = key, found
-            first[found] = k
-            found += 1
+            keys[at], number[at] = key, drawn_count
+            first[drawn_count] = k
+            drawn_count += 1
         corner[k] = number[at]
-    return corner, first[:found].copy()
+    return corner, first[:drawn_count].copy()
 
 
 @njit(cache=True, nogil=True)

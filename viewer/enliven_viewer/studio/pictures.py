@@ -63,7 +63,9 @@ class WindowPictures:
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
         renderer.resize(_dense(area.width, area.height))
-        stage = [one for one in editor.seen if one.id not in perform.hidden and not scan.active]
+        stage = [
+            character for character in editor.seen if character.id not in perform.hidden and not scan.active
+        ]
         live = None if hides_live(workspace) else scan.beside(perform.scene)
         self._draw_side(area, stage, live)
         tool = workspace.input.tool

@@ -132,7 +132,7 @@ class Preferences:
     def opened(self, path: Path) -> None:
         """Moves a file to the top of the recent files."""
         name = str(path.resolve())
-        self.recent = [name, *(one for one in self.recent if one != name)][:_RECENT]
+        self.recent = [name, *(other for other in self.recent if other != name)][:_RECENT]
         self.save()
 
     def _chosen(self) -> dict[str, Any]:
@@ -176,7 +176,7 @@ class Preferences:
         try:
             self.path.replace(self.path.with_suffix(_DAMAGED))
         except OSError as error:
-            what = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
+            problem = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
             self.refusal = ResourceError(
-                what, where=str(self.path), mend=tr("Check that you may read the file.")
+                problem, where=str(self.path), mend=tr("Check that you may read the file.")
             )

@@ -39,15 +39,15 @@ class Toasts:
 
     def complain(self, error: EnlivenError) -> None:
         """Shows an error that the artist can fix."""
-        what = f"{error.where}: {error.what}" if error.where else error.what
-        self._add(Toast(what, error.mend, True, 2 * self._seconds))
+        message = f"{error.where}: {error.what}" if error.where else error.what
+        self._add(Toast(message, error.mend, True, 2 * self._seconds))
 
     def tell(self, error: BaseException, mend: str = "") -> EnlivenError:
         """Shows any error. Internal errors are shown too, since they must not close the window."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
-            what = tr("a fault of enliven itself{0}; the log says more", place_of(error))
-            error = EnlivenError(what, mend=mend)
+            message = tr("a fault of enliven itself{0}; the log says more", place_of(error))
+            error = EnlivenError(message, mend=mend)
         self.complain(error)
         return error
 

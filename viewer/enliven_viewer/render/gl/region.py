@@ -21,4 +21,4 @@ def regions_around(region: Region, size: tuple[int, int]) -> list[Region]:
         (0, y, x, height),
         (right, y, size[0] - right, height),
     ]
-    return [one for one in rest if one[2] > 0 and one[3] > 0]
+    return [part for part in rest if part[2] > 0 and part[3] > 0]

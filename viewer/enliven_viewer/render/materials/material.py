@@ -83,7 +83,7 @@ def material_of(definition: str) -> SurfaceMaterial:
     strength = _number(
         _table(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1.0, _BRIGHTEST
     )
-    found = {
+    maps = {
         "base": _map(own, "baseColorTexture"),
         "finish": _map(own, "metallicRoughnessTexture"),
         "normal": _map(value, "normalTexture"),
@@ -101,17 +101,17 @@ def material_of(definition: str) -> SurfaceMaterial:
         unlit="KHR_materials_unlit" in extensions,
         normal_scale=_number(_table(value, "normalTexture"), "scale", 1.0, 8.0),
         occlusion_strength=_number(_table(value, "occlusionTexture"), "strength", 1.0, 1.0),
-        maps={name: one for name, one in found.items() if one is not None},
+        maps={name: texture_map for name, texture_map in maps.items() if texture_map is not None},
     )
 
 
 def _map(value: dict[str, Any], name: str) -> Map | None:
-    told = _table(value, name)
-    index = told.get("index")
+    texture_info = _table(value, name)
+    index = texture_info.get("index")
     if not isinstance(index, int) or isinstance(index, bool):
         return None
-    moved = _table(_table(told, "extensions"), "KHR_texture_transform")
-    uvs = moved.get("texCoord", told.get("texCoord", 0))
+    moved = _table(_table(texture_info, "extensions"), "KHR_texture_transform")
+    uvs = moved.get("texCoord", texture_info.get("texCoord", 0))
     x, y = _numbers(moved, "offset", (0.0, 0.0), _SPREAD, -_SPREAD)
     across, down = _numbers(moved, "scale", (1.0, 1.0), _SPREAD, -_SPREAD)
     turn = _number(moved, "rotation", 0.0, _SPREAD, -_SPREAD)
@@ -140,7 +140,9 @@ def _numbers(
 
     Returns ``usual`` if the value is something else.
     """
-    given = value.get(name)
-    if not isinstance(given, list) or len(given) != len(usual):
+    numbers = value.get(name)
+    if not isinstance(numbers, list) or len(numbers) != len(usual):
         return usual
-    return tuple(_number({name: one}, name, own, most, least) for one, own in zip(given, usual, strict=True))
+    return tuple(
+        _number({name: number}, name, own, most, least) for number, own in zip(numbers, usual, strict=True)
+    )

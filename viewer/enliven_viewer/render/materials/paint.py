@@ -44,11 +44,11 @@ def paint_keys(character: Character) -> Int32 | None:
     if own is None:
         return None
     faces = np.asarray(character.faces, np.int32)
-    told = [faces.reshape(-1, 1), np.repeat(own.of, 3)[:, None]]
-    told.append(own.uvs.reshape(faces.size, -1).view(np.int32))
+    columns = [faces.reshape(-1, 1), np.repeat(own.of, 3)[:, None]]
+    columns.append(own.uvs.reshape(faces.size, -1).view(np.int32))
     if own.tints is not None:
-        told.append(own.tints.reshape(faces.size, -1).view(np.int32))
-    return np.ascontiguousarray(np.concatenate(told, 1))
+        columns.append(own.tints.reshape(faces.size, -1).view(np.int32))
+    return np.ascontiguousarray(np.concatenate(columns, 1))
 
 
 def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
@@ -70,7 +70,7 @@ def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
     drawn = (
         (part, int(start), int(count)) for part, start, count in zip(kinds, starts, counts, strict=False)
     )
-    return PaintedFaces(np.argsort(number, kind="stable"), tuple(one for one in drawn if one[2]), rows)
+    return PaintedFaces(np.argsort(number, kind="stable"), tuple(batch for batch in drawn if batch[2]), rows)
 
 
 def _paint(

@@ -51,7 +51,7 @@ class Part:
     @property
     def cutter(self) -> tuple[str, ...]:
         """Returns the preprocessor defines of its shadow shader, which only needs the opacity."""
-        return (*(one for one in self.defines if one.startswith("BASE_MAP")), self.alpha)
+        return (*(define for define in self.defines if define.startswith("BASE_MAP")), self.alpha)
 
 
 def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
@@ -63,23 +63,23 @@ def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets
         textures: the textures that the materials refer to.
         sets: number of sets of texture coordinates.
     """
-    folds = [mirrored(one) for one in textures]
-    return [_part(one, folds, sets) for one in materials]
+    folds = [mirrored(texture) for texture in textures]
+    return [_part(material, folds, sets) for material in materials]
 
 
 def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
     maps, placings = list[tuple[str, int, int]](), list[Placing]()
     for name in MAPS:
-        one = material.maps.get(name)
-        if one is None or not sets:
+        texture_map = material.maps.get(name)
+        if texture_map is None or not sets:
             continue
-        across, down = (0.5 if fold else 1.0 for fold in folds[one.texture])
-        a, b, c, d, e, f = one.transform
+        across, down = (0.5 if fold else 1.0 for fold in folds[texture_map.texture])
+        a, b, c, d, e, f = texture_map.transform
         moved = across * a, across * b, across * c, down * d, down * e, down * f
-        placing = min(one.uvs, sets - 1), moved
+        placing = min(texture_map.uvs, sets - 1), moved
         if placing not in placings and len(placings) < 2:
             placings.append(placing)
-        maps.append((name, one.texture, placings.index(placing) if placing in placings else 0))
+        maps.append((name, texture_map.texture, placings.index(placing) if placing in placings else 0))
     named = {name for name, *_ in maps}
     return Part(
         alpha=material.alpha,

@@ -38,14 +38,14 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
     cues = actor.cues
     if cues is None or strength <= 0:
         return np.zeros((0, 8), np.float32)
-    known = cues.nodes < len(actor.pose.positions)
-    held = np.clip(cues.strengths[known], 0, 1)
-    rows = np.empty((int(known.sum()), 8), np.float32)
-    rows[:, :3] = actor.pose.positions[cues.nodes[known]]
-    rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * held)
+    is_valid = cues.nodes < len(actor.pose.positions)
+    levels = np.clip(cues.strengths[is_valid], 0, 1)
+    rows = np.empty((int(is_valid.sum()), 8), np.float32)
+    rows[:, :3] = actor.pose.positions[cues.nodes[is_valid]]
+    rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * levels)
     several = len(set(cues.owners.tolist())) > 1
-    rows[:, 4:7] = cue_tints(cues, bodies)[known] if several else CUE_TINT
-    rows[:, 7] = strength * (0.35 + 0.65 * held) * np.where(cues.firm[known], 1.0, 0.45)
+    rows[:, 4:7] = cue_tints(cues, bodies)[is_valid] if several else CUE_TINT
+    rows[:, 7] = strength * (0.35 + 0.65 * levels) * np.where(cues.firm[is_valid], 1.0, 0.45)
     return rows
 
 

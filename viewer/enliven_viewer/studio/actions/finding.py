@@ -43,5 +43,5 @@ class Finding:
 
     def chosen(self) -> Action | None:
         """Returns the highlighted action if there is one and it is available."""
-        one = self.found[self.marked] if self.found else None
-        return one if one is not None and not one.why_not() else None
+        action = self.found[self.marked] if self.found else None
+        return action if action is not None and not action.why_not() else None

@@ -27,13 +27,13 @@ def likeness(typed: str, name: str) -> float | None:
         return 0.0
     best: list[tuple[float, int]] = [(0.0, -1)]
     for letter in wanted:
-        found = [
+        matches = [
             (max(score + (_NEXT if at == before + 1 else 0.0) for score, before in best if before < at), at)
-            for at, here in enumerate(text)
-            if here == letter and any(before < at for _, before in best)
+            for at, text_letter in enumerate(text)
+            if text_letter == letter and any(before < at for _, before in best)
         ]
         best = [
-            (score + (_START if at == 0 or not text[at - 1].isalnum() else 0.0), at) for score, at in found
+            (score + (_START if at == 0 or not text[at - 1].isalnum() else 0.0), at) for score, at in matches
         ]
     return max((score for score, _ in best), default=0.0) - _SKIPPED * len(text) if best else None
 
@@ -43,7 +43,7 @@ def _likest(typed: str, *texts: str) -> float | None:
 
     Letters must match within one text, so languages are not mixed.
     """
-    return max((found for one in {*texts} if (found := likeness(typed, one)) is not None), default=None)
+    return max((score for text in {*texts} if (score := likeness(typed, text)) is not None), default=None)
 
 
 def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:

@@ -46,8 +46,8 @@ class ActionTable:
             rivals = [other for other in self if other.rivals(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
-                said = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
-                raise InputError(said, where=f"action {action.id}", mend="Give it another id or key.")
+                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
+                raise InputError(problem, where=f"action {action.id}", mend="Give it another id or key.")
             self._actions[action.id] = action
 
     def __iter__(self) -> Iterator[Action]:
@@ -73,7 +73,7 @@ class ActionTable:
         if first:
             self._toasts.say(first.removesuffix("."), rest)
             return False
-        self.recent = [action_id, *(one for one in self.recent if one != action_id)][:_MOST_RECENT]
+        self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MOST_RECENT]
         try:
             action.do()
         except Exception as error:  # An internal error must not close the user's window.
@@ -106,18 +106,22 @@ class ActionTable:
     def holder(self, key: str, room: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
         with_key = (action for action in self if key in self.keys_of(action))
-        return next((one for one in with_key if (room in one.rooms if room else not one.rooms)), None)
+        return next(
+            (action for action in with_key if (room in action.rooms if room else not action.rooms)), None
+        )
 
     def rival(self, action_id: str, key: str) -> Action | None:
         """Returns another action with the same shortcut that would conflict with this action."""
         wanted = self._actions[action_id]
-        others = (one for one in self if one is not wanted and one.rivals(wanted))
-        return next((one for one in others if key in self.keys_of(one)), None)
+        others = (action for action in self if action is not wanted and action.rivals(wanted))
+        return next((action for action in others if key in self.keys_of(action)), None)
 
     def give(self, action_id: str, key: str) -> None:
         """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
         while (other := self.rival(action_id, key)) is not None:
-            self._preferences.keys[other.id] = tuple(one for one in self.keys_of(other) if one != key)
+            self._preferences.keys[other.id] = tuple(
+                other_key for other_key in self.keys_of(other) if other_key != key
+            )
         self._preferences.keys[action_id] = (key,)
         self._tidy()
 
@@ -140,7 +144,7 @@ class ActionTable:
         """Returns the matching actions, best match first. Without text, recent actions come first."""
         if typed.strip():
             return ranked(typed, self)
-        first = [self._actions[one] for one in self.recent if one in self._actions]
+        first = [self._actions[action_id] for action_id in self.recent if action_id in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
     def tip(self, action: Action) -> str:
@@ -153,8 +157,10 @@ class ActionTable:
     def _tidy(self) -> None:
         """Removes shortcuts that equal the defaults, and saves the rest."""
         changed = self._preferences.keys
-        for one in [
-            one for one in changed if one in self._actions and changed[one] == self._actions[one].keys
+        for action_id in [
+            action_id
+            for action_id in changed
+            if action_id in self._actions and changed[action_id] == self._actions[action_id].keys
         ]:
-            del changed[one]
+            del changed[action_id]
         self._preferences.save()

@@ -79,22 +79,22 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
         EnlivenError: if the character cannot be played.
     """
     character = project.character(thing.character)
-    found = list[CurveGroup]()
+    groups = list[CurveGroup]()
     moving = _moving(project, character, thing)
     if moving is not None:
         rows = [moving(float(time)) for time in times]
         turns = continuous(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
-        found.append(CurveGroup("turn", "\u00b0", AXES, _unwrapped(turns)))
-        found.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
+        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrapped(turns)))
+        groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
     layer = layer_of_thing(project, thing)
     if layer is not None:
         length = project.length_of(layer)
         heard = 0.0 if layer.muted else float(getattr(layer, "weight", 1.0))
         weights = [heard * layer.moment(float(time), length).weight for time in times]
-        found.append(CurveGroup("weight", "", ("weight",), np.array(weights)[:, None]))
+        groups.append(CurveGroup("weight", "", ("weight",), np.array(weights)[:, None]))
         speeds = [_speed(layer, float(time), length) for time in times]
-        found.append(CurveGroup("speed", "x", ("speed",), np.array(speeds)[:, None]))
-    return {group.name: group for group in found}
+        groups.append(CurveGroup("speed", "x", ("speed",), np.array(speeds)[:, None]))
+    return {group.name: group for group in groups}
 
 
 def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
@@ -106,17 +106,17 @@ def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveG
     character = project.characters.get(thing.character)
     if character is None or (thing.handle is not None and thing.handle >= character.keyable):
         return {}
-    number, known = key_layer(project, thing.character, thing.handle), np.zeros((len(times), 6))
+    number, values = key_layer(project, thing.character, thing.handle), np.zeros((len(times), 6))
     keys = keys_of(project, thing.character, thing.handle)
     if number is not None:
         layer = character.playing[number]
         length = project.length_of(layer)
         seconds = [layer.played(float(time), length)[0] for time in times]
-        known = key_values([key for _, key in keys], np.array(seconds))
-    made = {"keys": CurveGroup("keys", "\u00b0", AXES, known[:, :3], _dots(keys, "degrees"))}
+        values = key_values([key for _, key in keys], np.array(seconds))
+    groups = {"keys": CurveGroup("keys", "\u00b0", AXES, values[:, :3], _dots(keys, "degrees"))}
     if thing.handle is None or not isinstance(character, Shape):
-        made["moves"] = CurveGroup("moves", "m", AXES, known[:, 3:], _dots(keys, "metres"))
-    return made
+        groups["moves"] = CurveGroup("moves", "m", AXES, values[:, 3:], _dots(keys, "metres"))
+    return groups
 
 
 def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
@@ -185,7 +185,7 @@ def layer_number(project: Project, thing: Thing) -> int | None:
     playing = () if character is None else character.playing
     if thing.layer is not None and thing.layer < len(playing):
         return thing.layer
-    return next((number for number, one in enumerate(playing) if not one.muted), None)
+    return next((number for number, layer in enumerate(playing) if not layer.muted), None)
 
 
 def _moving(
@@ -257,7 +257,7 @@ def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> fl
 
     The speed is 0 if the take stands still.
     """
-    one, other = layer.moment(time, length), layer.moment(time + wide, length)
-    if one.rounds != other.rounds:
+    before, after = layer.moment(time, length), layer.moment(time + wide, length)
+    if before.rounds != after.rounds:
         return float("nan")
-    return (other.second - one.second) / wide
+    return (after.second - before.second) / wide

@@ -130,18 +130,18 @@ class CurveInput:
         if thing is None:
             return {}
         mine = self._known is not None and self._known[0].thing == thing
-        found = dict(self._known[1]) if self._known is not None and mine else {}
+        groups = dict(self._known[1]) if self._known is not None and mine else {}
         layout = self.timeline.layout
         wanted = _Wanted(project, thing, layout.start, layout.shown)
         if self._keys is None or not wanted.same(self._keys[0]):
             self._keys = (wanted, key_groups(project, thing, self.times))
-        found.update(self._keys[1])
-        if "place" in found and (dots := pose_dots(project, thing)):
-            found["place"] = replace(found["place"], dots=dots)
+        groups.update(self._keys[1])
+        if "place" in groups and (dots := pose_dots(project, thing)):
+            groups["place"] = replace(groups["place"], dots=dots)
         for name in NUMBERS:
-            if name in found:
-                found[name] = replace(found[name], dots=layer_dots(project, thing, name))
-        return {name: found[name] for name in GROUPS if name in found}
+            if name in groups:
+                groups[name] = replace(groups[name], dots=layer_dots(project, thing, name))
+        return {name: groups[name] for name in GROUPS if name in groups}
 
     def settle(self) -> dict[str, CurveGroup]:
         """Returns all groups of curves, completely solved and sampled.
@@ -210,7 +210,7 @@ class CurveInput:
             (float(np.hypot(layout.x(dot.time) - x, scale.y(dot.value) - y)), dot.number, dot.axis, dot)
             for dot in group.dots
         ]
-        best = min(near, default=None, key=lambda one: one[:3])
+        best = min(near, default=None, key=lambda candidate: candidate[:3])
         return best[3] if best is not None and best[0] <= REACH else None
 
     def press(self, x: float, y: float) -> None:
@@ -287,14 +287,14 @@ class CurveInput:
         """
         number = layer_number(self.editor.project, thing) or 0
         bars = self.timeline.layout.bars()
-        mine = (one.layers for one in bars if one.character.id == thing.character and number in one.layers)
-        rest = tuple(one for one in next(mine, ()) if one != number)
+        mine = (bar.layers for bar in bars if bar.character.id == thing.character and number in bar.layers)
+        rest = tuple(layer for layer in next(mine, ()) if layer != number)
         return (number, *rest)
 
     def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
-        if said := beyond(self.editor.project, thing, name, time, value):
-            self.editor.toasts.say(said)
+        if warning := beyond(self.editor.project, thing, name, time, value):
+            self.editor.toasts.say(warning)
 
     def _wanted(self, x: float, y: float) -> tuple[float, float]:
         """Returns the time and the value to which the pointer drags the held key."""

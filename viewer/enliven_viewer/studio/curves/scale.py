@@ -28,8 +28,8 @@ class Scale:
     @staticmethod
     def around(values: Float, unit: str, height: float) -> Scale:
         """Returns the scale that shows all given values."""
-        known = values[np.isfinite(values)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        finite = values[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
         wide = max(high - low, _LEAST.get(unit, 1.0))
         middle = (low + high) / 2
         half = wide * (0.5 + _ROOM)
@@ -60,6 +60,6 @@ class Scale:
         """Returns round values to label, with a minimum distance in pixels."""
         wanted = (self.high - self.low) * _APART / self.height
         ten = 10.0 ** math.floor(math.log10(max(wanted, 1e-12)))
-        step = next(one * ten for one in (1.0, 2.0, 5.0, 10.0) if one * ten >= wanted * (1 - 1e-9))
+        step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= wanted * (1 - 1e-9))
         first = math.ceil(self.low / step)
         return tuple(step * k for k in range(first, math.floor(self.high / step) + 1))

@@ -86,19 +86,21 @@ class Editor:
     @property
     def handled(self) -> tuple[StandingCharacter, ...]:
         """Returns the characters with handles that every tool can edit."""
-        return tuple(one for one in self.reachable if len(one.handles) and not one.own_tool)
+        return tuple(
+            character for character in self.reachable if len(character.handles) and not character.own_tool
+        )
 
     @property
     def seen(self) -> tuple[StandingCharacter, ...]:
         """Returns the visible characters."""
         handling = self.project.handling
-        return tuple(one for one in self.standing if not handling.get(one.id, FREE).hidden)
+        return tuple(character for character in self.standing if not handling.get(character.id, FREE).hidden)
 
     @property
     def reachable(self) -> tuple[StandingCharacter, ...]:
         """Returns the characters that can be picked: visible and not locked."""
         handling = self.project.handling
-        return tuple(one for one in self.seen if not handling.get(one.id, FREE).locked)
+        return tuple(character for character in self.seen if not handling.get(character.id, FREE).locked)
 
     def posed(self, character_id: str) -> StandingCharacter:
         """Returns one character in its current pose.
@@ -113,8 +115,8 @@ class Editor:
 
         Returns None if no character is selected, or one of another type.
         """
-        found = self.project.characters.get(self.selection.character or "")
-        return found if isinstance(found, rig) else None
+        character = self.project.characters.get(self.selection.character or "")
+        return character if isinstance(character, rig) else None
 
     def begin(self, project: Project) -> None:
         """Opens another project, with an empty history."""
@@ -126,7 +128,11 @@ class Editor:
     @property
     def chosen_all(self) -> tuple[RigBase, ...]:
         """Returns every selected character, in the project's order."""
-        return tuple(one for one in self.project.characters.values() if one.id in self.selection.characters)
+        return tuple(
+            character
+            for character in self.project.characters.values()
+            if character.id in self.selection.characters
+        )
 
     def edit(self, name: str, change: Edit, *, over_locks: bool = False) -> bool:
         """Applies an edit and adds it to the history. If it fails, shows the reason and changes nothing.
@@ -203,7 +209,7 @@ class Editor:
     def toggle(self, character: str) -> None:
         """Adds a character to the selection, or removes it."""
         chosen = self.selection.characters
-        rest = tuple(one for one in chosen if one != character)
+        rest = tuple(other for other in chosen if other != character)
         self.choose_all(*(rest if character in chosen else (*chosen, character)))
 
     def advance(self, seconds: float) -> None:
@@ -266,11 +272,11 @@ class Editor:
             self._frame(None)
             return
         ways = [np.stack(box)]
-        chosen = [one for one in self.seen if one.id in self.selection.characters]
-        for one in chosen or self.seen:
-            if len(one.extent):
-                extent = seen_points(one.extent, one.vertices)
-                ways.append(way_of(*self._solved(one.id), self.time, extent))
+        chosen = [character for character in self.seen if character.id in self.selection.characters]
+        for character in chosen or self.seen:
+            if len(character.extent):
+                extent = seen_points(character.extent, character.vertices)
+                ways.append(way_of(*self._solved(character.id), self.time, extent))
         self._frame(bounds_of(ways))
 
     def _solved(self, name: str) -> tuple[Project, RigBase]:
@@ -296,26 +302,26 @@ class Editor:
         """
         if not self.moves.follow:
             return None
-        seen = self.seen
-        chosen = [one for one in seen if one.id in self.selection.characters]
-        return bounds_of([one.extent for one in chosen or seen])
+        visible = self.seen
+        chosen = [character for character in visible if character.id in self.selection.characters]
+        return bounds_of([character.extent for character in chosen or visible])
 
     def box(self) -> Box | None:
         """Returns the bounding box of all visible and live characters; None if there are none."""
-        points = [seen_points(one.handles, one.vertices) for one in self.seen]
+        points = [seen_points(character.handles, character.vertices) for character in self.seen]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
 
-    def _step(self, said: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
+    def _step(self, pattern: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
         if name is None:
             self.toasts.say(tr(none))
             return
         step()
         self._mend_selection()
-        self.toasts.say(tr(said, tr(name)))
+        self.toasts.say(tr(pattern, tr(name)))
 
     def _mend_selection(self) -> None:
         """Removes from the selection what the project no longer contains."""

@@ -38,7 +38,7 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
     near = _near(np.concatenate([player(time)[0].positions, player(time)[1]]), extent)
 
     beyond = np.stack([extent.min(0), extent.max(0)]) - box(time)
-    return np.concatenate([box(float(one)) + beyond for one in moments])
+    return np.concatenate([box(float(moment)) + beyond for moment in moments])
 
 
 def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:

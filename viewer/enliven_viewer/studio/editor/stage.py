@@ -53,18 +53,20 @@ class StudioStage:
             return self._solved[character.kind](character)
         if self._known is None or self._known[0] is not project or self._known[1] != time:
             self._known = (project, time, {})
-            self._players = {name: one for name, one in self._players.items() if name in project.characters}
-        found = self._known[2]
-        if character_id not in found:
-            found[character_id] = self._stands(project, character, time)
-        return found[character_id]
+            self._players = {
+                name: player for name, player in self._players.items() if name in project.characters
+            }
+        characters = self._known[2]
+        if character_id not in characters:
+            characters[character_id] = self._stands(project, character, time)
+        return characters[character_id]
 
     def _stands(self, project: Project, character: RigBase, time: float) -> StandingCharacter:
-        known, played = self._players.get(character.id), character.needed().items()
+        cached, played = self._players.get(character.id), character.needed().items()
         # Compare the takes too. Editing a key replaces a take under the same name, and leaves the character
         # unchanged.
         takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
         needs = (character, *takes)
-        if known is None or [*map(id, known[0])] != [*map(id, needs)]:
-            known = self._players[character.id] = (needs, rig_of(character).player(project, character))
-        return StandingCharacter(character, self._meshes.of(character), *known[1](time))
+        if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
+            cached = self._players[character.id] = (needs, rig_of(character).player(project, character))
+        return StandingCharacter(character, self._meshes.of(character), *cached[1](time))

@@ -67,29 +67,29 @@ class CoverageCache:
         values = (clip, puppet.mesh, puppet.symmetry, *shown)
         plays = any(layer.take == take for layer in puppet.layers)
         key = (puppet.id, take, marks, paired, plays)
-        known = self._known.get(key)
-        if known is None or any(a is not b for a, b in zip(known[0], values, strict=True)):
-            known = (values, self._made(project, puppet, clip, take))
-            self._known = {**dict(list(self._known.items())[-7:]), key: known}
-        return known[1]
+        cached = self._known.get(key)
+        if cached is None or any(a is not b for a, b in zip(cached[0], values, strict=True)):
+            cached = (values, self._made(project, puppet, clip, take))
+            self._known = {**dict(list(self._known.items())[-7:]), key: cached}
+        return cached[1]
 
     def _made(self, project: Project, puppet: Puppet, clip: Clip, take: str) -> TakeCoverage | None:
         joints = _joints(puppet, clip)
         alone, poses = self._suggested(clip, joints)
         if alone is None:
             return None
-        seen = _seen(project, puppet, take)
-        known = _shown(project, puppet, joints) if seen is None else seen[0]
-        if len(known) == 0:
+        solver_poses = _seen(project, puppet, take)
+        example_poses = _shown(project, puppet, joints) if solver_poses is None else solver_poses[0]
+        if len(example_poses) == 0:
             return TakeCoverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
-        if seen is not None:
-            poses = seen[1]
+        if solver_poses is not None:
+            poses = solver_poses[1]
             try:
                 alone = suggest_poses(poses)
             except EnlivenError:
                 return None
-        more = further_poses(poses, known)
-        away = distance_to(poses, known) / alone.gaps[0]
+        more = further_poses(poses, example_poses)
+        away = distance_to(poses, example_poses) / alone.gaps[0]
         return TakeCoverage(
             take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step
         )
@@ -97,16 +97,16 @@ class CoverageCache:
     def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
         """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
-        found = self._alone.get(key)
-        if found is None or found[0] is not clip:
+        cached = self._alone.get(key)
+        if cached is None or cached[0] is not clip:
             poses = performed(clip, joints).poses
             try:
                 suggested = suggest_poses(poses)
             except EnlivenError:
                 suggested = None
-            found = (clip, suggested, poses)
-            self._alone = {**dict(list(self._alone.items())[-3:]), key: found}
-        return found[1], found[2]
+            cached = (clip, suggested, poses)
+            self._alone = {**dict(list(self._alone.items())[-3:]), key: cached}
+        return cached[1], cached[2]
 
 
 def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
@@ -133,16 +133,16 @@ def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | 
 
 def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
     """Returns (n, J, 3) metres: the performer's poses at the key poses of takes that have the joints."""
-    found = []
+    poses = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]
         if set(joints) <= set(clip.skeleton.names):
             frame = int(np.clip(round(pose.time / clip.step), 0, len(clip.turns) - 1))
-            found.append(_frame(clip, frame, joints))
-    return np.array(found).reshape(-1, len(joints), 3)
+            poses.append(_frame(clip, frame, joints))
+    return np.array(poses).reshape(-1, len(joints), 3)
 
 
 def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
     """Returns (J, 3): one frame in the body frame."""
-    one = clip.mapped(lambda track: track[frame : frame + 1])
-    return np.asarray(performed(one, joints).poses[0])
+    frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
+    return np.asarray(performed(frame_clip, joints).poses[0])

@@ -54,7 +54,7 @@ def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Proj
 
     An automatic name is replaced by the joint's name.
     """
-    names = {one.name: one for one in project.puppet(puppet_id).points}
+    names = {control_point.name: control_point for control_point in project.puppet(puppet_id).points}
     name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
@@ -136,8 +136,13 @@ def with_default_settings(project: Project, puppet_id: str) -> Project:
 
 def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
     """Returns the hard constraints of a layer, sorted by frame."""
-    one = project.puppet(puppet_id).layers[layer]
-    return tuple(sorted((*one.positions, *one.velocities, *one.couplings), key=lambda held: held.frame))
+    puppet_layer = project.puppet(puppet_id).layers[layer]
+    return tuple(
+        sorted(
+            (*puppet_layer.positions, *puppet_layer.velocities, *puppet_layer.couplings),
+            key=lambda held: held.frame,
+        )
+    )
 
 
 def with_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
@@ -162,11 +167,13 @@ def _others(
     name = {Position: "positions", Velocity: "velocities", Coupling: "couplings"}[type(held)]
     other = getattr(held, "other", "")
 
-    def about(one: HardConstraint) -> tuple[str, int, str]:
-        return one.point, one.frame, getattr(one, "other", "")
+    def about(constraint: HardConstraint) -> tuple[str, int, str]:
+        return constraint.point, constraint.frame, getattr(constraint, "other", "")
 
-    all_of_them: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
-    return name, tuple(one for one in all_of_them if about(one) != (held.point, held.frame, other))
+    constraints: tuple[HardConstraint, ...] = getattr(project.puppet(puppet_id).layers[layer], name)
+    return name, tuple(
+        constraint for constraint in constraints if about(constraint) != (held.point, held.frame, other)
+    )
 
 
 def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
@@ -191,14 +198,14 @@ def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[S
     at = [switch.frame for switch in switches]
     if frame in at or not 0 < frame < frames:
         return tuple(switches)
-    number = max(k for k, one in enumerate(at) if one < frame)
-    here: Kind = switches[number].kind
-    other: Kind = "flight" if here == "contact" else "contact"
+    number = max(k for k, switch_frame in enumerate(at) if switch_frame < frame)
+    kind: Kind = switches[number].kind
+    opposite: Kind = "flight" if kind == "contact" else "contact"
     end = at[number + 1] if number + 1 < len(at) else frames
     back = min(frame + max(frames // 40, 3), end)
-    more = [Switch(frame, other)]
+    more = [Switch(frame, opposite)]
     if back < end:
-        more.append(Switch(back, here))
+        more.append(Switch(back, kind))
         return (*switches[: number + 1], *more, *switches[number + 1 :])
     return (*switches[: number + 1], *more, *switches[number + 2 :])
 

@@ -66,29 +66,29 @@ class Solving:
         The returned puppet may have other control points than the project's, so draw the returned one.
         """
         request = _Request(project, project.puppets[puppet_id])
-        known = self._known.setdefault(puppet_id, _Solved())
-        if request.same(known.good) and known.problem is None:
-            assert known.good is not None
-            return known.good.project, request.puppet
+        solved = self._known.setdefault(puppet_id, _Solved())
+        if request.same(solved.good) and solved.problem is None:
+            assert solved.good is not None
+            return solved.good.project, request.puppet
         if not request.puppet.layers or missing(project, request.puppet):
-            known.good = known.problem = None
+            solved.good = solved.problem = None
             return project, request.puppet.with_changes(
                 layers=()
             ) if request.puppet.layers else request.puppet
-        self._ask(known, request)
-        if known.good is None:
+        self._ask(solved, request)
+        if solved.good is None:
             return project, request.puppet.with_changes(layers=())
-        return known.good.project, known.good.puppet
+        return solved.good.project, solved.good.puppet
 
     def problem(self, puppet_id: str) -> EnlivenError | None:
         """Returns the error of a puppet's newest motions; None if they can be solved."""
-        known = self._known.get(puppet_id)
-        return known.problem if known else None
+        solved = self._known.get(puppet_id)
+        return solved.problem if solved else None
 
     def busy(self, puppet_id: str) -> bool:
         """Returns True if a motion of the puppet is being solved."""
-        known = self._known.get(puppet_id)
-        return known is not None and known.future is not None
+        solved = self._known.get(puppet_id)
+        return solved is not None and solved.future is not None
 
     def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
         """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
@@ -109,36 +109,36 @@ class Solving:
             self._pool.shutdown(wait=True, cancel_futures=True)
             self._pool = None
 
-    def _ask(self, known: _Solved, request: _Request) -> None:
+    def _ask(self, solved: _Solved, request: _Request) -> None:
         """Starts solving a request unless it was refused before.
 
         Waits for it at most as long as a frame may take.
         """
-        if known.future is None:
-            if request.same(known.asked) and known.problem is not None:
+        if solved.future is None:
+            if request.same(solved.asked) and solved.problem is not None:
                 return
-            known.asked, known.future = request, self._begin(request)
+            solved.asked, solved.future = request, self._begin(request)
             # Wait only once, because other panels request the result in the same frame.
-            wait_for([known.future], timeout=self.patience)
-        if not known.future.done():
+            wait_for([solved.future], timeout=self.patience)
+        if not solved.future.done():
             return
-        error, asked = known.future.exception(), known.asked
-        known.future = None
+        error, asked = solved.future.exception(), solved.asked
+        solved.future = None
         if error is None:
-            known.good, known.problem = asked, None
+            solved.good, solved.problem = asked, None
         else:
-            self._refused(known, error)
+            self._refused(solved, error)
 
     def _begin(self, request: _Request) -> Future[None]:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, thread_name_prefix="solving")
         return self._pool.submit(_solve, request)
 
-    def _refused(self, known: _Solved, error: BaseException) -> None:
+    def _refused(self, solved: _Solved, error: BaseException) -> None:
         """Stores the error, and reports it once."""
-        if known.told == str(error) and known.problem is not None:
+        if solved.told == str(error) and solved.problem is not None:
             return
-        known.told, known.problem = str(error), self._toasts.tell(error)
+        solved.told, solved.problem = str(error), self._toasts.tell(error)
 
 
 def _solve(request: _Request) -> None:

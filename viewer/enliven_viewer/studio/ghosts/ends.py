@@ -23,7 +23,7 @@ def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int
         chosen: the selected point, or None.
         chain: the selected chain of points; its last one leaves a trail.
     """
-    wanted = [one for one in (chosen, *chain[-1:]) if one is not None and one < len(rest)]
+    wanted = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
     if wanted:
         return tuple(dict.fromkeys(wanted))
     if isinstance(character, Puppet):
@@ -43,13 +43,13 @@ def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ..
     candidates = np.asarray(candidates, np.int64)
     if not len(candidates):
         return ()
-    found = list[int]()
+    ends = list[int]()
     size = float(np.linalg.norm(points.max(0) - points.min(0)))
     away = np.linalg.norm(points[candidates] - start, axis=1)
     for _ in range(_MOST):
         best = int(away.argmax())
-        if away[best] < _APART * size and found:
+        if away[best] < _APART * size and ends:
             break
-        found.append(int(candidates[best]))
-        away = np.minimum(away, np.linalg.norm(points[candidates] - points[found[-1]], axis=1))
-    return tuple(sorted(found))
+        ends.append(int(candidates[best]))
+        away = np.minimum(away, np.linalg.norm(points[candidates] - points[ends[-1]], axis=1))
+    return tuple(sorted(ends))

@@ -49,7 +49,7 @@ class Ghosts:
             return None
         self._take()
         characters = self._shown()
-        self._begin([self._wanted(one) for one in characters])
+        self._begin([self._wanted(character) for character in characters])
         return self._drawn(characters)
 
     def settle(self) -> GhostPicture | None:
@@ -84,8 +84,8 @@ class Ghosts:
         A puppet is returned in its last solved state.
         """
         editor, chosen = self.editor, self.editor.chosen()
-        found = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
-        return [one for one in found if any(not layer.muted for layer in one.playing)]
+        characters = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
+        return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
     def _wanted(self, character: RigBase) -> Wanted:
         editor, how = self.editor, self.editor.settings
@@ -108,17 +108,17 @@ class Ghosts:
 
     def _begin(self, wanted: list[Wanted]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
-        names = {one.character.id for one in wanted}
-        self._known = {name: one for name, one in self._known.items() if name in names}
+        names = {request.character.id for request in wanted}
+        self._known = {name: sampled for name, sampled in self._known.items() if name in names}
         if self._work is not None:
             return
-        for one in wanted:
-            name = one.character.id
-            known, refused = self._known.get(name), self._refused.get(name)
-            if one.same(refused) or (known is not None and one.same(known.wanted)):
+        for request in wanted:
+            name = request.character.id
+            sampled, refused = self._known.get(name), self._refused.get(name)
+            if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
                 continue
             self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
-            self._work = (name, one, self._pool.submit(sample, one, known))
+            self._work = (name, request, self._pool.submit(sample, request, sampled))
             return
 
     def _take(self) -> None:

@@ -28,15 +28,15 @@ def key_moments(
         keys = getattr(project, keyed.source)[keyed.take].keys
         played = [key.second for key in keys if keyed.plays(key.second, length)]
         return tuple(sorted({keyed.time_of(second, length) for second in played}))
-    found = set[float]()
-    for one in character.playing:
-        if one.muted or not isinstance(character, Puppet):
+    moments = set[float]()
+    for playing_layer in character.playing:
+        if playing_layer.muted or not isinstance(character, Puppet):
             continue
-        length = project.length_of(one)
+        length = project.length_of(playing_layer)
         for pose in character.poses:
-            if pose.take == one.take and one.plays(pose.time, length):
-                found.add(one.time_of(pose.time, length))
-    return tuple(sorted(found))
+            if pose.take == playing_layer.take and playing_layer.plays(pose.time, length):
+                moments.add(playing_layer.time_of(pose.time, length))
+    return tuple(sorted(moments))
 
 
 def _chosen_keys(
@@ -44,7 +44,11 @@ def _chosen_keys(
 ) -> Playing | None:
     """Returns the layer of keys that belongs to the selection; None if it is not audible."""
     playing, number = character.playing, layer
-    keyed = [k for k, one in enumerate(playing) if getattr(project, one.source)[one.take].keys]
+    keyed = [
+        k
+        for k, playing_layer in enumerate(playing)
+        if getattr(project, playing_layer.source)[playing_layer.take].keys
+    ]
     if number not in keyed:
         if handle is not None and handle >= character.keyable:
             return None  # The handle is a control point, which has key poses instead of keys.
@@ -62,6 +66,6 @@ def ghost_moments(
     if not keys:
         middle = round(time / step)
         keys = tuple(step * k for k in range(middle - count - 1, middle + count + 2))
-    inside = np.array([one for one in keys if -_SAME <= one <= length + _SAME])
+    inside = np.array([key for key in keys if -_SAME <= key <= length + _SAME])
     before, after = inside[inside < time - _SAME], inside[inside > time + _SAME]
     return (*before[len(before) - min(count, len(before)) :].tolist(), *after[:count].tolist())

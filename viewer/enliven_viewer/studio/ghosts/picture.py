@@ -46,14 +46,14 @@ class GhostPicture:
 
 def bodies_of(sampled: Sampled, time: float) -> list[GhostBody]:
     """Returns the ghosts of a character. Those before ``time`` and those after it have different colours."""
-    made = []
+    bodies = []
     for side, tint in (
-        ([one for one in sampled.bodies if one < time][::-1], BEFORE),
-        ([one for one in sampled.bodies if one > time], AFTER),
+        ([moment for moment in sampled.bodies if moment < time][::-1], BEFORE),
+        ([moment for moment in sampled.bodies if moment > time], AFTER),
     ):
         for number, moment in enumerate(side):
-            made.append(GhostBody(sampled.bodies[moment], tint, 1.0 - number / (len(side) + 1.0)))
-    return sorted(made, key=lambda one: one.opacity)
+            bodies.append(GhostBody(sampled.bodies[moment], tint, 1.0 - number / (len(side) + 1.0)))
+    return sorted(bodies, key=lambda body: body.opacity)
 
 
 def trail_rows(
@@ -61,10 +61,10 @@ def trail_rows(
 ) -> Float32:
     """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
     wanted, frames = sampled.wanted, sorted(sampled.points)
-    frames = [one for one in frames if wanted.first <= one <= wanted.last]
+    frames = [frame for frame in frames if wanted.first <= frame <= wanted.last]
     if len(frames) < 2 or not points:
         return np.zeros((0, 12), np.float32)
-    places = np.stack([sampled.points[one][list(points)] for one in frames], 1)
+    places = np.stack([sampled.points[frame][list(points)] for frame in frames], 1)
     seconds = np.array(frames) * wanted.step
     reach = max(time - seconds[0], seconds[-1] - time, wanted.step)
     fine = np.linspace(seconds[0], seconds[-1], _BETWEEN * (len(seconds) - 1) + 1)
@@ -78,8 +78,8 @@ def trail_rows(
         near = 1.0 - np.abs(seconds - time) / reach
         dots = _DOT * (_THIN + (1.0 - _THIN) * near) * lens.spans(line)
         rows += [line_rows, tube_rows(line, line, dots, _tints(seconds, time, near))]
-    here = sampled.place(time)[list(points)]
-    rows.append(_balls(here, CHOSEN, lens))
+    current_places = sampled.place(time)[list(points)]
+    rows.append(_balls(current_places, CHOSEN, lens))
     white = tuple(round(255 * value) for value in INK[:3])
     for key in keys:
         if seconds[0] <= key <= seconds[-1]:

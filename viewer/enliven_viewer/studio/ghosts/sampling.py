@@ -36,9 +36,11 @@ class Wanted:
         """Returns True if samples of the other request are valid here: same character and same takes."""
         if self.character is not other.character or self.step != other.step:
             return False
-        pairs = [(held, name) for held, names in self.character.needed().items() for name in names]
-        held, known = self.project, other.project
-        return all(getattr(held, kind).get(name) is getattr(known, kind).get(name) for kind, name in pairs)
+        pairs = [(kind, name) for kind, names in self.character.needed().items() for name in names]
+        project, other_project = self.project, other.project
+        return all(
+            getattr(project, kind).get(name) is getattr(other_project, kind).get(name) for kind, name in pairs
+        )
 
     def same(self, other: Wanted | None) -> bool:
         """Returns True if both requests are equal."""
@@ -82,11 +84,11 @@ class Sampled:
         """Returns (N, 3) metres at a time, interpolated between two sampled frames."""
         at = seconds / self.wanted.step
         low = int(np.floor(at))
-        one, other = self.points.get(low), self.points.get(low + 1)
-        if one is None or other is None:
+        before, after = self.points.get(low), self.points.get(low + 1)
+        if before is None or after is None:
             nearest = min(self.points, key=lambda frame: abs(frame - at))
             return self.points[nearest]
-        return np.asarray(one + (at - low) * (other - one))
+        return np.asarray(before + (at - low) * (after - before))
 
 
 def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
@@ -96,23 +98,23 @@ def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
         EnlivenError: if the character cannot be played.
     """
     if before is not None and wanted.alike(before.wanted):
-        made = Sampled(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
+        samples = Sampled(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
     else:
-        made = Sampled(wanted)
-    if made._at is None:
-        made._at = _points(wanted.project, wanted.character)
-        made._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
-    if len(made.points) > _KEPT:
-        made.points.clear()
+        samples = Sampled(wanted)
+    if samples._at is None:
+        samples._at = _points(wanted.project, wanted.character)
+        samples._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
+    if len(samples.points) > _KEPT:
+        samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):
-        if frame not in made.points:
-            made.points[frame] = made._at(frame * wanted.step)
-    made.bodies = {one: made.bodies[one] for one in wanted.moments if one in made.bodies}
-    assert made._surface is not None
+        if frame not in samples.points:
+            samples.points[frame] = samples._at(frame * wanted.step)
+    samples.bodies = {moment: samples.bodies[moment] for moment in wanted.moments if moment in samples.bodies}
+    assert samples._surface is not None
     for moment in wanted.moments:
-        if moment not in made.bodies:
-            made.bodies[moment] = _body(wanted.character, made._surface(moment), made._at(moment))
-    return made
+        if moment not in samples.bodies:
+            samples.bodies[moment] = _body(wanted.character, samples._surface(moment), samples._at(moment))
+    return samples
 
 
 def _points(project: Project, character: RigBase) -> Callable[[float], Float]:

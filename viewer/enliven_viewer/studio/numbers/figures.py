@@ -33,21 +33,25 @@ class Figures:
 
         Returns None without a selection.
         """
-        editor, known = self.editor, self._known
-        same = known is not None and known[0] is editor.project and known[1] == editor.selection
-        if known is None or not same or not (editor.playing or known[2] == editor.time):
+        editor, cached = self.editor, self._known
+        same = cached is not None and cached[0] is editor.project and cached[1] == editor.selection
+        if cached is None or not same or not (editor.playing or cached[2] == editor.time):
             # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
             # would cost frames.
-            known = self._known = (editor.project, editor.selection, editor.time, self._seen())
-        return known[3]
+            cached = self._known = (editor.project, editor.selection, editor.time, self._seen())
+        return cached[3]
 
     def _seen(self) -> tuple[Float, Float] | None:
         names = self.editor.selection.characters
-        found = [one for one in self.editor.standing if one.id in names]
-        points = [one.vertices if len(one.vertices) else one.handles for one in found]
-        if not points or not all(len(one) for one in points):
+        characters = [character for character in self.editor.standing if character.id in names]
+        points = [
+            character.vertices if len(character.vertices) else character.handles for character in characters
+        ]
+        if not points or not all(len(places) for places in points):
             return None
-        return np.min([one.min(0) for one in points], axis=0), np.max([one.max(0) for one in points], axis=0)
+        return np.min([places.min(0) for places in points], axis=0), np.max(
+            [places.max(0) for places in points], axis=0
+        )
 
     @property
     def place(self) -> Float | None:
@@ -81,8 +85,8 @@ class Figures:
         if tall is None:
             return
         if not (tall > _SMALLEST and _SMALLEST <= metres <= _LARGEST):
-            what = tr("it is flat") if tall <= _SMALLEST else tr("nothing is {0:g} m tall", metres)
-            raise InputError(what, mend=tr("Give a height such as 1.7 m or 150 %."))
+            problem = tr("it is flat") if tall <= _SMALLEST else tr("nothing is {0:g} m tall", metres)
+            raise InputError(problem, mend=tr("Give a height such as 1.7 m or 150 %."))
         self.scale(metres / tall)
 
     def scale(self, factor: float) -> None:

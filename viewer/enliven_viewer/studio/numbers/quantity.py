@@ -45,8 +45,8 @@ class Quantity:
         Raises:
             InputError: if the text is not a number, or divides by zero.
         """
-        units = {**self.units, **{{"percent": "%"}.get(name, name): one for name, one in more.items()}}
-        reader = _Reader(_tokens(typed), {name.lower(): one for name, one in units.items()})
+        units = {**self.units, **{{"percent": "%"}.get(name, name): factor for name, factor in more.items()}}
+        reader = _Reader(_tokens(typed), {name.lower(): factor for name, factor in units.items()})
         value = reader.sum()
         if reader.left or not math.isfinite(value):
             raise reader.refused()
@@ -61,14 +61,14 @@ SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
 
 def _tokens(typed: str) -> list[str]:
     """Returns the numbers, units and operators of a text, in order."""
-    text, at, found = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
+    text, at, tokens = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:
             return []
-        found.append(match.group().strip())
+        tokens.append(match.group().strip())
         at = match.end()
-    return found
+    return tokens
 
 
 class _Reader:
@@ -112,7 +112,8 @@ class _Reader:
         return value
 
     def refused(self, what: str = "") -> InputError:
-        known = ", ".join(self._units)
+        unit_names = ", ".join(self._units)
         return InputError(
-            what or tr("that is not a number"), mend=tr("Write one such as 1.2 + 0.3; units: {0}.", known)
+            what or tr("that is not a number"),
+            mend=tr("Write one such as 1.2 + 0.3; units: {0}.", unit_names),
         )

@@ -66,5 +66,5 @@ def take_view(editor: Editor, name: str) -> None:
 
 
 def _lacks(editor: Editor, name: str, key: str) -> str:
-    said = tr("Nothing is stored there. Ctrl+{0} stores the current view.", key.upper())
-    return "" if name in editor.project.views else said
+    advice = tr("Nothing is stored there. Ctrl+{0} stores the current view.", key.upper())
+    return "" if name in editor.project.views else advice

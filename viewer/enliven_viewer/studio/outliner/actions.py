@@ -18,8 +18,8 @@ def alone(action: Action, editor: Editor) -> Action:
     """
 
     def lacks() -> str:
-        said = "Several shapes are chosen. Choose one of them alone first."
-        return said if editor.selection.several else action.why_not()
+        reason = "Several shapes are chosen. Choose one of them alone first."
+        return reason if editor.selection.several else action.why_not()
 
     return replace(action, why_not=lacks)
 
@@ -34,11 +34,11 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
         return "" if editor.selection.characters else tr("Nothing is chosen.")
 
     def every() -> None:
-        editor.choose_all(*(one.id for one in editor.reachable))
+        editor.choose_all(*(character.id for character in editor.reachable))
 
     def inverse() -> None:
         chosen = editor.selection.characters
-        editor.choose_all(*(one.id for one in editor.reachable if one.id not in chosen))
+        editor.choose_all(*(character.id for character in editor.reachable if character.id not in chosen))
 
     about = "Hidden and locked shapes are left out."
     yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)
@@ -51,16 +51,16 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
     editor = outliner.editor
 
     def chosen() -> tuple[str, ...]:
-        return tuple(one.id for one in editor.chosen_all)
+        return tuple(character.id for character in editor.chosen_all)
 
     def lacks() -> str:
         return "" if chosen() else "Nothing is chosen. Click a shape first."
 
     def hidden() -> list[str]:
-        return [name for name, one in editor.project.handling.items() if one.hidden]
+        return [name for name, handling in editor.project.handling.items() if handling.hidden]
 
     def locked() -> list[str]:
-        return [name for name, one in editor.project.handling.items() if one.locked]
+        return [name for name, handling in editor.project.handling.items() if handling.locked]
 
     def all_hidden() -> bool:
         return bool(chosen()) and set(chosen()) <= set(hidden())

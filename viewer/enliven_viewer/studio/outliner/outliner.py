@@ -82,9 +82,9 @@ class Outliner:
         """Selects all characters between the previously clicked one and this one."""
         names = [row.id for row in self.rows if row.kind == CHARACTER]
         start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
-        first, last = (names.index(one) if one in names else names.index(name) for one in (start, name))
+        first, last = (names.index(end) if end in names else names.index(name) for end in (start, name))
         low, high = min(first, last), max(first, last)
-        between = [one for one in names[low : high + 1] if one != name]
+        between = [other for other in names[low : high + 1] if other != name]
         self.editor.choose_all(*between, name)
 
     # Names ------------------------------------------------------------------------------------------------
@@ -95,7 +95,14 @@ class Outliner:
             # Clear the filter, so that the row becomes visible, and scroll to it.
             self.typed, self.followed = "", None
             self.opened.add(f"{GROUP} shapes")
-        row = row or next((one for one in self.rows if one.kind == CHARACTER and self.is_leading(one)), None)
+        row = row or next(
+            (
+                candidate
+                for candidate in self.rows
+                if candidate.kind == CHARACTER and self.is_leading(candidate)
+            ),
+            None,
+        )
         if row is not None and row.kind in (CHARACTER, TAKE):
             self.renaming, self.draft = row.key, row.id
 
@@ -112,7 +119,7 @@ class Outliner:
         if row.kind == TAKE:
             editor.edit("rename", lambda project: rename_take(project, row.id, wanted))
         elif editor.edit("rename", lambda project: rename_character(project, row.id, wanted)):
-            named = tuple(wanted if one == row.id else one for one in before.characters)
+            named = tuple(wanted if character == row.id else character for character in before.characters)
             editor.choose_all(*named)
             if before.character == row.id:
                 editor.select(handle=before.handle, layer=before.layer, chain=before.chain)
@@ -144,8 +151,8 @@ class Outliner:
         self.editor.edit("hide the others", change)
 
     def _handle(self, names: tuple[str, ...], word: str, **changes: bool) -> None:
-        told = names[0] if len(names) == 1 else later("{0} shapes", len(names))
-        self.editor.edit(f"{word} {told}", lambda project: handle_characters(project, names, **changes))
+        subject = names[0] if len(names) == 1 else later("{0} shapes", len(names))
+        self.editor.edit(f"{word} {subject}", lambda project: handle_characters(project, names, **changes))
 
     def move(self, name: str, place: int) -> None:
         """Moves a character to another position in the list, as one edit."""

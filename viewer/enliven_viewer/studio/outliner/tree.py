@@ -55,9 +55,9 @@ def rows_of(
         opened: keys of the unfolded rows.
         typed: filter text. Rows with matching names are shown together with their parents.
     """
-    found = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
-    if found is not None:
-        return tuple(found)
+    matches = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
+    if matches is not None:
+        return tuple(matches)
     shown: list[Row] = []
     closed = 99  # This value is larger than any depth, so no row is hidden at first.
     for row in _every(project, live):
@@ -73,21 +73,21 @@ def _filtered(rows: list[Row], wanted: str) -> list[Row]:
     keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
     above: list[int] = []
     for number, row in enumerate(rows):
-        above = [one for one in above if rows[one].depth < row.depth]
+        above = [parent for parent in above if rows[parent].depth < row.depth]
         if keep[number]:
-            for one in above:
-                keep[one] = True
+            for parent in above:
+                keep[parent] = True
         above.append(number)
-    return [row for row, kept in zip(rows, keep, strict=True) if kept]
+    return [row for row, is_kept in zip(rows, keep, strict=True) if is_kept]
 
 
 def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
     yield Row(GROUP, "shapes", later("Shapes"), str(len(project.characters)), folds=True)
-    for one in project.characters.values():
-        below = list(_handles(one))
-        yield Row(CHARACTER, one.id, one.id, one.word, depth=1, folds=bool(below))
+    for character in project.characters.values():
+        below = list(_handles(character))
+        yield Row(CHARACTER, character.id, character.id, character.word, depth=1, folds=bool(below))
         yield from below
-    used = set().union(*(one.needed()["takes"] for one in project.characters.values()))
+    used = set().union(*(character.needed()["takes"] for character in project.characters.values()))
     yield Row(GROUP, "takes", later("Takes"), str(len(project.takes)), folds=True)
     folded = [name for name in project.takes if name not in used and _is_onlooker(name)]
     for name in (name for name in project.takes if name not in folded):
@@ -108,14 +108,14 @@ def _is_onlooker(name: str) -> bool:
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
 
 
-def _handles(one: RigBase) -> Iterator[Row]:
+def _handles(character: RigBase) -> Iterator[Row]:
     """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
-    word = _HANDLES.get(one.kind, later("bone"))
-    if isinstance(one, GraphShape):
-        for number, part in enumerate(one.parts) if len(one.parts) > 1 else ():
-            yield Row(HANDLE, one.id, part.take, word, number, 2)
+    word = _HANDLES.get(character.kind, later("bone"))
+    if isinstance(character, GraphShape):
+        for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
+            yield Row(HANDLE, character.id, part.take, word, number, 2)
         return
-    parents, names = one.parents, one.handles
+    parents, names = character.parents, character.handles
     below: dict[int, list[int]] = {}
     for number, parent in enumerate(parents):
         below.setdefault(int(parent), []).append(number)
@@ -124,7 +124,12 @@ def _handles(one: RigBase) -> Iterator[Row]:
         number, depth = waiting.pop()
         children = below.get(number, [])
         yield Row(
-            HANDLE, one.id, names[number], later("root") if _roots(parents, number) else word, number, depth
+            HANDLE,
+            character.id,
+            names[number],
+            later("root") if _roots(parents, number) else word,
+            number,
+            depth,
         )
         # Indent only below a fork. A chain stays at the same depth, so that an arm of twenty bones fits the
         # panel.

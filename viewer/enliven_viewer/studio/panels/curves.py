@@ -83,8 +83,8 @@ def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None
     times, now = curves.sampled(), workspace.editor.time
     with small():
         for number, name in enumerate(shown.channels):
-            known = shown.values[:, number]
-            value = float(np.interp(now, times, known)) if np.isfinite(known).all() else float("nan")
+            values = shown.values[:, number]
+            value = float(np.interp(now, times, values)) if np.isfinite(values).all() else float("nan")
             with tinted(_colour(shown, number), imgui.Col_.text):
                 imgui.text_unformatted(f"   {name}   {_written(value, shown.unit)}")
 
@@ -114,11 +114,11 @@ def _plot(
     x = origin.x + layout.x(workspace.editor.time)
     draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
     if group.name in NUMBERS and not group.dots:
-        said = tr("Double-click: adds a key, so that it changes over time.")
-        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
+        advice = tr("Double-click: adds a key, so that it changes over time.")
+        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), advice)
     if group.name in KEYED and not group.dots:
-        said = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
-        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), said)
+        advice = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
+        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), advice)
     draw.pop_clip_rect()
 
 
@@ -180,7 +180,9 @@ def _menu(curves: CurveInput) -> None:
     if not imgui.begin_popup(_MENU):
         return
     group = curves.shown()
-    dot = next((one for one in (group.dots if group else ()) if one.number == curves.chosen), None)
+    dot = next(
+        (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.chosen), None
+    )
     if dot is not None and dot.ease:
         for ease in EASES:
             if imgui.menu_item(f"{tr(_EASES[ease])}###ease {ease}", "", dot.ease == ease)[0]:
@@ -192,9 +194,11 @@ def _menu(curves: CurveInput) -> None:
 
 
 def _told(dot: Dot, group: CurveGroup) -> str:
-    said = tr("{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time)
-    more = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
-    return f"{said}\n{more}"
+    value_text = tr(
+        "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time
+    )
+    advice = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
+    return f"{value_text}\n{advice}"
 
 
 def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) -> None:

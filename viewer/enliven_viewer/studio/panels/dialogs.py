@@ -120,7 +120,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
         return
     imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-_CANCEL)
-    made, browser.new = imgui.input_text_with_hint(
+    is_entered, browser.new = imgui.input_text_with_hint(
         "##new folder",
         tr("Name of the new folder, then Enter"),
         browser.new,
@@ -130,7 +130,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
     imgui.same_line()
     if imgui.button(f"{tr('Not now')}###not now"):
         browser.new = None
-    elif made:
+    elif is_entered:
         try:
             browser.make_folder()
             browser.said = ""
@@ -170,24 +170,27 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
 
 def _recover(workspace: Workspace) -> None:
     """Offers the unsaved work of a studio that crashed."""
-    found = workspace.store.recoverable()
-    if not found:
+    recovery_files = workspace.store.recoverable()
+    if not recovery_files:
         workspace.asking = ""
         return
     with modal("Unsaved work was found", 460) as shown:
         if not shown:
             return
         imgui.text_wrapped(
-            tr("The studio ended without saving. Its last work, of {0}, is still there.", _when(found[0]))
+            tr(
+                "The studio ended without saving. Its last work, of {0}, is still there.",
+                _when(recovery_files[0]),
+            )
         )
         imgui.dummy(ImVec2(0, 6))
         if button(workspace, "Recover"):
             workspace.asking = ""
-            workspace.attempt(lambda: workspace.store.recover(found[0]))
+            workspace.attempt(lambda: workspace.store.recover(recovery_files[0]))
         imgui.same_line()
         if button(workspace, "Throw away"):
             workspace.asking = ""
-            workspace.store.discard(found)
+            workspace.store.discard(recovery_files)
         imgui.same_line()
         if button(workspace, "Later"):
             workspace.asking = ""

@@ -29,8 +29,8 @@ def draw_history(workspace: Workspace) -> None:
         steps, at = editor.history.steps, editor.history.at
         for number, name in enumerate(steps):
             with tinted(FAINT if number > at else INK, imgui.Col_.text):
-                told = tr(name)
-                label = told[:1].upper() + told[1:] if name else tr("At the start")
+                translated = tr(name)
+                label = translated[:1].upper() + translated[1:] if name else tr("At the start")
                 if imgui.selectable(f"{label}###step {number}", number == at)[0]:
                     editor.go_to(number)
             workspace.remember(f"step {number}")

@@ -62,10 +62,14 @@ def parts_of(actions: ActionTable) -> list[Part]:
     """
     parts: dict[str, list[tuple[str, str]]] = {}
     for menu, listed in actions.menus.items():
-        for one in listed:
-            title = tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, one.rooms))) if one.rooms else tr(menu)
-            if actions.keys_of(one):
-                parts.setdefault(title, []).append((actions.shown_key(one), tr(one.label)))
+        for action in listed:
+            title = (
+                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.rooms)))
+                if action.rooms
+                else tr(menu)
+            )
+            if actions.keys_of(action):
+                parts.setdefault(title, []).append((actions.shown_key(action), tr(action.label)))
     return list(parts.items())
 
 

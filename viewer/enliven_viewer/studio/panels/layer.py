@@ -74,14 +74,15 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     workspace.remember("remove layer")
     quiet(tr("take {0}", layer.take))
     _takes(workspace, layer)
-    held = {field.name for field in fields(layer)}  # type: ignore[arg-type]
+    field_names = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
-        held.discard("mirrored")  # Recorded streams cannot be mirrored, because their positions are absolute.
-    for field, (low, high, said) in _NUMBERS.items():
-        if field in held:
+        # Recorded streams cannot be mirrored, because their positions are absolute.
+        field_names.discard("mirrored")
+    for field, (low, high, pattern) in _NUMBERS.items():
+        if field in field_names:
             change = _changing(name, number, field)
-            slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, said, change)
-    for place, field in enumerate(field for field in _TOLD if field in held):
+            slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
+    for place, field in enumerate(field for field in _TOLD if field in field_names):
         if place % 2:
             imgui.same_line(_SECOND)
         label, change = _LABELS[field], _changing(name, number, field)
@@ -140,18 +141,18 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
     name, jointed = character.id, isinstance(character, Shape)
     quiet("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FEET[one]) for one in FEET])
+    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FEET[mode]) for mode in FEET])
     workspace.remember("feet")
     if jointed:
         told("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
         told("The parts that touch the floor at rest, or the feet you named (E)")
-    again = False
+    is_requested = False
     if not jointed and feet != "never":
-        again = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
+        is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
         told("Feet are held for the motion at that time; find them again after you edit its clips")
-    if again or (changed and FEET[wanted] != feet):
+    if is_requested or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
         numbers, way = next(mine, (number,)), FEET[wanted]

@@ -45,7 +45,9 @@ def _menus(workspace: Workspace) -> None:
         opened = imgui.begin_menu(f"{tr(menu)}###{menu}")
         workspace.remember(f"menu {menu}")
         if opened:
-            for number, (group, entries) in enumerate(itertools.groupby(actions, lambda one: one.group)):
+            for number, (group, entries) in enumerate(
+                itertools.groupby(actions, lambda action: action.group)
+            ):
                 _entries(workspace, group, list(entries), first=not number)
             imgui.end_menu()
 

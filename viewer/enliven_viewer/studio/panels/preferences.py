@@ -108,8 +108,8 @@ def _row(workspace: Workspace, action: Action) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
     imgui.same_line(imgui.get_content_region_avail().x - _KEY - _FREE)
-    said = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
-    if imgui.button(f"{said}###key {action.id}", ImVec2(_KEY, 0)):
+    key_text = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
+    if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY, 0)):
         wanted.begin(action.id)
     workspace.remember(f"key {action.id}")
     imgui.same_line()

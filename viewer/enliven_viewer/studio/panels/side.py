@@ -84,10 +84,10 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
 def made_of(character: RigBase) -> str:
     """Returns the number of a character's bones, and whether it lacks a surface."""
     bones = int((character.parents >= 0).sum())
-    said = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
+    parts = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
     if character.mesh is None or not len(character.mesh.vertices):
-        said.append(tr("no surface"))
-    return ", ".join(said)
+        parts.append(tr("no surface"))
+    return ", ".join(parts)
 
 
 def _clips(workspace: Workspace, shape: Shape) -> None:
@@ -112,8 +112,8 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
     """Makes a shape play one of its clips, or none."""
-    what = later("play {0}", clip) if clip else later("play no clip")
-    workspace.editor.edit(what, lambda project: play_own_clip(project, name, clip))
+    step = later("play {0}", clip) if clip else later("play no clip")
+    workspace.editor.edit(step, lambda project: play_own_clip(project, name, clip))
 
 
 def _brush(workspace: Workspace, tool: PaintTool) -> None:
@@ -134,9 +134,9 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
     told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
-    one = workspace.editor.chosen()
-    if one is not None and one.mesh is not None and one.kind == "graph":
-        _swing(workspace, one.id)
+    character = workspace.editor.chosen()
+    if character is not None and character.mesh is not None and character.kind == "graph":
+        _swing(workspace, character.id)
     action_button(workspace, "paint.clear", 2 * _HALF)
     quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
 

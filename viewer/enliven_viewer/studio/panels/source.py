@@ -118,11 +118,11 @@ def _said(plan: Plan, quality: MotionQuality) -> list[str]:
         pose_line = tr("Limbs point as the performer's do")
     else:
         pose_line = tr("Limbs point elsewhere than the performer's: see {0}", worst)
-    said = [pose_line] if quality.limbs else []
+    lines = [pose_line] if quality.limbs else []
     if quality.stretch > BOUND:
-        said.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
+        lines.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
     else:
-        said.append(tr("The surface stretches little"))
+        lines.append(tr("The surface stretches little"))
     floor = []
     if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > LEVEL:
         floor.append(tr("it sinks into the floor or floats above it"))
@@ -133,7 +133,7 @@ def _said(plan: Plan, quality: MotionQuality) -> list[str]:
     less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
     return [
-        *said,
+        *lines,
         *([", ".join(floor)] if floor else []),
         *([tr("Moved less: {0}", told_less)] if less else []),
     ]

@@ -146,8 +146,8 @@ def list_box(name: str, height: float) -> Iterator[float]:
 @contextmanager
 def tinted(colour: Colour, *which: int) -> Iterator[None]:
     """Applies a colour to everything inside the context."""
-    for one in which:
-        imgui.push_style_color(one, ImVec4(*colour))
+    for style_colour in which:
+        imgui.push_style_color(style_colour, ImVec4(*colour))
     yield
     imgui.pop_style_color(len(which))
 

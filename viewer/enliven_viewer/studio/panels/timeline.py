@@ -221,9 +221,9 @@ def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
                 continue
             top = origin.y + (RULER - 9 if numbered else RULER - 4)
             draw.add_line(ImVec2(x, top), ImVec2(x, origin.y + RULER), packed(QUIET, 0.6))
-            said = f"{time:g} s"
-            if numbered and x + 4 + imgui.calc_text_size(said).x <= origin.x + size.x:
-                draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), said)
+            label = f"{time:g} s"
+            if numbered and x + 4 + imgui.calc_text_size(label).x <= origin.x + size.x:
+                draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), label)
 
 
 def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:

@@ -83,7 +83,7 @@ class LanePainter:
         with small():
             tint = packed(INK if locked else QUIET, 0.9 if locked else 0.45)
             draw.add_text(ImVec2(origin.x + 28, middle + 2), tint, _LOCK if locked else _UNLOCK)
-        which, takes = layout.takes(lane)
+        take_number, takes = layout.takes(lane)
         room = LABELS - 14 - (TAKES if takes > 1 else 0.0)
         draw.push_clip_rect(ImVec2(origin.x, top), ImVec2(origin.x + room, top + LANE), True)
         draw.add_text(ImVec2(origin.x + 46, middle), packed(ACCENT if chosen else INK, faded), lane.label)
@@ -91,16 +91,16 @@ class LanePainter:
         if takes > 1:
             opened = layer.alternatives in timeline.opened
             with small():
-                said = f"{which}/{takes} {_OPEN if opened else _FOLDED}"
-                draw.add_text(ImVec2(origin.x + room + 3, middle + 2), packed(INK, 0.9), said)
+                take_text = f"{take_number}/{takes} {_OPEN if opened else _FOLDED}"
+                draw.add_text(ImVec2(origin.x + room + 3, middle + 2), packed(INK, 0.9), take_text)
         draw.push_clip_rect(ImVec2(origin.x + LABELS - 10, top), ImVec2(right, top + LANE), True)
         if layer.loop:
             low = ImVec2(origin.x + lane.right, top + 4)
             high = ImVec2(max(right, low.x), top + LANE - 4)
             draw.add_rect_filled(low, high, packed(colour_of(layer.take), 0.22 * faded), 4.0)
         for number, clip in enumerate(lane.clips):
-            held = chosen and timeline.clip == number
-            self._clip(workspace, layout, lane, clip, origin, faded, held)
+            is_held = chosen and timeline.clip == number
+            self._clip(workspace, layout, lane, clip, origin, faded, is_held)
         for before, after in pairwise(lane.clips):
             if before.end > after.begin:
                 _blend(layout, before, after, origin, top, faded)
@@ -122,12 +122,12 @@ class LanePainter:
         draw.add_rect_filled(low, high, packed(tint, 0.78 * faded), 4.0)
         draw.push_clip_rect(low, high, True)
         self._figures(workspace, layout, layer.take, lane, clip, low, high, faded)
-        said = layer.take if clip.speed == 1.0 else f"{layer.take}  {clip.speed:.2g}x"
+        label = layer.take if clip.speed == 1.0 else f"{layer.take}  {clip.speed:.2g}x"
         with small():
-            wide = imgui.calc_text_size(said).x
+            wide = imgui.calc_text_size(label).x
             corner = ImVec2(min(low.x + wide + 12, high.x), low.y + _NAME)
             draw.add_rect_filled(low, corner, packed(tint, 0.9), 4.0)
-            draw.add_text(ImVec2(low.x + 6, low.y), packed(ON_COLOUR), said)
+            draw.add_text(ImVec2(low.x + 6, low.y), packed(ON_COLOUR), label)
         draw.pop_clip_rect()
         draw.add_rect(
             low, high, packed(INK if held else DARK, 1.0 if held else 0.5), 4.0, 1.5 if held else 1.0
@@ -145,8 +145,8 @@ class LanePainter:
         faded: float,
     ) -> None:
         """Draws a clip's thumbnails at regular distances."""
-        held = layout.project.streams if lane.layer.source == "streams" else layout.project.takes
-        take = held[name]
+        takes = layout.project.streams if lane.layer.source == "streams" else layout.project.takes
+        take = takes[name]
         texture = self._texture(workspace.timeline.pictures, workspace, take)
         if texture is None:
             return
@@ -162,8 +162,8 @@ class LanePainter:
             share = min(max(second / max(take.duration, take.step), 0.0), 1.0)
             pose = round(share * (POSES - 1))
             across, down = (pose % COLUMNS) / COLUMNS, (pose // COLUMNS) / (POSES // COLUMNS)
-            one, other = ImVec2(across, down), ImVec2(across + 1 / COLUMNS, down + COLUMNS / POSES)
-            draw.add_image(picture, ImVec2(x, low.y + 1), ImVec2(x + side, high.y - 1), one, other, ink)
+            low_uv, high_uv = ImVec2(across, down), ImVec2(across + 1 / COLUMNS, down + COLUMNS / POSES)
+            draw.add_image(picture, ImVec2(x, low.y + 1), ImVec2(x + side, high.y - 1), low_uv, high_uv, ink)
 
     def _texture(
         self, pictures: ClipPictures, workspace: Workspace, take: Clip | PoseStream
@@ -173,9 +173,9 @@ class LanePainter:
             if sheet is None:
                 return None
             self._ctx = self._ctx or window_context()
-            made = self._ctx.texture(sheet.shape[1::-1], 4, np.ascontiguousarray(sheet).tobytes())
-            made.filter = (moderngl.LINEAR, moderngl.LINEAR)
-            self._textures[take] = made
+            texture = self._ctx.texture(sheet.shape[1::-1], 4, np.ascontiguousarray(sheet).tobytes())
+            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            self._textures[take] = texture
         return self._textures[take]
 
 

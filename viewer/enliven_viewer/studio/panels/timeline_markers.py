@@ -48,8 +48,8 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
     if not layout.project.sounds or count < 1:
         return
     middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.heard else 0.2)
-    for one in layout.project.sounds.values():
-        loud = envelope(one, layout.time(first), layout.time(first + count * _COLUMN), count)
+    for sound in layout.project.sounds.values():
+        loud = envelope(sound, layout.time(first), layout.time(first + count * _COLUMN), count)
         for column in np.flatnonzero(loud):
             x, high = origin.x + first + column * _COLUMN, max(loud[column] * (RULER / 2 - 2), 0.5)
             draw.add_line(ImVec2(x, middle - high), ImVec2(x, middle + high), tint, _COLUMN)

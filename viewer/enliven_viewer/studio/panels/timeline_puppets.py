@@ -132,7 +132,7 @@ def tell_details(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -
         return
     at, project = imgui.get_mouse_pos(), layout.project
     handle = layout.handle_at(at.x - origin.x, at.y - origin.y)
-    said = {
+    tooltip = {
         "pose": tr("Click: edit this key pose. Drag: another moment for it."),
         "suggested": tr("No example is like this moment. Click: pose the puppet for it."),
         "switch": tr("Drag: when the puppet leaves or touches the floor. Delete removes it."),
@@ -140,11 +140,11 @@ def tell_details(workspace: Workspace, layout: TimelineLayout, origin: ImVec2) -
         "found": tr("Contacts and flights; click to find them again after editing."),
     }.get(handle.kind, "")
     if handle.kind == "held":
-        held = constraints_of(project, handle.character, handle.number)[handle.item]
+        constraint = constraints_of(project, handle.character, handle.number)[handle.item]
         take = project.takes[project.characters[handle.character].playing[handle.number].take]
-        said = tr("{0}. Delete lets go.", constraint_text(held, take.step))
-    if said:
-        imgui.set_tooltip(said)
+        tooltip = tr("{0}. Delete lets go.", constraint_text(constraint, take.step))
+    if tooltip:
+        imgui.set_tooltip(tooltip)
 
 
 def _diamond(draw: imgui.ImDrawList, x: float, y: float, reach: float, tint: int, *, filled: bool) -> None:

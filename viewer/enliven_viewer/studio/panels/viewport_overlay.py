@@ -67,11 +67,13 @@ def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     editor = workspace.editor
     if not editor.selection.several:
         return
-    for one in editor.seen:
-        pixels = editor.lens.pixels_of(np.asarray(one.extent, float)[:: max(len(one.extent) // 300, 1)])
-        if one.id not in editor.selection.characters or not pixels:
+    for character in editor.seen:
+        pixels = editor.lens.pixels_of(
+            np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
+        )
+        if character.id not in editor.selection.characters or not pixels:
             continue
-        colour = packed(ACCENT if one.id == editor.selection.character else INK, 0.9)
+        colour = packed(ACCENT if character.id == editor.selection.character else INK, 0.9)
         (left, top), (right, bottom) = np.min(pixels, axis=0) - _AIR, np.max(pixels, axis=0) + _AIR
         for x, inward in ((left, _CORNER), (right, -_CORNER)):
             for y, down in ((top, _CORNER), (bottom, -_CORNER)):
@@ -144,8 +146,8 @@ def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> Non
     workspace.widgets["hint"] = (area.x, area.y, area.x + area.width, area.y + area.height)
 
 
-def _warning(said: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
-    text = f"\uf071  {said}"
+def _warning(warning: str, draw: imgui.ImDrawList, x: float, y: float) -> None:
+    text = f"\uf071  {warning}"
     wide = imgui.calc_text_size(text).x + 26
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + 30), packed((*GLASS[:3], 0.92)), 9.0)
     draw.add_text(ImVec2(x + 13, y + 7), packed(BAD), text)

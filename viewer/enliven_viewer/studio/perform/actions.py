@@ -54,20 +54,20 @@ NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Pe
 
 def perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
-    for one in PERFORM_ACTIONS:
-        on = None if one.on is None else partial(one.on, session)
+    for action in PERFORM_ACTIONS:
+        on = None if action.on is None else partial(action.on, session)
         yield Action(
-            one.id,
+            action.id,
             "Perform",
-            one.label,
-            (one.key,) if one.key else (),
-            partial(one.do, session),
-            partial(one.lacks, session),
+            action.label,
+            (action.key,) if action.key else (),
+            partial(action.do, session),
+            partial(action.lacks, session),
             on,
-            about=one.about,
-            apart=one.apart,
-            group=one.group,
-            rooms=one.rooms,
+            about=action.about,
+            apart=action.apart,
+            group=action.group,
+            rooms=action.rooms,
         )
 
 

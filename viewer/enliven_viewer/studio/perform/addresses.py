@@ -33,10 +33,10 @@ class Addresses:
 
     def remember(self, address: str) -> None:
         """Moves an address to the top."""
-        kept = (address, *(one for one in self.known if one != address))[:_KEPT]
-        self._known = kept
+        addresses = (address, *(other for other in self.known if other != address))[:_KEPT]
+        self._known = addresses
         with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
-            self._path.write_text("\n".join(kept) + "\n", "utf-8")
+            self._path.write_text("\n".join(addresses) + "\n", "utf-8")
 
     @property
     def _path(self) -> Path:

@@ -106,10 +106,10 @@ class CameraSearch:
         self._folder = self._folder or tempfile.TemporaryDirectory(prefix="enliven-look-")
         path = Path(self._folder.name) / "depth.png"
         path.unlink(missing_ok=True)
-        told = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the look ends
+        output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the look ends
         _, sensor, *settings = camera.words
         words = ["sensors", sensor, *settings, "-o", str(path), "--seconds", _SECONDS, "--picture", "none"]
-        self._look = start_process(words, stderr=told, stdout=told), told, camera, path
+        self._look = start_process(words, stderr=output, stdout=output), output, camera, path
 
     def poll(self) -> None:
         """Takes the results of finished searches and tests. Call once per frame."""
@@ -117,12 +117,12 @@ class CameraSearch:
             (process, out), self._search = self._search, None
             self._take(_text(out), bool(process.returncode))
         if self._look is not None and self._look[0].poll() is not None:
-            (process, told, camera, path), self._look = self._look, None
-            self._see(camera, _text(told), path, bool(process.returncode))
+            (process, output, camera, path), self._look = self._look, None
+            self._see(camera, _text(output), path, bool(process.returncode))
 
     def close(self) -> None:
         """Ends search and test, and removes their files."""
-        for process in [one[0] for one in (self._search, self._look) if one is not None]:
+        for process in [running[0] for running in (self._search, self._look) if running is not None]:
             process.kill()
             process.wait()
         self._search = self._look = None
@@ -140,9 +140,9 @@ class CameraSearch:
             self.cameras = ()
             self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
 
-    def _see(self, camera: Camera, said: str, path: Path, failed: bool) -> None:
+    def _see(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
         """Stores the image of a test, or the error."""
-        lines = [line.strip() for line in said.splitlines() if line.strip()]
+        lines = [line.strip() for line in output.splitlines() if line.strip()]
         if failed or not path.is_file():
             why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")
             self.looked, self.picture = (camera, why), None

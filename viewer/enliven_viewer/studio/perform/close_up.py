@@ -50,14 +50,14 @@ class CloseUp:
     def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._since += seconds
-        found = None if scene is None or not self.on else about_to_be_held(scene, meant)
-        if found is None and self.box is not None and self.on and scene is not None and self._since < _DWELL:
+        box = None if scene is None or not self.on else about_to_be_held(scene, meant)
+        if box is None and self.box is not None and self.on and scene is not None and self._since < _DWELL:
             return
-        self.box = found
-        if found is None:
+        self.box = box
+        if box is None:
             self._go_back()
-        elif self._framed is None or (self._since > _DWELL and _elsewhere(found, self._framed)):
-            self._go_to(found)
+        elif self._framed is None or (self._since > _DWELL and _elsewhere(box, self._framed)):
+            self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
         """Returns the side view of the limb for an image of this size in pixels; None without a limb."""
@@ -119,8 +119,9 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     if cues is None or cues.firm.all():
         return None
     nodes = cues.nodes[~cues.firm]
-    known = nodes < len(actor.pose.positions)  # Check the numbers, because an edge may send any node numbers.
-    return np.asarray(actor.pose.positions[nodes[known]], np.float64)
+    # Check the numbers, because an edge may send any node numbers.
+    is_valid = nodes < len(actor.pose.positions)
+    return np.asarray(actor.pose.positions[nodes[is_valid]], np.float64)
 
 
 def _size(box: Box) -> float:

@@ -91,8 +91,11 @@ class Guest:
 
     def advance(self, seconds: float) -> None:
         """Processes received messages."""
-        now = self.recorder.holders.now
-        self.live.held, self.live.holding = {one.character for one in now}, {one.body for one in now}
+        holders = self.recorder.holders.now
+        self.live.held, self.live.holding = (
+            {holder.character for holder in holders},
+            {holder.body for holder in holders},
+        )
         self.live.advance(seconds)
 
     def close(self) -> None:

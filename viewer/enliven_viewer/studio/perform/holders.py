@@ -55,8 +55,10 @@ class Holders:
     @property
     def now(self) -> tuple[Holder, ...]:
         """Returns all performers that control something, by id."""
-        found = [Holder(who, name, own) for name, held in self._parts.items() for who, own in held.items()]
-        return tuple(sorted(found, key=lambda one: (one.body, one.character)))
+        holders = [
+            Holder(body, name, own) for name, held in self._parts.items() for body, own in held.items()
+        ]
+        return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
 
     def take(self, said: HoldMessage) -> None:
         """Processes a change of attachments."""

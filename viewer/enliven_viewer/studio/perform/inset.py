@@ -96,14 +96,14 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[S
     if nearest > -_NEAREST:
         middle = np.mean([body.joints.mean(0) for body in bodies], axis=0)
         eye = np.array([middle[0], EYE, nearest + _BEFORE])
-    made = []
+    bodies_seen = []
     for body in bodies:
         way = body.joints - eye
         depth = -way[:, 2]
         half = np.where(depth > 0.0, depth, np.nan) * _VIEW
         places = np.stack([0.5 * (WIDER + way[:, 0] / half), 0.5 * (1.0 - way[:, 1] / half)], 1)
-        made.append(SeenBody(body.id, places, depth, body.confidence))
-    return tuple(made)
+        bodies_seen.append(SeenBody(body.id, places, depth, body.confidence))
+    return tuple(bodies_seen)
 
 
 def _through(camera: CameraMessage, body: Body) -> SeenBody:
@@ -138,8 +138,11 @@ class PerformerInset:
         right, low = width - wide - _MARGIN, height - tall - _BELOW
         corners = [(x, y, wide, tall) for x, y in ((right, low), (right, _MARGIN), (_MARGIN, low))]
         if self._drawn % _LOOKED == 0:
-            known = covered()
-            costs = [sum(_common(corner, one) for one in known) / (wide * tall) for corner in corners]
+            rectangles = covered()
+            costs = [
+                sum(_common(corner, rectangle) for rectangle in rectangles) / (wide * tall)
+                for corner in corners
+            ]
             best = int(np.argmin(costs))
             if costs[best] + _BETTER < costs[self._corner]:
                 self._corner = best

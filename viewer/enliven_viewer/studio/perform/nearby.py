@@ -46,8 +46,8 @@ class NearbyEdge:
         if self._process.poll() is None:
             return None
         self._log.seek(0)
-        said = [line.strip() for line in self._log.read().splitlines() if line.strip()]
-        return said[-1] if said else tr("it ended")
+        lines = [line.strip() for line in self._log.read().splitlines() if line.strip()]
+        return lines[-1] if lines else tr("it ended")
 
     def close(self) -> None:
         """Ends the process."""

@@ -69,18 +69,20 @@ class LiveRecorder:
         if self.newest_ns is not None:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
-    def _count_from(self, kept: Performed, since: int) -> None:
+    def _count_from(self, performed: Performed, since: int) -> None:
         """Starts a recording at a time of the sensor's clock, including the attachments made before it."""
-        kept.since_ns, self._delay_ns = since, None
-        first = min((held[0].time_ns for held in self.holders.since_free.values() if held), default=since)
-        kept.frames = [frame for frame in self._frames if frame.time_ns >= first]
-        kept.events = [said for held in self.holders.since_free.values() for said in held]
+        performed.since_ns, self._delay_ns = since, None
+        first = min(
+            (events[0].time_ns for events in self.holders.since_free.values() if events), default=since
+        )
+        performed.frames = [frame for frame in self._frames if frame.time_ns >= first]
+        performed.events = [event for events in self.holders.since_free.values() for event in events]
 
     def end(self) -> Performed:
         """Ends the recording and returns it."""
         assert self._kept is not None
         kept, self._kept, self._delay_ns = self._kept, None, None
-        kept.events.sort(key=lambda said: said.time_ns)
+        kept.events.sort(key=lambda event: event.time_ns)
         return kept
 
     def so_far(self) -> Performed | None:
@@ -91,7 +93,7 @@ class LiveRecorder:
         return replace(
             kept,
             frames=list(kept.frames),
-            events=sorted(kept.events, key=lambda said: said.time_ns),
+            events=sorted(kept.events, key=lambda event: event.time_ns),
             characters=dict(kept.characters),
             poses={key: list(poses) for key, poses in kept.poses.items()},
         )
@@ -118,13 +120,13 @@ class LiveRecorder:
         self._frames.clear()
         self.holders.forget()
 
-    def _pose(self, seen: Any) -> None:
-        pose, kept = seen.pose, self._kept
+    def _pose(self, received: Any) -> None:
+        pose, kept = received.pose, self._kept
         self._note(pose.time_ns)
-        if kept is None or self.cut or seen.character is None or pose.time_ns < kept.since_ns:
+        if kept is None or self.cut or received.character is None or pose.time_ns < kept.since_ns:
             return
-        key = pose.character, seen.revision
-        kept.characters.setdefault(key, seen.character)
+        key = pose.character, received.revision
+        kept.characters.setdefault(key, received.character)
         kept.poses.setdefault(key, []).append(pose)
 
     def _note(self, time_ns: int) -> None:

@@ -96,7 +96,9 @@ class StageRecording:
     @property
     def seconds(self) -> float:
         """Returns the recorded length in seconds, by the clock of the edge that is furthest."""
-        return max(one.seconds for one in (self.recorder, *(guest.recorder for guest in self._guests)))
+        return max(
+            recorder.seconds for recorder in (self.recorder, *(guest.recorder for guest in self._guests))
+        )
 
     @property
     def counted(self) -> int:
@@ -188,23 +190,24 @@ class StageRecording:
         editor = self.editor
         (performed, *others), start, replaces = self._ended(), self._start, self.replaces
         if until_ns is not None:
-            others = [one.until(one.since_ns + until_ns - performed.since_ns) for one in others]
+            others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
             performed = performed.until(until_ns)
         editor.growing, editor.playing = 0.0, False
-        made: list[str] = []
+        added: list[str] = []
 
         def change(project: Project) -> Project:
             after, names = _recorded(project, (performed, *others), start, replaces=replaces, beside=beside)
-            made.extend(names)
+            added.extend(names)
             return after
 
         if editor.edit(later("record {0}", performed.name), change, over_locks=True):
-            told = [name for name in made if name in editor.project.characters] or made
+            shown_names = [name for name in added if name in editor.project.characters] or added
             editor.toasts.say(
-                tr("Recorded {0}", ", ".join(told)), tr("Ctrl+Z takes it back; record again to add to it.")
+                tr("Recorded {0}", ", ".join(shown_names)),
+                tr("Ctrl+Z takes it back; record again to add to it."),
             )
             editor.scrub(start)
-            editor.playing, self._fresh = True, told[-1]
+            editor.playing, self._fresh = True, shown_names[-1]
 
     def so_far(self) -> Callable[[Project], Project] | None:
         """Returns the edit that stores the unfinished recording, which continues; None without a recording.
@@ -214,7 +217,7 @@ class StageRecording:
         if self.phase != "recording":
             return None
         recorders = (self.recorder, *(guest.recorder for guest in self._guests))
-        copies = [copy for copy in (one.so_far() for one in recorders) if copy is not None]
+        copies = [copy for copy in (recorder.so_far() for recorder in recorders) if copy is not None]
         start, replaces, beside = self._start, self.replaces, self._beside
         return lambda project: _recorded(project, copies, start, replaces=replaces, beside=beside)[0]
 
@@ -235,7 +238,11 @@ class StageRecording:
 
     def _ended(self) -> list[Performed]:
         """Ends all recorders and returns their recordings, the primary edge's first."""
-        return [one.end() for one in (self.recorder, *(g.recorder for g in self._guests)) if one.recording]
+        return [
+            recorder.end()
+            for recorder in (self.recorder, *(g.recorder for g in self._guests))
+            if recorder.recording
+        ]
 
     def _span_ended(self, span: tuple[float, float]) -> None:
         """Keeps the recording of the span. In loop mode the next pass starts at once."""
@@ -272,9 +279,9 @@ class StageRecording:
         return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
 
     def _name(self) -> str:
-        known = self.editor.project.takes
+        takes = self.editor.project.takes
         number = 1
-        while any(one == f"take {number}" or one.startswith(f"take {number} ") for one in known):
+        while any(name == f"take {number}" or name.startswith(f"take {number} ") for name in takes):
             number += 1
         return f"take {number}"
 
@@ -288,11 +295,11 @@ def _recorded(
         InputError: if nothing moved.
     """
     after, names = project, list[str]()
-    for one in performed:
-        begin = one.since_ns - round(start * 1e9)
-        after, new = with_performed(after, one, begin, replaces=replaces, beside=beside)
+    for recording in performed:
+        begin = recording.since_ns - round(start * 1e9)
+        after, new = with_performed(after, recording, begin, replaces=replaces, beside=beside)
         names += new
     if not names:
-        what, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
-        raise InputError(what, where="recording", mend=mend)
+        problem, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")
+        raise InputError(problem, where="recording", mend=mend)
     return after, names

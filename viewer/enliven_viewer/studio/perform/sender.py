@@ -36,16 +36,16 @@ class StageSender:
 
     def put(self, stage: StageLink, project: Project, name: str) -> None:
         """Sends a character. It is sent again automatically after edits."""
-        one = project.character(name)
-        again = self.states.get(name) == "on the stage"
-        self._sent[name], self.states[name] = one, "being sent"
-        told = partial(self._answered, name, again)
-        if isinstance(one, Puppet) and len(one.poses) < 2 and one.mesh is not None:
+        character = project.character(name)
+        is_resent = self.states.get(name) == "on the stage"
+        self._sent[name], self.states[name] = character, "being sent"
+        on_answer = partial(self._answered, name, is_resent)
+        if isinstance(character, Puppet) and len(character.poses) < 2 and character.mesh is not None:
             # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
             # possess.
-            stage.put(project_of_mesh(one.mesh, name), name, fit=True, then=told)
+            stage.put(project_of_mesh(character.mesh, name), name, fit=True, then=on_answer)
         else:
-            stage.put(project, name, then=told)
+            stage.put(project, name, then=on_answer)
 
     def stands(self, name: str, one: RigBase) -> None:
         """Records that a character made by the edge is on the stage in its current state."""
@@ -61,15 +61,15 @@ class StageSender:
         """Sends edited characters after a pause in the editing."""
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
-            one = project.characters.get(name)
-            if one is not None and _stands_alike(one, sent):
-                self._sent[name] = one
+            character = project.characters.get(name)
+            if character is not None and _stands_alike(character, sent):
+                self._sent[name] = character
                 continue
-            if one is None or one is sent or self.states[name].startswith("refused"):
+            if character is None or character is sent or self.states[name].startswith("refused"):
                 self._seen.pop(name, None)
                 continue
-            if self._seen.get(name, (None, 0.0))[0] is not one:
-                self._seen[name] = one, now
+            if self._seen.get(name, (None, 0.0))[0] is not character:
+                self._seen[name] = character, now
             elif now - self._seen[name][1] >= _REST:
                 self.put(stage, project, name)
 
@@ -109,12 +109,12 @@ class StageSender:
             self._tell(tr("{0} is gone from the stage", name), "")
 
 
-def _stands_alike(one: RigBase, sent: RigBase) -> bool:
+def _stands_alike(character: RigBase, sent: RigBase) -> bool:
     """Returns True if an edit of a possessed mesh changed only its motion.
 
     On the stage the mesh is at rest.
     """
-    kinds = isinstance(one, GraphShape) and isinstance(sent, GraphShape)
+    kinds = isinstance(character, GraphShape) and isinstance(sent, GraphShape)
     return kinds and all(
-        getattr(one, each) is getattr(sent, each) for each in (*one.drawn_by, "ends", "joints")
+        getattr(character, each) is getattr(sent, each) for each in (*character.drawn_by, "ends", "joints")
     )

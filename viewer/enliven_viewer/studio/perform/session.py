@@ -116,8 +116,11 @@ class PerformSession:
         if self._client is None:
             self.connect(wanted, settings)
             return
-        known = [self._client.edges[0].endpoint, *(parse_endpoint(one.address) for one in self.guests)]
-        if parse_endpoint(wanted) in known:
+        endpoints = [
+            self._client.edges[0].endpoint,
+            *(parse_endpoint(guest.address) for guest in self.guests),
+        ]
+        if parse_endpoint(wanted) in endpoints:
             mend = tr("Give the address of another camera's computer.")
             raise InputError(tr("that stage is here already"), where=wanted, mend=mend)
         self.guests.append(Guest(wanted, len(self.guests) + 1, settings))
@@ -221,10 +224,13 @@ class PerformSession:
     def holders(self) -> tuple[Holder, ...]:
         """Returns which performers currently control what."""
         own = _numbered(self.live, self.recording.recorder) if self.connected and self.live else ()
-        beside = (
-            one for guest in self.guests if guest.connected for one in _numbered(guest.live, guest.recorder)
+        guest_holders = (
+            holder
+            for guest in self.guests
+            if guest.connected
+            for holder in _numbered(guest.live, guest.recorder)
         )
-        return (*own, *beside)
+        return (*own, *guest_holders)
 
     @property
     def performers(self) -> tuple[int, ...]:
@@ -265,8 +271,8 @@ class PerformSession:
         """Processes received messages, and advances running operations."""
         if self.live is None:
             return
-        self.live.meant, self.live.held = self.meant, {one.character for one in self.holders}
-        self.live.holding = {one.body for one in self.recording.recorder.holders.now}
+        self.live.meant, self.live.held = self.meant, {holder.character for holder in self.holders}
+        self.live.holding = {holder.body for holder in self.recording.recorder.holders.now}
         self.live.advance(seconds)
         for guest in self.guests:
             guest.advance(seconds)
@@ -296,8 +302,8 @@ class PerformSession:
     def _watch_edge(self) -> None:
         """Detects a local edge that failed to start or has ended."""
         if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
-            what, _, mend = why.removeprefix("enliven: ").partition(". ")
-            self.editor.toasts.complain(EnlivenError(what, where="the stage on this machine", mend=mend))
+            problem, _, mend = why.removeprefix("enliven: ").partition(". ")
+            self.editor.toasts.complain(EnlivenError(problem, where="the stage on this machine", mend=mend))
             self.disconnect()
 
     def _began_again(self) -> None:
@@ -343,10 +349,10 @@ class PerformSession:
 
     def lacks_to_put(self) -> str:
         """Returns why the selected character cannot be put on the stage, with advice."""
-        one = self.editor.chosen()
-        if one is None:
+        character = self.editor.chosen()
+        if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
-        bare = "It has no surface, so it cannot be performed" if one.mesh is None else ""
+        bare = "It has no surface, so it cannot be performed" if character.mesh is None else ""
         return self.lacks_edge() or bare
 
     def lacks_to_take_off(self) -> str:
@@ -361,10 +367,10 @@ class PerformSession:
 
     def put_soon(self, name: str) -> None:
         """Puts a character on the stage, or on the next one that is connected."""
-        self._soon = (*(one for one in self._soon if one != name), name)
+        self._soon = (*(other for other in self._soon if other != name), name)
         if not self.connected:
-            said = tr("{0} goes onto the stage as soon as there is one", name)
-            self.editor.toasts.say(said, tr("Connect to a camera at the right, or to a recorded person."))
+            message = tr("{0} goes onto the stage as soon as there is one", name)
+            self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
 
     @property
     def waiting(self) -> tuple[str, ...]:
@@ -394,4 +400,6 @@ class PerformSession:
 
 def _numbered(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
     """Returns which performers control what on one edge, with the numbers shown to people."""
-    return tuple(replace(one, number=live.numbers.number_of(one.body)) for one in recorder.holders.now)
+    return tuple(
+        replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
+    )

@@ -42,7 +42,7 @@ class StageSizes:
     @property
     def going(self) -> str | None:
         """Returns the character that hands are scaling; None for none."""
-        return next((name for name, said in self._told.items() if said.body >= 0), None)
+        return next((name for name, message in self._told.items() if message.body >= 0), None)
 
     def of(self, name: str) -> float:
         """Returns the size of a character on the stage, relative to its own size."""
@@ -56,9 +56,9 @@ class StageSizes:
         """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
         client.take(SIZES)
         before, self._told = self._told, {}
-        for said in client.latest(SIZES).values():
-            if said.character in standing:
-                self._told[said.character] = said
+        for message in client.latest(SIZES).values():
+            if message.character in standing:
+                self._told[message.character] = message
         self._say(before)
         for name in standing:
             self._swing(name, client)
@@ -98,7 +98,7 @@ class StageSizes:
             self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
             self._words_until = now + _SHOWN
         elif self.words is not None:
-            ended = next((name for name, said in before.items() if said.body >= 0), None)
+            ended = next((name for name, message in before.items() if message.body >= 0), None)
             if ended is not None:
                 self.words = f"{ended}: {self.of(ended):.0%}", tr("It stays.")
                 self._editor.frame_all(reset=False)
@@ -120,9 +120,9 @@ class StageSizes:
     def _swing(self, name: str, client: EdgeClient) -> None:
         """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
         project = self._editor.draft or self._editor.project
-        told = self._told[name].exaggeration if name in self._told else None
+        edge_exaggeration = self._told[name].exaggeration if name in self._told else None
         wanted = project.handling.get(name, FREE).exaggeration
-        if name in project.characters and wanted != told:
+        if name in project.characters and wanted != edge_exaggeration:
             self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
 
     def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
@@ -139,5 +139,5 @@ class StageSizes:
     def _answered(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._asked[order.do, order.character or ""] = wanted, float("inf")
-            what = tr("keeps its size") if order.do == "set" else tr("swings as before")
-            self._editor.toasts.say(tr("{0} {1} on the stage", order.character, what), answer.reason)
+            outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")
+            self._editor.toasts.say(tr("{0} {1} on the stage", order.character, outcome), answer.reason)

@@ -218,14 +218,14 @@ class SteppingIn:
             return
         self.forget()
         if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
-            where, _, what = answer.reason.partition(": ")
-            self._refuse(what if where.startswith(("possessing", "stage")) else answer.reason)
+            where, _, problem = answer.reason.partition(": ")
+            self._refuse(problem if where.startswith(("possessing", "stage")) else answer.reason)
 
     def _refuse(self, reason: str) -> None:
         """Shows the reason and the advice, and cancels the press."""
         self.forget()
-        what, _, mend = reason.partition(". ")
-        self._stage.editor.toasts.say(what[:1].upper() + what[1:].removesuffix("."), mend)
+        problem, _, mend = reason.partition(". ")
+        self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), mend)
 
     @property
     def _scan(self) -> ScanMessage:

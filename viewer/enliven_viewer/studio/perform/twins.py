@@ -58,26 +58,26 @@ class Twins:
         own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
         for actor in scene.actors:
             name = actor.character.id
-            one = own.get(name)
-            if one is None:
+            character = own.get(name)
+            if character is None:
                 actors.append(actor)
             elif not told.performs:
                 boards.pop(name, None)
-            elif isinstance(one, Shape) and len(one.skeleton) == len(actor.pose.positions):
-                moved, joints = self._layered(one, actor, told)
+            elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
+                moved, joints = self._layered(character, actor, told)
                 actors.append(moved)
                 hidden.add(name)
                 if name in boards:
-                    boards[name] = _carried(boards[name], one, actor, joints)
-            elif isinstance(one, GraphShape) and self._over(one, actor, told):
-                actors.append(self._performed_over(one, actor))
+                    boards[name] = _carried(boards[name], character, actor, joints)
+            elif isinstance(character, GraphShape) and self._over(character, actor, told):
+                actors.append(self._performed_over(character, actor))
                 hidden.add(name)
-            elif _alone(one, actor, told, playing=self.editor.playing):
+            elif _alone(character, actor, told, playing=self.editor.playing):
                 actors.append(actor)
                 hidden.add(name)
         self.hidden = frozenset(hidden)
-        self._layers = {name: kept for name, kept in self._layers.items() if name in hidden}
-        self._overs = {name: kept for name, kept in self._overs.items() if name in hidden}
+        self._layers = {name: layer for name, layer in self._layers.items() if name in hidden}
+        self._overs = {name: over for name, over in self._overs.items() if name in hidden}
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _layered(self, shape: Shape, actor: SceneCharacter, told: Telling) -> tuple[SceneCharacter, Float]:
@@ -85,39 +85,39 @@ class Twins:
         replaced = frozenset[int]()
         if told.replaces and told.heard and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
-        key, known = (self.editor.project, replaced), self._layers.get(shape.id)
-        if known is None or known[0][0] is not key[0] or known[0][1] != replaced:
-            known = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
-        pose, joints = known[1].pose(actor.pose, self.editor.time, heard=told.heard)
+        key, cached = (self.editor.project, replaced), self._layers.get(shape.id)
+        if cached is None or cached[0][0] is not key[0] or cached[0][1] != replaced:
+            cached = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
+        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.heard)
         return replace(actor, pose=pose), joints
 
-    def _over(self, one: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
+    def _over(self, shape: GraphShape, actor: SceneCharacter, told: Telling) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
-        performed = one.id in told.held and told.heard and not told.replaces
-        return performed and _same(one, actor) and plays(self.editor.project, one)
+        performed = shape.id in told.held and told.heard and not told.replaces
+        return performed and _same(shape, actor) and plays(self.editor.project, shape)
 
-    def _performed_over(self, one: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+    def _performed_over(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""
-        known = self._overs.get(one.id)
-        if known is None or known[0] is not self.editor.project or known[1] is not actor.character:
-            made = LiveOver(self.editor.project, one.id, actor.character)
-            known = self._overs[one.id] = self.editor.project, actor.character, made
-        posed = self.editor.posed(one.id)
-        pose, drawn = known[2].pose(actor.pose, posed.pose), posed.drawn
+        cached = self._overs.get(shape.id)
+        if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
+            live_over = LiveOver(self.editor.project, shape.id, actor.character)
+            cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
+        posed = self.editor.posed(shape.id)
+        pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
         # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
         # mesh.
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 
-def _same(one: RigBase, actor: SceneCharacter) -> bool:
+def _same(character: RigBase, actor: SceneCharacter) -> bool:
     """Returns True if the stage has the same surface as the project."""
-    return one.mesh is not None and len(one.mesh.vertices) == len(actor.character.vertices)
+    return character.mesh is not None and len(character.mesh.vertices) == len(actor.character.vertices)
 
 
-def _alone(one: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
+def _alone(character: RigBase, actor: SceneCharacter, told: Telling, *, playing: bool) -> bool:
     """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
-    return told.heard and (not playing or (_same(one, actor) and one.id in told.held))
+    return told.heard and (not playing or (_same(character, actor) and character.id in told.held))
 
 
 def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:

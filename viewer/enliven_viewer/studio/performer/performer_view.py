@@ -148,11 +148,11 @@ class PerformerView:
             return None
         clip = self.editor.project.takes[moment[0]]
         frame = int(np.clip(round(moment[1] / clip.step), 0, len(clip.turns) - 1))
-        known = self._figures.get((moment[0], frame))
-        if known is None or known[0] is not clip:
-            known = (clip, self._made(clip, frame))
-            self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): known}
-        return known[1]
+        cached = self._figures.get((moment[0], frame))
+        if cached is None or cached[0] is not clip:
+            cached = (clip, self._made(clip, frame))
+            self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): cached}
+        return cached[1]
 
     def _made(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])

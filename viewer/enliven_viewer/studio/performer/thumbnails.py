@@ -59,11 +59,11 @@ class Thumbnails:
                 thumbnail is shown.
         """
         key = (*_key(puppet, places), theme_in_use())
-        known = self._done.get(key)
-        if known is not None:
+        thumbnail = self._done.get(key)
+        if thumbnail is not None:
             self._done[key] = self._done.pop(key)
             self._shown[(puppet.id, slot)] = key
-            return int(known[1].glo)
+            return int(thumbnail[1].glo)
         future = self._solving[key][1] if key in self._solving else self._surfaces.aside(puppet, places)
         if future is not None:
             self._solving[key] = puppet, future

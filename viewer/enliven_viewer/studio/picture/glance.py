@@ -31,12 +31,12 @@ class GlancePictures:
         """
         if camera is None or not camera.height:
             return None
-        known = self._made.get(name)
-        if known is not None and known[0] is camera and known[2] == theme_in_use():
-            return int(known[1].glo)
+        cached = self._made.get(name)
+        if cached is not None and cached[0] is camera and cached[2] == theme_in_use():
+            return int(cached[1].glo)
         size, pixels = (camera.width, camera.height), picture_of(camera).tobytes()
-        if known is not None and known[1].size == size:
-            texture = known[1]
+        if cached is not None and cached[1].size == size:
+            texture = cached[1]
             texture.write(pixels, alignment=1)
         else:
             texture = self._ctx.texture(size, 3, pixels, alignment=1)

@@ -77,7 +77,7 @@ class GrowingSurfacePass:
             return
         tints = np.concatenate([shown.colours, shown.seen[:, None]], 1)
         data = (shown.vertices.astype("f4"), shown.normals.astype("f4"), tints, shown.faces.astype("i4"))
-        places, normals, colours, order = (self._ctx.buffer(np.ascontiguousarray(one)) for one in data)
+        places, normals, colours, order = (self._ctx.buffer(np.ascontiguousarray(values)) for values in data)
         self._buffers = [places, normals, colours, order]
         self._array = self._ctx.vertex_array(
             self._program,

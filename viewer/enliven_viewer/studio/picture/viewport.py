@@ -61,9 +61,11 @@ class Viewport:
         ``live`` is drawn next to the project's characters; ``growing`` is a running scan.
         """
         actors = [
-            SceneCharacter(one.drawn, one.pose, vertices=one.solved) for one in stage if meshes and one.drawn
+            SceneCharacter(character.drawn, character.pose, vertices=character.solved)
+            for character in stage
+            if meshes and character.drawn
         ]
-        extent = bounds_of([one.extent for one in stage])
+        extent = bounds_of([character.extent for character in stage])
         scene = Scene(tuple(actors), (), PLAIN, extent=extent)
         if live is not None:
             scene = replace(live, actors=(*actors, *live.actors), extent=extent)
@@ -73,10 +75,14 @@ class Viewport:
             self._onion = self._onion or OnionSkin(self.renderer.ctx)
             self._onion.draw(self.renderer.picture, ghosts.bodies)
         self._draw_puppet(over)
-        handled = [one for one in stage if len(one.handles) and not one.own_tool]
+        handled = [character for character in stage if len(character.handles) and not character.own_tool]
         if bones and handled:
-            rows = np.concatenate([skeleton_rows(one, lens, selection, overlay) for one in handled])
-            near = min(float(((one.handles - lens.view.eye) @ lens.forward).min()) for one in handled)
+            rows = np.concatenate(
+                [skeleton_rows(character, lens, selection, overlay) for character in handled]
+            )
+            near = min(
+                float(((character.handles - lens.view.eye) @ lens.forward).min()) for character in handled
+            )
             self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
         if ghosts is not None and len(ghosts.tubes):
             near = float(((ghosts.tubes[:, :3] - lens.view.eye) @ lens.forward).min())

@@ -97,34 +97,34 @@ class Manipulator:
 
     def rows(self, lit: str, alone: str = "") -> Float32:
         """Returns the arrows as ``tube_rows``; ``alone`` names the dragged part."""
-        made = []
+        arrows = []
         for axis in range(3):
             part = PARTS[axis]
             if self._along(axis) <= _EDGE_ON or (alone and part not in alone):
                 continue
-            made.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
-        return np.concatenate(made) if made else np.zeros((0, 12), np.float32)
+            arrows.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
+        return np.concatenate(arrows) if arrows else np.zeros((0, 12), np.float32)
 
     def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
         """Returns the squares and the ring, as marks over the image."""
         centre, _ = self._seen()
         if not np.isfinite(centre).all():
             return ()
-        found: list[Fill | Line | Disc] = []
+        marks: list[Fill | Line | Disc] = []
         if len(alone) == 1:
-            found += self._track(PARTS.index(alone))
+            marks += self._track(PARTS.index(alone))
         for axis in range(3):
             part = PARTS[3 + axis]
             if not self._square_seen(axis) or (alone and alone != part):
                 continue
             colour = _float(HELD_AXIS if lit == part else AXES[axis])
             corners = tuple((float(x), float(y)) for x, y in self._square(axis))
-            found.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
-            found.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
+            marks.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
+            marks.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
         if not alone or alone == "view":
             tint = _float(HELD_AXIS) if lit == "view" else (*MARK[:3], 0.85)
-            found.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
-        return tuple(found)
+            marks.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
+        return tuple(marks)
 
     def _track(self, axis: int) -> list[Line]:
         """Returns the guide line along which an arrow is dragged."""
@@ -139,9 +139,9 @@ class Manipulator:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
         ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
         tints = linear_from_srgb(np.array([colour, colour], float))
-        made = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
-        made[1, 7] = 0.15 * pixel
-        return made
+        rows = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
+        rows[1, 7] = 0.15 * pixel
+        return rows
 
     def _seen(self) -> tuple[Float, Float]:
         """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""

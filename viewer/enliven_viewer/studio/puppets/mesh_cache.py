@@ -22,15 +22,15 @@ _MOST = 8
 
 def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
     """Returns the function with a cache for the last few meshes. Meshes are compared by identity."""
-    known: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
+    cache: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
 
     @wraps(find)
     def ask(mesh: Mesh) -> Found:
-        if id(mesh) not in known or known[id(mesh)][0] is not mesh:
-            known[id(mesh)] = (mesh, find(mesh))
-            while len(known) > _MOST:
-                known.popitem(last=False)
-        return known[id(mesh)][1]
+        if id(mesh) not in cache or cache[id(mesh)][0] is not mesh:
+            cache[id(mesh)] = (mesh, find(mesh))
+            while len(cache) > _MOST:
+                cache.popitem(last=False)
+        return cache[id(mesh)][1]
 
     return ask
 

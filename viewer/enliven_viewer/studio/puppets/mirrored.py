@@ -54,10 +54,10 @@ def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
     plane, other = plane_for(puppet), partner_point(puppet, point)
     if plane is None or other is None:
         return places
-    made, way = np.array(places), places[point] - puppet.rest[point]
+    new_places, way = np.array(places), places[point] - puppet.rest[point]
     mirrored = reflected(way, np.zeros(3), np.asarray(plane.normal))
-    made[other] = puppet.rest[other] + ((mirrored + way) / 2 if other == point else mirrored)
-    return made
+    new_places[other] = puppet.rest[other] + ((mirrored + way) / 2 if other == point else mirrored)
+    return new_places
 
 
 def _image(place: Float, plane: Plane) -> Float:

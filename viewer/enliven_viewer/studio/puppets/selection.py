@@ -66,9 +66,11 @@ class PuppetSelection:
             return False
 
         def change(project: Project) -> Project:
-            for one in wanted:
-                places = None if poses is None else np.array([pose[one] for pose in poses]).reshape(-1, 3)
-                project = add_point(project, puppet.id, one, places=places)
+            for new_vertex in wanted:
+                places = (
+                    None if poses is None else np.array([pose[new_vertex] for pose in poses]).reshape(-1, 3)
+                )
+                project = add_point(project, puppet.id, new_vertex, places=places)
             return project
 
         if not self.editor.edit(

@@ -81,7 +81,7 @@ class PuppetOverlay:
     def shade(self, picture: RenderTarget, vertices: Float | Float32, faces: Int32, tints: UInt8) -> None:
         """Draws colours over a mesh (V, 3) metres in the world: (V, 4) uint8 sRGB and opacity."""
         data = (np.asarray(vertices, np.float32), tints, np.asarray(faces, np.int32))
-        places, colours, order = (self.ctx.buffer(np.ascontiguousarray(one).tobytes()) for one in data)
+        places, colours, order = (self.ctx.buffer(np.ascontiguousarray(values).tobytes()) for values in data)
         array = self.ctx.vertex_array(
             self._shade,
             [(places, "3f", "in_position"), (colours, "4f1", "in_tint")],
@@ -97,8 +97,8 @@ class PuppetOverlay:
         picture.drawn.depth_mask = True
         picture.drawn.use()
         picture.resolve()
-        for one in (array, places, colours, order):
-            one.release()
+        for resource in (array, places, colours, order):
+            resource.release()
 
     def _blend(self, flags: int) -> None:
         self.ctx.enable_only(moderngl.BLEND | flags)

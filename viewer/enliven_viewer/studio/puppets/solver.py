@@ -136,12 +136,12 @@ class Solver:
         held, weights = _split(self._held)
         if self._count > AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
-        made: Future[PuppetSurface] = Future()
+        future: Future[PuppetSurface] = Future()
         try:
-            made.set_result(PuppetSurface(puppet.mesh, held, weights, puppet.surface))
+            future.set_result(PuppetSurface(puppet.mesh, held, weights, puppet.surface))
         except EnlivenError as error:
-            made.set_exception(error)
-        return made
+            future.set_exception(error)
+        return future
 
     def _take(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None

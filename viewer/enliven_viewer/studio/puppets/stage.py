@@ -42,15 +42,15 @@ class StandingPuppet(StandingCharacter):
     @cached_property
     def solved(self) -> Float32:
         """Returns (V, 3) float32 metres in the world."""
-        made = np.empty(self.surface.shape, np.float32)
-        moved(self.surface, self._turn, self._root, made)
-        return made
+        vertices = np.empty(self.surface.shape, np.float32)
+        moved(self.surface, self._turn, self._root, vertices)
+        return vertices
 
     def out(self, places: AnyArray) -> Float:
         """Returns (N, 3) metres in the world, for positions (N, 3) in the mesh's frame."""
-        made = np.empty(np.shape(places), np.float64)
-        moved(np.asarray(places, np.float64), self._turn, self._root, made)
-        return made
+        positions = np.empty(np.shape(places), np.float64)
+        moved(np.asarray(places, np.float64), self._turn, self._root, positions)
+        return positions
 
     def into(self, places: AnyArray) -> Float:
         """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
@@ -124,7 +124,7 @@ class PuppetStage:
 
     def shown(self, puppet: RigBase) -> StandingPuppet:
         """Returns a puppet of the project in its current pose."""
-        return next(one for one in self.standing if one.id == puppet.id)
+        return next(candidate for candidate in self.standing if candidate.id == puppet.id)
 
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""

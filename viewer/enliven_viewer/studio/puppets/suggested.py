@@ -40,14 +40,14 @@ class PointSuggestions:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
             self._found = self._threads.submit(_ends, puppet.mesh)
-        found = self._found
-        if found is None or not found.done() or found.exception() is not None:
+        search = self._found
+        if search is None or not search.done() or search.exception() is not None:
             return ()
         vertices = puppet.mesh.vertices
         rest, apart = puppet.rest, _APART * size_of(puppet.mesh)
         return tuple(
             vertex
-            for vertex in found.result()
+            for vertex in search.result()
             if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > apart
         )
 
@@ -62,13 +62,13 @@ def _ends(mesh: Mesh) -> tuple[int, ...]:
 
     At an end, the neighbourhood lies to one side of the vertex.
     """
-    found = extremities(mesh, _MOST)
+    candidates = extremities(mesh, _MOST)
     samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
     tree, reach = scipy.spatial.cKDTree(samples), _NEAR * size_of(mesh)
     ends = []
-    for vertex in found:
+    for vertex in candidates:
         near = tree.query_ball_point(mesh.vertices[vertex], reach)
         aside = np.linalg.norm(samples[near].mean(0) - mesh.vertices[vertex]) if near else 0.0
         if aside > _ASIDE * reach:
             ends.append(int(vertex))
-    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in found[:_FEW])
+    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in candidates[:_FEW])

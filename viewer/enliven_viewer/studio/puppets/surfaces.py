@@ -56,9 +56,9 @@ class PuppetSurfaces:
 
         Returns None if they cannot be computed yet.
         """
-        found = [self.aside(puppet, places) for places in many]
+        futures = [self.aside(puppet, places) for places in many]
         try:
-            return [future.result() for future in found if future is not None] if all(found) else None
+            return [future.result() for future in futures if future is not None] if all(futures) else None
         except EnlivenError:
             return None
 
@@ -85,7 +85,7 @@ class PuppetSurfaces:
         self._known = {name: solver for name, solver in self._known.items() if name in ids}
 
     def _solver(self, puppet: Puppet) -> Solver:
-        known = self._known.get(puppet.id)
-        if known is None or known.mesh is not puppet.mesh or known.settings is not puppet.surface:
-            known = self._known[puppet.id] = Solver(puppet, self._pool, self._toasts)
-        return known
+        solver = self._known.get(puppet.id)
+        if solver is None or solver.mesh is not puppet.mesh or solver.settings is not puppet.surface:
+            solver = self._known[puppet.id] = Solver(puppet, self._pool, self._toasts)
+        return solver

@@ -61,8 +61,8 @@ class DraggedBox:
 
     def press(self, at: Point, lens: Lens) -> bool:
         """Handles a button press. Returns whether a handle was grabbed."""
-        found = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
-        self._held = min(found)[1] if found else None
+        near_handles = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
+        self._held = min(near_handles)[1] if near_handles else None
         return self._held is not None
 
     def drag(self, at: Point, lens: Lens) -> None:
@@ -125,8 +125,8 @@ class DraggedBox:
 
     def _away(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
         """Returns each handle in front of the camera, with its distance in pixels from a point."""
-        found = []
+        distances = []
         for side in product((0, 1), range(3)):
             for pixel in lens.pixels_of(self._handle(*side)[None]):
-                found.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
-        return found
+                distances.append((side, float(np.hypot(pixel[0] - at[0], pixel[1] - at[1]))))
+        return distances

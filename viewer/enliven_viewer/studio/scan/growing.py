@@ -27,9 +27,9 @@ class GrowingMesh:
 
     def take(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
         """Takes the newest message of each piece of a scan. Returns whether anything changed."""
-        pieces = {key: one for key, one in newest.items() if one.number == number and one.seen}
+        pieces = {key: piece for key, piece in newest.items() if piece.number == number and piece.seen}
         same = len(pieces) == len(self._pieces)
-        if same and all(self._pieces.get(key) is one for key, one in pieces.items()):
+        if same and all(self._pieces.get(key) is piece for key, piece in pieces.items()):
             return False
         self._pieces = pieces
         self.picture = _joined(list(pieces.values())) if pieces else None
@@ -49,17 +49,21 @@ def _joined(pieces: list[ScanPieceMessage]) -> GrowingPicture:
     faces: list[Int32] = []
     colours: list[UInt8] = []
     count = 0
-    for one in pieces:
-        steps = np.frombuffer(one.vertices, "<u2").reshape(-1, 3)
-        found = np.frombuffer(one.faces, "<u2").reshape(-1, 3).astype(np.int32)
-        found = found[(found < len(steps)).all(1)]
-        vertices.append((steps + np.array(one.place, float) * one.side).astype(np.float32) * one.step)
-        faces.append(found + count)
-        told = np.frombuffer(one.colours, np.uint8).reshape(-1, 3)
-        colours.append(told if len(told) else np.tile(np.array(PLAIN_SURFACE, np.uint8), (len(steps), 1)))
+    for piece in pieces:
+        steps = np.frombuffer(piece.vertices, "<u2").reshape(-1, 3)
+        piece_faces = np.frombuffer(piece.faces, "<u2").reshape(-1, 3).astype(np.int32)
+        piece_faces = piece_faces[(piece_faces < len(steps)).all(1)]
+        vertices.append((steps + np.array(piece.place, float) * piece.side).astype(np.float32) * piece.step)
+        faces.append(piece_faces + count)
+        piece_colours = np.frombuffer(piece.colours, np.uint8).reshape(-1, 3)
+        colours.append(
+            piece_colours
+            if len(piece_colours)
+            else np.tile(np.array(PLAIN_SURFACE, np.uint8), (len(steps), 1))
+        )
         count += len(steps)
     points, joined = np.concatenate(vertices), np.concatenate(faces)
-    seen = np.concatenate([np.frombuffer(one.seen, np.uint8) for one in pieces])
+    seen = np.concatenate([np.frombuffer(piece.seen, np.uint8) for piece in pieces])
     return GrowingPicture(points, _normals(points, joined), np.concatenate(colours), seen, joined)
 
 

@@ -61,13 +61,13 @@ _ROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
 def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
     """Returns an arrow from one camera position to another, around a target."""
-    one, two = start - target, end - target
-    first, last = np.arctan2(one[0], one[2]), np.arctan2(two[0], two[2])
+    start_way, end_way = start - target, end - target
+    first, last = np.arctan2(start_way[0], start_way[2]), np.arctan2(end_way[0], end_way[2])
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
     share = np.linspace(0.08, 0.9, _ALONG)
     angle = first + share * turn
-    reach = np.hypot(one[0], one[2]) * (1 - share) + np.hypot(two[0], two[2]) * share
-    high = one[1] * (1 - share) + two[1] * share
+    reach = np.hypot(start_way[0], start_way[2]) * (1 - share) + np.hypot(end_way[0], end_way[2]) * share
+    high = start_way[1] * (1 - share) + end_way[1] * share
     way = target + np.stack([reach * np.sin(angle), high, reach * np.cos(angle)], 1)
     points = _pixels(way, lens)
     along = way[-1] - way[-3]
@@ -84,8 +84,8 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
 
 def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
     """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
-    found = lens.pixels_of(points)
-    return tuple(found) if len(found) == len(points) else ()
+    pixels = lens.pixels_of(points)
+    return tuple(pixels) if len(pixels) == len(points) else ()
 
 
 def _looking(eye: Float, target: Float) -> Float:

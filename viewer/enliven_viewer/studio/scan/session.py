@@ -209,8 +209,8 @@ class ScanSession:
 
     def _answered(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            what, _, mend = answer.reason.removeprefix("scan: ").partition(". ")
-            self.editor.toasts.say(what[:1].upper() + what[1:], mend)
+            problem, _, mend = answer.reason.removeprefix("scan: ").partition(". ")
+            self.editor.toasts.say(problem[:1].upper() + problem[1:], mend)
 
     # Once per frame ---------------------------------------------------------------------------------------
 
@@ -270,15 +270,15 @@ class ScanSession:
             return
         self._wanted = None
         mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
-        made = project_of_mesh(mesh, name)
-        one = made.characters[name]
-        ends, joints = (np.array(told).reshape(-1, 3) for told in (self.said.ends, self.said.joints))
-        one = one.with_changes(ends=ends, joints=joints)
-        known = name in self.editor.project.characters
-        step = later("add to the scan {0}", name) if known else later("scan {0}", name)
+        scan_project = project_of_mesh(mesh, name)
+        shape = scan_project.characters[name]
+        ends, joints = (np.array(points).reshape(-1, 3) for points in (self.said.ends, self.said.joints))
+        shape = shape.with_changes(ends=ends, joints=joints)
+        is_present = name in self.editor.project.characters
+        step = later("add to the scan {0}", name) if is_present else later("scan {0}", name)
         if not self.editor.edit(
             step,
-            lambda project: project.with_streams(*made.streams.values()).with_characters(one),
+            lambda project: project.with_streams(*scan_project.streams.values()).with_characters(shape),
         ):
             return
         self.perform.sender.stands(name, self.editor.project.characters[name])

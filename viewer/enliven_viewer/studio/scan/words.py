@@ -76,32 +76,32 @@ def advice_of(said: ScanMessage) -> Advice:
     return Advice(_way(said), "good", arrow=True)
 
 
-def _person(said: ScanMessage) -> Advice:
+def _person(status: ScanMessage) -> Advice:
     """Returns the instruction for a person that turns in front of the camera."""
-    if said.tracking in ("", "empty"):
+    if status.tracking in ("", "empty"):
         return Advice(tr("Stand one to three metres before the camera, whole in view"), "wait")
-    if said.tracking != "scanning":
+    if status.tracking != "scanning":
         return Advice(tr("Turn back a little, then on, more slowly"), "wait")
-    if said.missing <= 0:
+    if status.missing <= 0:
         return Advice(tr("All round: stand still"))
-    return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - said.missing)))
+    return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - status.missing)))
 
 
-def _moved(said: ScanMessage) -> str:
+def _moved(status: ScanMessage) -> str:
     """Returns the instruction for an object with an unknown pose."""
-    if said.thing == "carried":
+    if status.thing == "carried":
         return tr("Object lifted or lost: put it down, and go round it")
-    if said.thing == "lost":
+    if status.thing == "lost":
         return tr("Object not found: turn it back a little, and more slowly")
-    if said.thing == "settling":
-        return tr("Looking for the object, {0:.0f} s: walk round it slowly", said.seconds)
+    if status.thing == "settling":
+        return tr("Looking for the object, {0:.0f} s: walk round it slowly", status.seconds)
     return tr("Not found yet: walk on, show what was seen before")
 
 
-def _way(said: ScanMessage) -> str:
+def _way(status: ScanMessage) -> str:
     """Returns the instruction towards the recommended view, from the carrier's perspective."""
-    camera = np.array(said.stage_from_camera).reshape(3, 4)[:, 3]
-    eye, target = np.array(said.view[:3]), np.array(said.view[3:])
+    camera = np.array(status.stage_from_camera).reshape(3, 4)[:, 3]
+    eye, target = np.array(status.view[:3]), np.array(status.view[3:])
     round_it = _about(camera - target, eye - target)
     up = float(eye[1] - camera[1])
     higher = up > _HIGHER

@@ -23,7 +23,9 @@ def sound_actions(player: SoundPlayer) -> Iterator[Action]:
 
     def begin() -> None:
         def change(project: Project) -> Project:
-            return project.with_sounds(*(replace(one, begin=editor.time) for one in project.sounds.values()))
+            return project.with_sounds(
+                *(replace(sound, begin=editor.time) for sound in project.sounds.values())
+            )
 
         editor.edit("begin the sound here", change)
 

@@ -39,12 +39,12 @@ def read_sound(path: Path) -> Sound:
                 parts.append(part)
                 count += len(part)
                 if count > _LONGEST * SOUND_RATE:
-                    what = tr("it is longer than {0:.0f} minutes", _LONGEST / 60)
-                    raise InputError(what, where=where, mend=tr("Keep only the part that you perform to."))
+                    problem = tr("it is longer than {0:.0f} minutes", _LONGEST / 60)
+                    raise InputError(problem, where=where, mend=tr("Keep only the part that you perform to."))
     except (av.FFmpegError, OSError):
         if not count:
-            what = tr("it cannot be read as sound")
-            raise InputError(what, where=where, mend=tr("Save it as .wav.")) from None
+            problem = tr("it cannot be read as sound")
+            raise InputError(problem, where=where, mend=tr("Save it as .wav.")) from None
     if not count:
         raise InputError(tr("it contains no sound"), where=where, mend=tr("Save it again as .wav."))
     return Sound(path.stem, np.concatenate(parts))
@@ -53,7 +53,7 @@ def read_sound(path: Path) -> Sound:
 def _samples(file: Any, resampler: Any) -> Iterator[Int16]:
     """Yields (N,) int16 samples until the file ends or a damaged part begins."""
     for frame in file.decode(file.streams.audio[0]):
-        for made in resampler.resample(frame):
-            yield made.to_ndarray()[0]
-    for made in resampler.resample(None):
-        yield made.to_ndarray()[0]
+        for resampled in resampler.resample(frame):
+            yield resampled.to_ndarray()[0]
+    for resampled in resampler.resample(None):
+        yield resampled.to_ndarray()[0]

@@ -45,18 +45,18 @@ def offers(
     ranking = Matcher(shape.skeleton).rank(
         source.points(pose), matching_view(lens), matching_view(source_lens), positions=joints
     )
-    found: list[Offer] = []
+    best_offers: list[Offer] = []
     for match in ranking:
         pairs = tuple(
             (chain, branch.extended)
             for chain, branch in zip(source.chains, match.pairs, strict=True)
             if branch is not None
         )
-        if pairs and all(offer.pairs != pairs for offer in found):
-            found.append(Offer(shape.id, clip.id, pairs, match.score))
-        if len(found) == most:
+        if pairs and all(offer.pairs != pairs for offer in best_offers):
+            best_offers.append(Offer(shape.id, clip.id, pairs, match.score))
+        if len(best_offers) == most:
             break
-    return found
+    return best_offers
 
 
 def accepted(project: Project, offer: Offer, lens: Lens, source_lens: Lens, loop: bool) -> Project:

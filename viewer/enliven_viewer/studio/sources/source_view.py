@@ -132,8 +132,8 @@ class SourceView:
 def posed_take(clip: Clip, time: float) -> StandingCharacter:
     """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
-    one = clip.mapped(lambda track: track[frame : frame + 1])
-    joints, shape = joint_places(one)[0], still_shape(SOURCE, clip.skeleton)
+    frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
+    joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE, clip.skeleton)
     return StandingCharacter(
         shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints
     )

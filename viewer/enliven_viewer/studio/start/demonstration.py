@@ -117,10 +117,10 @@ class Demonstration:
         """Types the name letter by letter."""
         since = _GLIDE_S + _PRESS_S
         count = int(max(self._at - since, 0.0) / _LETTER_S)
-        known = int(max(before - since, 0.0) / _LETTER_S)
+        previous_count = int(max(before - since, 0.0) / _LETTER_S)
         name = _free_name(self._toured, self.part.types)
-        self.typed += name[known:count]
-        if known >= len(name):
+        self.typed += name[previous_count:count]
+        if previous_count >= len(name):
             self._end()
 
     def _end(self) -> None:

@@ -56,8 +56,8 @@ def legs_of(mesh: Mesh) -> tuple[Int, ...]:
 
     If a mesh has no such parts, its lowest fifth counts as one leg.
     """
-    for known, legs in _KNOWN:
-        if known is mesh:
+    for cached_mesh, legs in _KNOWN:
+        if cached_mesh is mesh:
             return legs
     _KNOWN.append((mesh, _legs(mesh)))
     del _KNOWN[:-_KEPT]
@@ -69,7 +69,7 @@ def _legs(mesh: Mesh) -> tuple[Int, ...]:
     tall = max(float(heights.max()), 1e-6)
     best: tuple[Int, ...] = ()
     for share in _HEIGHTS:
-        parts = [one for one in _parts(mesh, heights < share * tall) if heights[one].min() < _STANDS * tall]
+        parts = [leg for leg in _parts(mesh, heights < share * tall) if heights[leg].min() < _STANDS * tall]
         if len(parts) >= max(len(best), 2):
             # If the number of legs is equal, prefer the greater height, which comes later.
             best = tuple(parts)
@@ -86,8 +86,8 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
     links = scipy.sparse.coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (count, count))
     labels = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
     used = np.unique(faces)
-    found = [used[labels[used] == label] for label in np.unique(labels[used])]
-    return tuple(one for one in found if len(one) >= _LEAST_VERTICES)
+    parts = [used[labels[used] == label] for label in np.unique(labels[used])]
+    return tuple(part for part in parts if len(part) >= _LEAST_VERTICES)
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
@@ -98,7 +98,7 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     for a still one the user can turn the view.
     """
     rest, now = chair.mesh.vertices, _pixels(editor, chair)
-    legs = sorted(legs_of(chair.mesh), key=lambda one: float((rest[one] @ editor.lens.forward).mean()))
+    legs = sorted(legs_of(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
     for leg in legs:
         box, others = _aired(_box(now[leg])), _others(chair.mesh, leg, now)
         for share in _CUTS:
@@ -119,9 +119,9 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     low, high = pixels[leg].min(0) - _BEYOND, pixels[leg].max(0) + _BEYOND
     for axis in (0, 1):
         # Process corner by corner, because NumPy's reductions over three elements take ten times as long.
-        one, two, three = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
-        near &= np.maximum(np.maximum(one, two), three) > low[axis]
-        near &= np.minimum(np.minimum(one, two), three) < high[axis]
+        first, second, third = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
+        near &= np.maximum(np.maximum(first, second), third) > low[axis]
+        near &= np.minimum(np.minimum(first, second), third) < high[axis]
     return pixels[mesh.faces[near]]
 
 
@@ -195,9 +195,9 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
     return Target(box=_aired(_box(pixels))) if np.isfinite(pixels).all() else Target()
 
 
-def _pixels(editor: Editor, one: GraphShape) -> Float:
+def _pixels(editor: Editor, shape: GraphShape) -> Float:
     """Returns the (V, 2) pixels of its vertices in the image."""
-    return editor.lens.project(editor.posed(one.id).vertices)[0]
+    return editor.lens.project(editor.posed(shape.id).vertices)[0]
 
 
 def _box(pixels: Float) -> Rectangle:

@@ -100,8 +100,8 @@ class Tour:
         if self.target.box is not None:
             left, top, right, bottom = self.target.box
             return left + origin[0], top + origin[1], right + origin[0], bottom + origin[1]
-        found = self._widgets.find(self.target.widgets)
-        return None if found is None else found[1]
+        widget = self._widgets.find(self.target.widgets)
+        return None if widget is None else widget[1]
 
     def covered(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.

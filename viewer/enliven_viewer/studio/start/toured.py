@@ -136,13 +136,13 @@ class Toured:
     def chair(self) -> GraphShape | None:
         """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
         held = self._held()
-        chairs = sorted(self.chairs, key=lambda one: (one.id in held, _size(one)))
+        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
         return chairs[-1] if chairs else None
 
     @property
     def piece(self) -> GraphShape | None:
         """Returns the smallest part that was cut off the chair; None if there is none."""
-        pieces = [one for one in self.chairs if one is not self.chair]
+        pieces = [chair for chair in self.chairs if chair is not self.chair]
         return min(pieces, key=_size) if pieces else None
 
     @property
@@ -206,9 +206,9 @@ class Toured:
         return self.desk.input.tool.name == name
 
     def _held(self) -> Sequence[str]:
-        known = self.desk.editor.project.graphs
-        return [one.character for one in self.desk.perform.holders if one.character in known]
+        graphs = self.desk.editor.project.graphs
+        return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
 
 
-def _size(one: GraphShape) -> int:
-    return len(one.mesh.vertices)
+def _size(shape: GraphShape) -> int:
+    return len(shape.mesh.vertices)

@@ -55,11 +55,15 @@ class ClipDrag:
         """Returns the drag that starts at a handle; None if the handle is not part of a clip."""
         changed = {"bar": "slip"} if alt else {}
         changed |= {"edge": "stretch", "begin": "stretch begin"} if ctrl else {}
-        how = changed.get(handle.kind, handle.kind)
-        lanes = (one for one in layout.bars() if one.character.id == handle.character)
-        lane = next((one for one in lanes if one.layers == handle.layers), None)
-        known = how in _WORDS and lane is not None
-        return ClipDrag(handle, how, lane, layout, playhead, frame) if known and lane is not None else None
+        kind = changed.get(handle.kind, handle.kind)
+        lanes = (bar for bar in layout.bars() if bar.character.id == handle.character)
+        lane = next((bar for bar in lanes if bar.layers == handle.layers), None)
+        is_clip_handle = kind in _WORDS and lane is not None
+        return (
+            ClipDrag(handle, kind, lane, layout, playhead, frame)
+            if is_clip_handle and lane is not None
+            else None
+        )
 
     @property
     def word(self) -> str:

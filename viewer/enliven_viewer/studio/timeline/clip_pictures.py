@@ -62,9 +62,9 @@ def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Fl
     if isinstance(take, Clip):
         return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
     shapes = project.of(GraphShape).values()
-    parts = [(one, part.nodes, part.take) for one in shapes for part in one.parts]
-    parts += [(one, layer.own, layer.take) for one in shapes for layer in one.over]
-    edges = next((_edges(one, nodes) for one, nodes, name in parts if name == take.id), None)
+    parts = [(shape, part.nodes, part.take) for shape in shapes for part in shape.parts]
+    parts += [(shape, layer.own, layer.take) for shape in shapes for layer in shape.over]
+    edges = next((_edges(shape, nodes) for shape, nodes, name in parts if name == take.id), None)
     frames = _frames(len(take.positions))
     return lambda: (take.positions[frames], np.zeros((0, 2), np.int32) if edges is None else edges)
 
@@ -104,7 +104,7 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
     scale = _ROOM * TILE / max(wide, tall)
     middle = np.stack([(low[:, 0] + high[:, 0]) / 2, np.full(len(flat), flat[..., 1].max() - tall / 2)], 1)
     flat = (flat - middle[:, None]) * scale + TILE / 2
-    tiles = np.stack([_figure(one, lines) for one in flat])
+    tiles = np.stack([_figure(figure, lines) for figure in flat])
     rows = tiles.reshape(POSES // COLUMNS, COLUMNS, TILE, TILE).transpose(0, 2, 1, 3)
     sheet = np.full((*rows.reshape(-1, COLUMNS * TILE).shape, 4), 255, np.uint8)
     sheet[..., 3] = rows.reshape(-1, COLUMNS * TILE)

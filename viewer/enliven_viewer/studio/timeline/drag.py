@@ -141,8 +141,8 @@ class TimelineInput:
 
     def _bar(self, handle: LaneHandle) -> Lane:
         """Returns the pressed lane."""
-        here = (handle.character, handle.layers)
-        return next(one for one in self.layout.bars() if (one.character.id, one.layers) == here)
+        wanted = (handle.character, handle.layers)
+        return next(bar for bar in self.layout.bars() if (bar.character.id, bar.layers) == wanted)
 
     def _press_head(self, handle: LaneHandle) -> None:
         """Folds or unfolds a character's lanes, toggles solo, or selects the character."""
@@ -223,9 +223,10 @@ class TimelineInput:
         if handle.kind == "marker":
             return self._marker_moved(handle, moved)
         lane = next(
-            one
-            for one in layout.lanes()
-            if (one.character.id, one.layers) == (handle.character, handle.layers) and one.kind != "head"
+            candidate
+            for candidate in layout.lanes()
+            if (candidate.character.id, candidate.layers) == (handle.character, handle.layers)
+            and candidate.kind != "head"
         )
         return self.rows.dragged(handle, layout.second(lane, x), self._switches)
 
@@ -269,10 +270,10 @@ def _changing(handle: LaneHandle, **changes: Any) -> Edit:
 
 def _alone(project: Project, name: str) -> Project:
     """Returns the project with a character soloed. If the others are already muted, unmutes all."""
-    playing = {key: one for key, one in project.characters.items() if one.playing}
-    others = [one for key, one in playing.items() if key != name]
-    silent = bool(others) and all(layer.muted for one in others for layer in one.playing)
-    for key, one in playing.items():
+    playing = {key: character for key, character in project.characters.items() if character.playing}
+    others = [character for key, character in playing.items() if key != name]
+    silent = bool(others) and all(layer.muted for character in others for layer in character.playing)
+    for key, character in playing.items():
         muted = not silent and key != name
-        project = change_layers(project, key, range(len(one.playing)), muted=muted)
+        project = change_layers(project, key, range(len(character.playing)), muted=muted)
     return project

@@ -185,14 +185,14 @@ class TimelineLayout:
 
     @cached_property
     def _lanes(self) -> tuple[Lane, ...]:
-        top, found, shared = RULER - self.scrolled, list[Lane](), self._shared()
+        top, lanes, shared = RULER - self.scrolled, list[Lane](), self._shared()
         named, before = len({name for name, _ in shared}) > 1, ""
         for name, numbers in shared:
             character = self.project.characters[name]
             layer = character.playing[numbers[0]]
             if named and name != before:
                 every = tuple(number for other, some in shared if other == name for number in some)
-                found.append(Lane("head", character, every, top, HEAD, LABELS, LABELS))
+                lanes.append(Lane("head", character, every, top, HEAD, LABELS, LABELS))
                 top, before = top + HEAD + 1.0, name
             if named and name in self.folded:
                 continue
@@ -200,10 +200,10 @@ class TimelineLayout:
             span = self.x(clips[0].begin), self.x(clips[-1].end)
             rows = self.details.rows(character, numbers[0]) if self.details is not None else ()
             for kind, height in (("bar", LANE), *rows):
-                found.append(Lane(kind, character, numbers, top, height, *span, clips))
+                lanes.append(Lane(kind, character, numbers, top, height, *span, clips))
                 top += height + 1.0
             top += GAP - 1.0
-        return tuple(found)
+        return tuple(lanes)
 
     def bars(self) -> tuple[Lane, ...]:
         """Returns the lanes that are bars, from the top."""
@@ -211,8 +211,8 @@ class TimelineLayout:
 
     def markers(self) -> tuple[tuple[Marker, float], ...]:
         """Returns every marker with its x coordinate, in order of time."""
-        ordered = sorted(self.project.markers.values(), key=lambda one: one.seconds)
-        return tuple((one, self.x(one.seconds)) for one in ordered)
+        ordered = sorted(self.project.markers.values(), key=lambda marker: marker.seconds)
+        return tuple((marker, self.x(marker.seconds)) for marker in ordered)
 
     def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """Returns each character with the numbers of the layers that share a bar, from the top."""
@@ -232,8 +232,12 @@ class TimelineLayout:
     def takes(self, lane: Lane) -> tuple[int, int]:
         """Returns a lane's number among its alternatives, from 1, and their number on its character."""
         layer = lane.layer
-        beside = [one for one in lane.character.playing if one.alternatives == layer.alternatives]
-        names = list(dict.fromkeys(one.recorded for one in beside))
+        alternatives = [
+            alternative
+            for alternative in lane.character.playing
+            if alternative.alternatives == layer.alternatives
+        ]
+        names = list(dict.fromkeys(alternative.recorded for alternative in alternatives))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
     def _unheard(self, playing: Sequence[Playing]) -> set[int]:
@@ -276,7 +280,7 @@ class TimelineLayout:
         return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
 
     def _on_ruler(self, x: float, y: float) -> LaneHandle:
-        near = [(abs(at - x), one.id) for one, at in self.markers() if abs(at - x) <= MARK]
+        near = [(abs(at - x), marker.id) for marker, at in self.markers() if abs(at - x) <= MARK]
         if near:
             return LaneHandle("marker", name=min(near)[1])
         if self.marked is not None:
@@ -307,7 +311,7 @@ class TimelineLayout:
 
         A narrow clip offers only its end and its middle.
         """
-        ends = [(self.x(one.begin), self.x(one.end)) for one in lane.clips]
+        ends = [(self.x(clip.begin), self.x(clip.end)) for clip in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
             if right - left > 2 * EDGE and left + EDGE < x < right - EDGE:
                 return "blend", k

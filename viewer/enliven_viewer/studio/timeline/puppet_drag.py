@@ -87,13 +87,13 @@ class PuppetRows:
         if puppet is None or puppet.id != handle.character or handle.number >= len(puppet.layers):
             return False
         if handle.kind == "switch":
-            kept = removed_switch(self._switches(handle.number), handle.item)
-            self._edit(later("remove a switch"), handle, switches=kept)
+            remaining = removed_switch(self._switches(handle.number), handle.item)
+            self._edit(later("remove a switch"), handle, switches=remaining)
             return True
-        held = constraints_of(self.editor.project, puppet.id, handle.number)
-        if handle.item < len(held):
-            one = held[handle.item]
-            self.editor.edit("let go", lambda p: without_constraint(p, puppet.id, handle.number, one))
+        constraints = constraints_of(self.editor.project, puppet.id, handle.number)
+        if handle.item < len(constraints):
+            constraint = constraints[handle.item]
+            self.editor.edit("let go", lambda p: without_constraint(p, puppet.id, handle.number, constraint))
         return True
 
     def dragged(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
@@ -133,10 +133,10 @@ class PuppetRows:
             return ()
         if self._known[0] is not shown:
             self._known = (shown, {})
-        found = self._known[1]
-        if layer not in found:
+        switches_by_layer = self._known[1]
+        if layer not in switches_by_layer:
             try:
-                found[layer] = motion_of(project, shown, layer).switches
+                switches_by_layer[layer] = motion_of(project, shown, layer).switches
             except EnlivenError:
-                found[layer] = ()
-        return found[layer]
+                switches_by_layer[layer] = ()
+        return switches_by_layer[layer]

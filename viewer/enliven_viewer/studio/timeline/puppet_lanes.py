@@ -65,17 +65,20 @@ class PuppetDetails:
     def bands(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[Switch, float, float], ...]:
         """Returns each switch with the x coordinates between which it is valid."""
         take, switches = layout.project.takes[lane.layer.take], self.switches(lane.layers[0])
-        ends = [*(one.frame for one in switches[1:]), len(take.turns) - 1][: len(switches)]
+        ends = [*(switch.frame for switch in switches[1:]), len(take.turns) - 1][: len(switches)]
         return tuple(
-            (one, layout.x_of(lane, one.frame * take.step), layout.x_of(lane, end * take.step))
-            for one, end in zip(switches, ends, strict=True)
+            (switch, layout.x_of(lane, switch.frame * take.step), layout.x_of(lane, end * take.step))
+            for switch, end in zip(switches, ends, strict=True)
         )
 
     def held(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, HardConstraint, float], ...]:
         """Returns the number, the constraint and the x coordinate of each hard constraint."""
         step = layout.project.takes[lane.layer.take].step
-        held = constraints_of(layout.project, lane.character.id, lane.layers[0])
-        return tuple((k, one, layout.x_of(lane, one.frame * step)) for k, one in enumerate(held))
+        constraints = constraints_of(layout.project, lane.character.id, lane.layers[0])
+        return tuple(
+            (k, constraint, layout.x_of(lane, constraint.frame * step))
+            for k, constraint in enumerate(constraints)
+        )
 
     def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the kind and number of the mark at a pixel of a row."""

@@ -15,7 +15,7 @@ def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list
 
     These are 0, the playhead, markers, and the ends of all clips except the held one.
     """
-    places = [0.0, playhead, *(one.seconds for one, _ in layout.markers() if one.id != held.name)]
+    places = [0.0, playhead, *(marker.seconds for marker, _ in layout.markers() if marker.id != held.name)]
     for lane in layout.bars():
         mine = (lane.character.id, lane.layers) == (held.character, held.layers)
         for number, clip in enumerate(lane.clips):

@@ -114,7 +114,7 @@ class Tool:
         If two are equally near, the selected character wins.
         """
         reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
-        chosen = [one for one in stage if one.id == self.editor.selection.character]
+        chosen = [character for character in stage if character.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
             hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
@@ -127,7 +127,7 @@ class Tool:
         The surface of `without` is ignored.
         """
         hit = None if without else self.handle_at(pointer)
-        stage = [one for one in self.editor.reachable if one.id != without]
+        stage = [character for character in self.editor.reachable if character.id != without]
         return hit or surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:

@@ -54,7 +54,7 @@ class CarryTool(Tool):
 
     @property
     def _chosen_is_rooted(self) -> bool:
-        return any(one.id == self.editor.selection.character for one in self.editor.handled)
+        return any(character.id == self.editor.selection.character for character in self.editor.handled)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.character_at(pointer)
@@ -71,7 +71,7 @@ class CarryTool(Tool):
         editor.sketch(lambda project: held.moved(project, pointer))
         pixels = editor.lens.pixels_of(editor.posed(held.character).handles[:1]) if held.rooted else []
         if pixels and not held.several:
-            others = [one for one in editor.handled if one.id != held.character]
+            others = [character for character in editor.handled if character.id != held.character]
             lens, at, snap = editor.lens, pixels[0], editor.settings.snap
             self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
         elif not held.several:
@@ -124,9 +124,12 @@ class CarryTool(Tool):
         if not self._others:
             # Compute this only once. Playback pauses during a drag, so the other characters do not move.
             self._others = [
-                (one.id, scipy.spatial.cKDTree(_spread(one.vertices, one.character.mesh.faces)))
-                for one in self.editor.reachable
-                if one.id != held.character and one.character.mesh is not None
+                (
+                    character.id,
+                    scipy.spatial.cKDTree(_spread(character.vertices, character.character.mesh.faces)),
+                )
+                for character in self.editor.reachable
+                if character.id != held.character and character.character.mesh is not None
             ]
         near = _NEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         step = -(-len(vertices) // _LOOKED_AT)
@@ -140,21 +143,21 @@ class CarryTool(Tool):
     def _tell_apart(self, held: CharacterDrag) -> None:
         """Reports why a drop with Shift merged nothing."""
         if held.several:
-            what, mend = (
+            problem, mend = (
                 tr("Several were moved, and none merged"),
                 tr("Choose one, and let go of it with Shift."),
             )
-        elif not [one for one in self.editor.reachable if one.id != held.character]:
-            what, mend = (
+        elif not [character for character in self.editor.reachable if character.id != held.character]:
+            problem, mend = (
                 tr("You need a second shape to merge"),
                 tr("Draw or open one; locked shapes cannot be merged."),
             )
         else:
-            what, mend = (
+            problem, mend = (
                 tr("No shape is near {0}", held.character),
                 tr("Let go over another, or where they touch."),
             )
-        self.editor.toasts.say(what, mend)
+        self.editor.toasts.say(problem, mend)
 
     def cancel(self) -> None:
         super().cancel()

@@ -91,10 +91,10 @@ class ChooseTool(Tool):
     def _touched(self, box: tuple[Point, Point]) -> list[str]:
         """Returns the characters with a handle or a surface point inside a box of the image."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
-        found = []
-        for one in self.editor.reachable:
-            surface = one.vertices[:: max(len(one.vertices) // _SAMPLE, 1)]
-            pixels = self.editor.lens.project(np.concatenate([one.handles, surface]))[0]
+        names = []
+        for character in self.editor.reachable:
+            surface = character.vertices[:: max(len(character.vertices) // _SAMPLE, 1)]
+            pixels = self.editor.lens.project(np.concatenate([character.handles, surface]))[0]
             if ((pixels >= low) & (pixels <= high)).all(axis=1).any():
-                found.append(one.id)
-        return found
+                names.append(character.id)
+        return names

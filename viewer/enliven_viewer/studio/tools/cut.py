@@ -46,9 +46,9 @@ class CutTool(StrokeTool):
         super().drag(pointer)
         if len(self._stroke) == count:
             return
-        found = crossings(editor.handled, editor.lens, np.array(self._stroke))
+        hits = crossings(editor.handled, editor.lens, np.array(self._stroke))
         # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
-        self._crossed = [hit for hit in found if hit.character == editor.selection.character] or found
+        self._crossed = [hit for hit in hits if hit.character == editor.selection.character] or hits
 
     def release(self, pointer: Pointer) -> None:
         """Cuts the characters that the stroke crosses, at the current time."""
@@ -67,8 +67,8 @@ class CutTool(StrokeTool):
             refused: EnlivenError | None = None
             for name in names:
                 try:
-                    project, made = cut_character(project, name, surface, time, notes=notes)
-                    parts.extend(made[1:])
+                    project, pieces = cut_character(project, name, surface, time, notes=notes)
+                    parts.extend(pieces[1:])
                 # If the surface does not pass through a character, the character stays whole.
                 except EnlivenError as error:
                     refused = error
@@ -78,16 +78,16 @@ class CutTool(StrokeTool):
 
         if self.editor.edit("cut", change):
             self.editor.choose(parts[-1])
-            said = tr("Cut off: {0}", ", ".join(parts)) + "".join(f". {note}" for note in notes[:1])
+            message = tr("Cut off: {0}", ", ".join(parts)) + "".join(f". {note}" for note in notes[:1])
             self.editor.toasts.say(
-                said, tr("All parts keep their pose now, and their motion. Drag one with G.")
+                message, tr("All parts keep their pose now, and their motion. Drag one with G.")
             )
 
     def _others(self, stroke: list[Point]) -> list[str]:
         """Returns the characters without bones that a stroke may cut: the selected one, or else all."""
         if len(stroke) < 2:
             return []
-        boneless = [one.id for one in self.editor.reachable if not one.bones]
+        boneless = [character.id for character in self.editor.reachable if not character.bones]
         chosen = self.editor.selection.character
         return [chosen] if chosen in boneless else boneless
 

@@ -126,5 +126,8 @@ class CharacterDrag:
 
 def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
-    low, high = bounds_of([one.extent for one in editor.standing if one.id in characters]) or EMPTY_BOX
+    low, high = (
+        bounds_of([character.extent for character in editor.standing if character.id in characters])
+        or EMPTY_BOX
+    )
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

@@ -63,12 +63,12 @@ class EndsTool(Tool):
         if shape is None:
             return np.empty(0, np.int64)
         if len(shape.ends):
-            found = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
+            vertices = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
         else:
-            found = self._suggested(shape.mesh).copy()
-        if self._held is not None and len(found):
-            found[self._held[0]] = self._held[1]
-        return np.asarray(found)
+            vertices = self._suggested(shape.mesh).copy()
+        if self._held is not None and len(vertices):
+            vertices[self._held[0]] = self._held[1]
+        return np.asarray(vertices)
 
     def hover(self, pointer: Pointer) -> None:
         """Does nothing: only the marks can be grabbed."""
@@ -143,14 +143,14 @@ class EndsTool(Tool):
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
             self._found = self._threads.submit(suggested_ends, mesh)
-        found = self._found
-        return found.result() if found is not None and found.done() else np.empty(0, np.int64)
+        search = self._found
+        return search.result() if search is not None and search.done() else np.empty(0, np.int64)
 
-    def _name(self, shape: GraphShape, ends: Float, told: str) -> None:
+    def _name(self, shape: GraphShape, ends: Float, step: str) -> None:
         def named(project: Project) -> Project:
             return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 
-        self.editor.edit(told, named)
+        self.editor.edit(step, named)
 
 
 def suggested_ends(mesh: Mesh) -> Int:

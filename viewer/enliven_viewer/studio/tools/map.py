@@ -165,36 +165,38 @@ class MapTool(Tool):
         def fitted(project: Project) -> Retargeted:
             """Returns the shape with the take in place of all its previous motion."""
             still = stilled(project, shape.id)
-            known = still.shape(shape.id)
+            still_shape = still.shape(shape.id)
             if itself:
-                made = play_own_take(known, clip, still)
+                retargeted = play_own_take(still_shape, clip, still)
             else:
-                how = softened(plan, clip, known) if gentle else plan
+                used_plan = softened(plan, clip, still_shape) if gentle else plan
                 clips = [project.takes[name] for name in own_clips(project, project.shape(shape.id))]
-                made = retarget(known, clip, how, still, clips)
-            return replace(made, project=looped(made.project, shape.id)) if loop else made
+                retargeted = retarget(still_shape, clip, used_plan, still, clips)
+            return replace(retargeted, project=looped(retargeted.project, shape.id)) if loop else retargeted
 
         def work() -> tuple[Retargeted, MotionQuality]:
-            made = fitted(before)
-            return made, quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
+            retargeted = fitted(before)
+            return retargeted, quality_of(
+                retargeted.project, retargeted.shape_id, clip, retargeted.duration, retargeted.plan
+            )
 
-        def then(found: tuple[Retargeted, MotionQuality]) -> None:
-            made, quality = found
+        def then(fitted_take: tuple[Retargeted, MotionQuality]) -> None:
+            retargeted, quality = fitted_take
 
             def change(project: Project) -> Project:
-                return made.project if project is before else fitted(project).project
+                return retargeted.project if project is before else fitted(project).project
 
             if editor.edit(later("map all of {0}", clip.id), change):
-                self._last, self.made = None, (shape.id, clip.id, made.plan, quality)
-                count = len(made.limited)
-                kept = (
+                self._last, self.made = None, (shape.id, clip.id, retargeted.plan, quality)
+                count = len(retargeted.limited)
+                limited_text = (
                     " " + tr_n("{0} joint kept within limits.", "{0} joints kept within limits.", count)
                     if count
                     else ""
                 )
                 editor.toasts.say(
                     tr("{0} moves all of {1}", clip.id, shape.id),
-                    tr("Space plays it, Ctrl+Z takes it back.") + kept,
+                    tr("Space plays it, Ctrl+Z takes it back.") + limited_text,
                 )
 
         editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
@@ -241,10 +243,10 @@ class MapTool(Tool):
         if self.editor.edit(later("map {0}", wish.take), change):
             self._last = wish
             bones = max(len(wish.target) - 1, 1)
-            said = tr_n(
+            message = tr_n(
                 "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, wish.take, wish.shape
             )
-            self.editor.toasts.say(said, tr("Space plays it, Y flips it over."))
+            self.editor.toasts.say(message, tr("Space plays it, Y flips it over."))
 
 
 def _without_clip(project: Project, shape_id: str) -> Project:

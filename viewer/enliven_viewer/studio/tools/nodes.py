@@ -35,8 +35,8 @@ class InsertTool(Tool):
             return project
 
         if self.editor.edit("add node", change):
-            made = self.editor.project.characters[hit.character].handles.index(names[-1])
-            self.editor.select(character=hit.character, handle=made, chain=())
+            new_handle = self.editor.project.characters[hit.character].handles.index(names[-1])
+            self.editor.select(character=hit.character, handle=new_handle, chain=())
             self.hovered = None
         return True
 
@@ -57,7 +57,10 @@ class RemoveTool(Tool):
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
         return joint_at(
-            [one for one in editor.handled if one.bones], editor.lens, pointer.at, editor.settings.reach
+            [character for character in editor.handled if character.bones],
+            editor.lens,
+            pointer.at,
+            editor.settings.reach,
         )
 
     def press(self, pointer: Pointer) -> bool:

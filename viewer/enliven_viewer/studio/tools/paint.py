@@ -72,12 +72,12 @@ class PaintTool(Tool):
 
     @property
     def hint(self) -> str:
-        one = self.editor.chosen()
-        if one is None or one.mesh is None:
+        character = self.editor.chosen()
+        if character is None or character.mesh is None:
             return "Click a mesh to paint where it is stiff and where it is soft."
-        if one.kind == "bones":
+        if character.kind == "bones":
             return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
-        if self.both_sides and self.mirror(one.mesh) is None:
+        if self.both_sides and self.mirror(character.mesh) is None:
             return "Its sides are not alike, so only the side you paint is painted."
         words = {
             "softer": "Orange gives way, and swings past what the performer does.",
@@ -106,8 +106,8 @@ class PaintTool(Tool):
 
     def lacks_paint(self) -> str:
         """Returns why no paint can be cleared, with advice; empty if some can."""
-        one = self.editor.chosen()
-        if one is None or one.mesh is None or one.mesh.stiffness is None:
+        character = self.editor.chosen()
+        if character is None or character.mesh is None or character.mesh.stiffness is None:
             return "Nothing is painted on it. Paint with the brush of the tool Stiff or soft"
         return ""
 
@@ -140,16 +140,18 @@ class PaintTool(Tool):
 
     def release(self, pointer: Pointer) -> None:
         stroke, self._stroke = self._stroke, []
-        one = self.editor.chosen()
-        if not stroke or one is None or one.mesh is None:
+        character = self.editor.chosen()
+        if not stroke or character is None or character.mesh is None:
             return
-        told = np.array(stroke), self._metres, self._now, self._plane(one.mesh)
-        said = {
+        brush_stroke = np.array(stroke), self._metres, self._now, self._plane(character.mesh)
+        step_names = {
             "softer": later("paint softer"),
             "stiffer": later("paint stiffer"),
             "erase": later("erase paint"),
         }
-        self.editor.edit(said[self._now], lambda project: paint_character(project, one.id, *told))
+        self.editor.edit(
+            step_names[self._now], lambda project: paint_character(project, character.id, *brush_stroke)
+        )
 
     def cancel(self) -> None:
         super().cancel()
@@ -163,12 +165,21 @@ class PaintTool(Tool):
             Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE), 4.0),
             Disc(self._at, self.radius, colour, 2.0),
         ]
-        one = self.editor.chosen()
-        plane = None if one is None or one.mesh is None or self._over is None else self._plane(one.mesh)
-        if plane is not None and one is not None and one.mesh is not None and self._over is not None:
-            posed = self.editor.posed(one.id)
+        character = self.editor.chosen()
+        plane = (
+            None
+            if character is None or character.mesh is None or self._over is None
+            else self._plane(character.mesh)
+        )
+        if (
+            plane is not None
+            and character is not None
+            and character.mesh is not None
+            and self._over is not None
+        ):
+            posed = self.editor.posed(character.id)
             other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
-            nearest = int(np.linalg.norm(one.mesh.vertices - other, axis=1).argmin())
+            nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
                 Disc(at, self.radius, (*MARK[:3], _OTHER_SIDE), 1.5)
                 for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
@@ -176,25 +187,25 @@ class PaintTool(Tool):
         return Overlay(tuple(marks))
 
     def picture(self) -> ToolPicture:
-        one = self.editor.chosen()
-        if one is None or one.mesh is None:
+        character = self.editor.chosen()
+        if character is None or character.mesh is None:
             return NOTHING
-        stiffness = self._shown(one, one.mesh)
+        stiffness = self._shown(character, character.mesh)
         if stiffness is None:
-            stiffness = np.ones(len(one.mesh.vertices), np.float32)
-        posed = self.editor.posed(one.id)
+            stiffness = np.ones(len(character.mesh.vertices), np.float32)
+        posed = self.editor.posed(character.id)
         seen = posed.solved if posed.solved is not None else posed.vertices
-        return ToolPicture(shade=(seen, one.mesh.faces, shades(stiffness)))
+        return ToolPicture(shade=(seen, character.mesh.faces, shades(stiffness)))
 
-    def _shown(self, one: RigBase, mesh: Mesh) -> Float32 | None:
+    def _shown(self, character: RigBase, mesh: Mesh) -> Float32 | None:
         """Returns the stiffness including the stroke that is being drawn."""
         if not self._stroke:
             return mesh.stiffness
-        known = self._preview
-        if known is None or known[0] is not mesh or known[1] != len(self._stroke):
-            made = brushed(mesh, np.array(self._stroke), self._metres, self._now, self._plane(mesh))
-            known = self._preview = mesh, len(self._stroke), made
-        return known[2]
+        preview = self._preview
+        if preview is None or preview[0] is not mesh or preview[1] != len(self._stroke):
+            stiffness = brushed(mesh, np.array(self._stroke), self._metres, self._now, self._plane(mesh))
+            preview = self._preview = mesh, len(self._stroke), stiffness
+        return preview[2]
 
     def _plane(self, mesh: Mesh) -> Plane | None:
         return self.mirror(mesh) if self.both_sides else None

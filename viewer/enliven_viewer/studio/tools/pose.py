@@ -81,10 +81,10 @@ class PoseTool(Tool):
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
         plain, editor = super().overlay(), self.editor
         dots = list[Disc]()
-        for one in editor.reachable if editor.keying else ():
-            chosen = editor.selection.handle if editor.selection.character == one.id else None
-            for node, (x, y) in enumerate(editor.lens.project(np.asarray(one.nodes, np.float64))[0]):
-                keyed = bool(keys_of(editor.project, one.id, node))
+        for character in editor.reachable if editor.keying else ():
+            chosen = editor.selection.handle if editor.selection.character == character.id else None
+            for node, (x, y) in enumerate(editor.lens.project(np.asarray(character.nodes, np.float64))[0]):
+                keyed = bool(keys_of(editor.project, character.id, node))
                 colour = GOOD if node == chosen else ACCENT if keyed else QUIET
                 if np.isfinite([x, y]).all():
                     dots.append(Disc((float(x), float(y)), _KEYED if keyed else _DOT, colour))
@@ -92,15 +92,15 @@ class PoseTool(Tool):
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
         """Returns the possessed mesh's dot under the pointer: character, node, and position."""
-        editor, found = self.editor, list[tuple[float, str, int, Float]]()
-        for one in editor.reachable if editor.keying else ():
-            nodes = np.asarray(one.nodes, np.float64)
+        editor, candidates = self.editor, list[tuple[float, str, int, Float]]()
+        for character in editor.reachable if editor.keying else ():
+            nodes = np.asarray(character.nodes, np.float64)
             if len(nodes):
                 away = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
                 away = np.where(np.isfinite(away), away, np.inf)
                 node = int(away.argmin())
-                found.append((float(away[node]), one.id, node, nodes[node]))
-        best = min(found, key=lambda one: one[0], default=None)
+                candidates.append((float(away[node]), character.id, node, nodes[node]))
+        best = min(candidates, key=lambda candidate: candidate[0], default=None)
         return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
     def _posed(self, project: Project, pointer: Pointer) -> Project:

@@ -195,7 +195,11 @@ class PuppetTool(Tool):
         if vertex is not None:
             self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
-        hit = surface_at([one for one in self.editor.reachable if one.own_tool], self.editor.lens, pointer.at)
+        hit = surface_at(
+            [character for character in self.editor.reachable if character.own_tool],
+            self.editor.lens,
+            pointer.at,
+        )
         if hit is not None:
             self.puppets.accept()
         elif self.puppets.point is not None:

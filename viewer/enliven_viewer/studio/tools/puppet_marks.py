@@ -88,16 +88,16 @@ class Pointing(Protocol):
 
 def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
     """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
-    found: list[Mark] = []
+    marks: list[Mark] = []
     if tool.held is None:
-        found += _suggestions(tool, standing, lens)
-        found += _next_point(tool, standing, lens)
-    found += _names(tool, standing, lens)
+        marks += _suggestions(tool, standing, lens)
+        marks += _next_point(tool, standing, lens)
+    marks += _names(tool, standing, lens)
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
-        found += manipulator.marks(part or tool.hovered_part, part)
-    return tuple(found)
+        marks += manipulator.marks(part or tool.hovered_part, part)
+    return tuple(marks)
 
 
 def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
@@ -107,7 +107,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
     """
     if standing.character.poses or tool.puppets.posing:
         return []
-    found: list[Mark] = []
+    marks: list[Mark] = []
     for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
         # Draw rings on the far side fainter.
@@ -115,10 +115,10 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)
         for pixel in lens.pixels_of(place[None]):
-            found.append(Disc(pixel, GHOST_RADIUS, (*SHADOW[:3], dark), 3.5))
-            found.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
-            found.append(Disc(pixel, 1.6, white))
-    return found
+            marks.append(Disc(pixel, GHOST_RADIUS, (*SHADOW[:3], dark), 3.5))
+            marks.append(Disc(pixel, GHOST_RADIUS, white, 1.5))
+            marks.append(Disc(pixel, 1.6, white))
+    return marks
 
 
 def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
@@ -129,29 +129,29 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
     if tool.puppets.symmetric:
         other = partner_vertex(standing.character, tool.hovered_vertex)
         wanted += [other] if other is not None and other != tool.hovered_vertex else []
-    found: list[Mark] = []
+    marks: list[Mark] = []
     for pixel in lens.pixels_of(standing.vertices[wanted]):
-        found.append(Disc(pixel, 6.5, ACCENT, 2.0))
-        found.append(Disc(pixel, 2.0, ACCENT))
-    return found
+        marks.append(Disc(pixel, 6.5, ACCENT, 2.0))
+        marks.append(Disc(pixel, 2.0, ACCENT))
+    return marks
 
 
 def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
-    found: list[Mark] = []
+    marks: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
     for number in dict.fromkeys([chosen, tool.hovered_point]):
         if number is None or number >= len(points):
             continue
         for pixel in lens.pixels_of(standing.handles[[number]]):
             if number == chosen:
-                found.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, (*MARK[:3], 0.9), 1.5))
+                marks.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, (*MARK[:3], 0.9), 1.5))
             point = points[number]
             at = (pixel[0] + 16, pixel[1] + 24)
-            found.append(Label(at, point.name, INK))
+            marks.append(Label(at, point.name, INK))
             if point.joint:
-                found.append(Label((at[0], at[1] + 16), point.joint, QUIET))
-    return found
+                marks.append(Label((at[0], at[1] + 16), point.joint, QUIET))
+    return marks
 
 
 def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:

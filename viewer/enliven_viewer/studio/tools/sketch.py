@@ -43,19 +43,19 @@ class SketchTool(StrokeTool):
             self.editor.toasts.say(tr("The stroke is too short"), tr("Draw all around the part."))
             return
         plane, points = self._in_plane(stroke)
-        made: list[str] = []
+        names: list[str] = []
 
         def change(project: Project) -> Project:
             name = unused("part", project.characters)
-            made.append(name)
+            names.append(name)
             return project.with_characters(shape_from_stroke(points, plane, id=name))
 
         if self.editor.edit("sketch part", change):
-            self.editor.choose(made[-1])
-            bones = len(self.editor.project.characters[made[-1]].handles) - 1
-            said = tr_n("A part with {0} bone", "A part with {0} bones", bones)
+            self.editor.choose(names[-1])
+            bones = len(self.editor.project.characters[names[-1]].handles) - 1
+            message = tr_n("A part with {0} bone", "A part with {0} bones", bones)
             self.editor.toasts.say(
-                said, tr("G moves it, M gives it motion, and you can rename it at the right.")
+                message, tr("G moves it, M gives it motion, and you can rename it at the right.")
             )
 
     def overlay(self) -> Overlay:

@@ -15,15 +15,15 @@ _LENGTH = 24.0
 def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
     """Returns the world axes as seen in a view, at a pixel. Axes that point away are drawn first."""
     seen = lens.view.camera_from_world[:3, :3]
-    found: list[Line | Disc | Label] = []
+    marks: list[Line | Disc | Label] = []
     for axis in sorted(range(3), key=lambda k: seen[2, k]):
         right, up, nearer = (float(value) for value in seen[:, axis])
         red, green, blue = AXES[axis]
         tint: Colour = (red / 255, green / 255, blue / 255, 0.55 if nearer < -0.15 else 1.0)
         end = (at[0] + _LENGTH * right, at[1] - _LENGTH * up)
-        found.append(Line((at, end), tint, 2.4))
+        marks.append(Line((at, end), tint, 2.4))
         if np.hypot(right, up) > 0.3:
-            found.append(Label((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
+            marks.append(Label((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))
         else:
-            found.append(Disc(end, 2.5, tint))
-    return tuple(found)
+            marks.append(Disc(end, 2.5, tint))
+    return tuple(marks)

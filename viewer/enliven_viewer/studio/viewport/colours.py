@@ -38,10 +38,10 @@ class DrawnMeshes:
         if character.mesh is None or not len(character.mesh.faces):
             return None
         parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])
-        known = self._known.get(character.id)
-        if known is None or any(a is not b for a, b in zip(known[0], parts, strict=True)):
-            known = self._known[character.id] = (parts, _coloured(self._draw(character)))
-        return known[1]
+        cached = self._known.get(character.id)
+        if cached is None or any(a is not b for a, b in zip(cached[0], parts, strict=True)):
+            cached = self._known[character.id] = (parts, _coloured(self._draw(character)))
+        return cached[1]
 
 
 def _coloured(character: Character) -> Character:

@@ -96,54 +96,54 @@ def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: f
 
     If two are equally near, the one in front wins.
     """
-    found = []
-    for one in stage:
-        pixels, depth = lens.project(one.handles)
+    hits = []
+    for character in stage:
+        pixels, depth = lens.project(character.handles)
         away = np.linalg.norm(pixels - at, axis=1)
         for handle in np.flatnonzero(away <= reach):
-            found.append(Hit(one.id, int(handle), 1.0, float(away[handle]), float(depth[handle])))
-    return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
+            hits.append(Hit(character.id, int(handle), 1.0, float(away[handle]), float(depth[handle])))
+    return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
 def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
     """Returns the bone nearest to a pixel within ``reach`` pixels, with the position on it."""
-    found = []
-    for one in stage:
-        pixels, depth = lens.project(one.handles)
-        for parent, handle in one.bones:
+    hits = []
+    for character in stage:
+        pixels, depth = lens.project(character.handles)
+        for parent, handle in character.bones:
             share, away = _nearest_on(pixels[parent], pixels[handle], np.array(at))
             if away <= reach:
                 along = _in_space(share, depth[parent], depth[handle])
                 deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
-                found.append(Hit(one.id, handle, along, away, deep))
-    return min(found, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
+                hits.append(Hit(character.id, handle, along, away, deep))
+    return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
 def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit | None:
     """Returns the first surface that a pixel's ray hits, and the face."""
-    way, eye, found = lens.ray(at), lens.view.eye, list[Hit]()
-    for one in stage:
-        if one.character.mesh is not None:
-            face, distance = first_hit(one.vertices, one.character.mesh.faces, eye, way)
+    way, eye, hits = lens.ray(at), lens.view.eye, list[Hit]()
+    for character in stage:
+        if character.character.mesh is not None:
+            face, distance = first_hit(character.vertices, character.character.mesh.faces, eye, way)
             if face >= 0:
-                found.append(Hit(one.id, depth=distance, face=face))
-    return min(found, key=lambda hit: hit.depth, default=None)
+                hits.append(Hit(character.id, depth=distance, face=face))
+    return min(hits, key=lambda hit: hit.depth, default=None)
 
 
 def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> list[Hit]:
     """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
-    found: list[Hit] = []
-    for one in stage:
-        pixels, depth = lens.project(one.handles)
-        for parent, handle in one.bones:
+    hits: list[Hit] = []
+    for character in stage:
+        pixels, depth = lens.project(character.handles)
+        for parent, handle in character.bones:
             for first, last in itertools.pairwise(stroke):
                 share = _crossing(pixels[parent], pixels[handle], first, last)
                 if share is not None:
                     along = _in_space(share, depth[parent], depth[handle])
                     deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
-                    found.append(Hit(one.id, handle, along, 0.0, deep))
+                    hits.append(Hit(character.id, handle, along, 0.0, deep))
                     break
-    return found
+    return hits
 
 
 def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:

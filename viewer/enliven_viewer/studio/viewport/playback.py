@@ -11,6 +11,6 @@ def length_of(project: Project, shortest: float) -> float:
     With looping layers it is slightly longer, so that all of them restart together.
     """
     layers = [layer for character in project.characters.values() for layer in character.playing]
-    sounds = [one.end for one in project.sounds.values()]
+    sounds = [sound.end for sound in project.sounds.values()]
     least = max([shortest, *(layer.end(project.length_of(layer)) for layer in layers), *sounds])
     return closing_time([layer.lasting(project.length_of(layer)) for layer in layers if layer.loop], least)

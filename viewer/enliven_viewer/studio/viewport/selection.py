@@ -48,7 +48,7 @@ class Selection:
         """
         if character == self.character:
             return self
-        rest = tuple(one for one in self.characters if one != character)
+        rest = tuple(other for other in self.characters if other != character)
         return Selection.of(*rest, character) if character in self.others else Selection(character)
 
     def changed(self, **changes: object) -> Selection:
@@ -59,7 +59,7 @@ class Selection:
     def within(self, project: Project) -> Selection:
         """Returns the selection without objects that a project no longer contains."""
         character = project.characters.get(self.character or "")
-        others = tuple(one for one in self.others if one in project.characters)
+        others = tuple(other for other in self.others if other in project.characters)
         if character is None:
             return Selection.of(*others)
         handles, layers = max(len(character.handles), character.keyable), len(character.playing)

@@ -60,8 +60,8 @@ class StandingCharacter:
     @cached_property
     def bones(self) -> tuple[tuple[int, int], ...]:
         """Returns the handles at both ends of each bone, the parent first; empty without bones."""
-        found = () if self.own_tool else enumerate(self.character.parents)
-        return tuple((int(parent), handle) for handle, parent in found if parent >= 0)
+        parents = () if self.own_tool else enumerate(self.character.parents)
+        return tuple((int(parent), handle) for handle, parent in parents if parent >= 0)
 
     @property
     def nodes(self) -> Float | Float32:

@@ -88,14 +88,14 @@ class ClipCommands:
     def _edit(self, deed: str) -> Edit:
         """Returns the edit of all affected clips."""
         time, change = self.editor.time, _DEEDS[deed][1]
-        found = [
+        lane_clips = [
             (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
             for lane in self._lanes()
         ]
 
         def every(project: Project) -> Project:
             # Start with the last lane, because removing a lane shifts the numbers of the lanes after it.
-            for lane, clip in reversed(found):
+            for lane, clip in reversed(lane_clips):
                 project = change(project, lane.character.id, lane.layers, clip, time)
             return project
 
@@ -109,7 +109,7 @@ class ClipCommands:
     def jump(self, way: int) -> None:
         """Moves the playhead to the next marker, or to the previous one if `way` is -1."""
         times = sorted(
-            {0.0, self.editor.length, *(one.seconds for one in self.editor.project.markers.values())}
+            {0.0, self.editor.length, *(marker.seconds for marker in self.editor.project.markers.values())}
         )
         ahead = [time for time in times if (time - self.editor.time) * way > _PAST]
         if ahead:
@@ -119,6 +119,8 @@ class ClipCommands:
         """Returns the selected lane, or else all audible lanes, if they have a clip under the playhead."""
         editor, chosen = self.editor, self.editor.selection
         lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
-        mine = [one for one in lanes if one.character.id == chosen.character and chosen.layer in one.layers]
+        mine = [
+            lane for lane in lanes if lane.character.id == chosen.character and chosen.layer in lane.layers
+        ]
         heard = mine or [lane for lane in lanes if not lane.layer.muted]
-        return [one for one in heard if any(clip.begin <= editor.time <= clip.end for clip in one.clips)]
+        return [lane for lane in heard if any(clip.begin <= editor.time <= clip.end for clip in lane.clips)]

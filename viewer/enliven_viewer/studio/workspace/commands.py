@@ -128,21 +128,21 @@ class Commands:
 
     def muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
-        layers = [layer for one in self.editor.chosen_all for layer in one.playing]
+        layers = [layer for character in self.editor.chosen_all for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
 
     def add(self, name: str, change: Callable[[Project], tuple[Project, str]]) -> bool:
         """Runs an edit that adds a character, and selects that character."""
-        made: list[str] = []
+        added_ids: list[str] = []
 
         def alone(project: Project) -> Project:
             project, character = change(project)
-            made.append(character)
+            added_ids.append(character)
             return project
 
         if not self.editor.edit(name, alone):
             return False
-        self.editor.choose(made[-1])
+        self.editor.choose(added_ids[-1])
         return True
 
     def spread(self) -> None:
@@ -218,16 +218,16 @@ class Commands:
 
     def _copy(self, word: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
-        offset, made = self._aside(source, names) * times, list[str]()
-        told = self._told(names)
+        offset, copy_ids = self._aside(source, names) * times, list[str]()
+        subject = self._told(names)
 
         def change(project: Project) -> Project:
             project, copies = copy_characters(project, source, names, offset)
-            made.extend(copies)
+            copy_ids.extend(copies)
             return project
 
-        if self.editor.edit(later(word, told), change):
-            self.editor.choose_all(*made)
+        if self.editor.edit(later(word, subject), change):
+            self.editor.choose_all(*copy_ids)
 
     def lacks_character(self) -> str:
         """Returns why a command on a character is unavailable; empty if it is available."""
@@ -235,7 +235,7 @@ class Commands:
 
     def lacks_playing(self) -> str:
         """Returns why a command on the motion of the selection is unavailable; empty if it is available."""
-        moves = any(one.playing for one in self.editor.chosen_all)
+        moves = any(character.playing for character in self.editor.chosen_all)
         return self.lacks_character() or ("" if moves else "It has no motion. Map a take onto it first.")
 
     def lacks_shape(self) -> str:
@@ -265,7 +265,7 @@ class Commands:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return tuple(one.id for one in self.editor.chosen_all)
+        return tuple(character.id for character in self.editor.chosen_all)
 
     def _told(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""

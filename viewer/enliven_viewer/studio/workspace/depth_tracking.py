@@ -32,7 +32,7 @@ def lacks_tracking(path: Path) -> bool:
     if path.suffix.lower() != ".mcap":
         return False
     topics = Recording(path).info.topics
-    return DEPTH_TOPIC in topics and not any(one.name in topics for one in (BODIES, POSE))
+    return DEPTH_TOPIC in topics and not any(topic.name in topics for topic in (BODIES, POSE))
 
 
 class DepthTracking:
@@ -66,8 +66,8 @@ class DepthTracking:
             mend = tr("Wait until it is done, or stop it.")
             raise InputError(tr("{0} is still being tracked", self.name), where=str(path), mend=mend)
         self._folder = TemporaryFolder("tracking")
-        made = Path(self._folder.name) / path.name
-        words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(made), "--lines"]
+        output = Path(self._folder.name) / path.name
+        words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(output), "--lines"]
         pipe = subprocess.PIPE
         self._child = subprocess.Popen(words, stdout=pipe, stderr=subprocess.STDOUT, text=True)
         self.name, self.share = path.name, 0.0
@@ -92,14 +92,14 @@ class DepthTracking:
         self._child, self._folder, self.name = None, None, ""
         with folder:
             if child.returncode:
-                said = self._said[-1] if self._said else tr("it did not start")
+                problem = self._said[-1] if self._said else tr("it did not start")
                 mend = tr("Try it in a terminal: enliven track {0} -o bodies.mcap", name)
-                self._editor.toasts.complain(InputError(said, where=name, mend=mend))
+                self._editor.toasts.complain(InputError(problem, where=name, mend=mend))
                 return
-            made = Path(folder.name) / name
+            output = Path(folder.name) / name
             try:
-                clips_of_recording(made, whole=True)
-                add_file(self._editor, made)
+                clips_of_recording(output, whole=True)
+                add_file(self._editor, output)
             except EnlivenError as error:
                 mend = tr("See what the tracker sees: enliven inspect {0} -o film.mp4", name)
                 self._editor.toasts.complain(InputError(error.what, where=name, mend=mend))

@@ -53,10 +53,10 @@ class ExportOptions:
         Raises:
             InputError: if all are left out.
         """
-        found = [one for one in characters if one.id not in self.left_out]
-        if not found:
+        included = [character for character in characters if character.id not in self.left_out]
+        if not included:
             raise InputError(tr("no character is chosen"), where="export", mend=tr("Tick one."))
-        return found
+        return included
 
     def checked_range(self, length: float) -> tuple[float, float | None]:
         """Returns the first and the last second. None as the last second means the end of the motion.
@@ -68,8 +68,8 @@ class ExportOptions:
             return 0.0, None
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
-            what = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
-            raise InputError(what, where="export", mend=tr("Choose a later end, or an earlier begin."))
+            problem = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
+            raise InputError(problem, where="export", mend=tr("Choose a later end, or an earlier begin."))
         return self.first, last
 
 
@@ -96,21 +96,25 @@ def write_export(
     exporter = exporter_of(path, **more)
     film = path.suffix.lower() == ".mp4"
     morphs = bool(more.get("morphs"))
-    made = list[Performance]()
+    performances = list[Performance]()
     for number, character in enumerate(chosen):
         progress.report((_SAMPLED if film else 0.9) * number / len(chosen))
         how: Literal["skin", "morphs"] = "morphs" if morphs and isinstance(character, Puppet) else "skin"
         rate, keyed = float(options.rate), exporter.keyed
-        made.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
+        performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = heard_from(project.sounds.values(), first)
     if film:
         more["progress"] = _later(progress, _SAMPLED)
     with replace_file(path, tr("Save it elsewhere.")) as part:
-        exporter.write(part, made, path.stem, **more)
+        exporter.write(part, performances, path.stem, **more)
         progress.report(1.0)
-    said = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(made), path.name)
-    return said + "".join(tr(". {0} is {1}", one.name, one.error) for one in made if one.error is not None)
+    message = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(performances), path.name)
+    return message + "".join(
+        tr(". {0} is {1}", performance.name, performance.error)
+        for performance in performances
+        if performance.error is not None
+    )
 
 
 def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None) -> str:
@@ -134,7 +138,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
         return {"size": options.size, "rate": float(options.rate), "look": options.look}
     if ending == ".bvh":
         return {"unit": options.unit}
-    puppets = any(isinstance(one, Puppet) for one in chosen)
+    puppets = any(isinstance(character, Puppet) for character in chosen)
     return {"morphs": True} if ending == ".glb" and options.morphs and puppets else {}
 
 

@@ -34,29 +34,29 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
         working: the folder in which the program was started.
     """
     home = Path.home()
-    found = [(tr("Home"), home), *((name, home / name) for name in _FOLDERS_HERE)]
+    folders = [(tr("Home"), home), *((name, home / name) for name in _FOLDERS_HERE)]
     if working is not None and working != home:
-        found.append((working.name or str(working), working))
-    found += _sticks()
-    found.append((tr("Computer"), Path(home.anchor)))
+        folders.append((working.name or str(working), working))
+    folders += _sticks()
+    folders.append((tr("Computer"), Path(home.anchor)))
     for name in recent:
         folder = Path(name).parent
-        found.append((folder.name or str(folder), folder))
-    kept: dict[Path, str] = {}
-    for name, folder in found:
-        if folder not in kept and _is_folder(folder):
-            kept[folder] = name
-    return [(name, folder) for folder, name in list(kept.items())[:_MOST_PLACES]]
+        folders.append((folder.name or str(folder), folder))
+    names_by_folder: dict[Path, str] = {}
+    for name, folder in folders:
+        if folder not in names_by_folder and _is_folder(folder):
+            names_by_folder[folder] = name
+    return [(name, folder) for folder, name in list(names_by_folder.items())[:_MOST_PLACES]]
 
 
 def _sticks() -> list[tuple[str, Path]]:
     """Returns the mounted removable drives, with their names."""
-    found = []
+    drives = []
     for root in map(Path, _MEDIA):
         for folder in _entries(root):
-            inner = [one for one in _entries(folder) if one.is_mount()] if not folder.is_mount() else []
-            found += [(one.name, one) for one in (inner or [folder]) if one.is_mount()]
-    return found
+            inner = [entry for entry in _entries(folder) if entry.is_mount()] if not folder.is_mount() else []
+            drives += [(entry.name, entry) for entry in (inner or [folder]) if entry.is_mount()]
+    return drives
 
 
 def _entries(folder: Path) -> list[Path]:
@@ -109,10 +109,14 @@ class FileBrowser:
 
     def files(self) -> list[Path]:
         """Returns the selectable files, in the chosen sort order."""
-        found = [path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings]
+        selectable = [
+            path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings
+        ]
         if self.order == "newest":
-            return sorted(found, key=lambda path: -_status(path)[1])
-        return sorted(found, key=lambda path: -_status(path)[0]) if self.order == "largest" else found
+            return sorted(selectable, key=lambda path: -_status(path)[1])
+        return (
+            sorted(selectable, key=lambda path: -_status(path)[0]) if self.order == "largest" else selectable
+        )
 
     def make_folder(self) -> None:
         """Creates the named folder, and lists it.
@@ -126,18 +130,18 @@ class FileBrowser:
             raise InputError(
                 tr("no folder can have that name"), where="file", mend=tr("Use letters and digits.")
             )
-        made = self.folder / name
+        new_folder = self.folder / name
         try:
-            made.mkdir()
+            new_folder.mkdir()
         except FileExistsError:
             raise InputError(
                 tr("{0} is there already", name), where="file", mend=tr("Give another name.")
             ) from None
         except OSError as error:
-            what = tr("the folder cannot be made ({0})", error.strerror)
-            raise ResourceError(what, where=str(made), mend=tr("Choose another place.")) from None
+            problem = tr("the folder cannot be made ({0})", error.strerror)
+            raise ResourceError(problem, where=str(new_folder), mend=tr("Choose another place.")) from None
         self.new = None
-        self.enter(made)
+        self.enter(new_folder)
 
     def enter(self, folder: Path) -> None:
         """Changes to another folder."""
@@ -183,11 +187,11 @@ class FileBrowser:
         """Returns the entries of the folder, sorted by name; none if the folder cannot be read."""
         self.problem = ""
         try:
-            found = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
+            entries = [path for path in self.folder.iterdir() if not path.name.startswith(".")]
         except OSError as error:
             self.problem = tr("The folder cannot be read ({0}).", error.strerror)
             return []
-        return sorted(found, key=lambda path: path.name.lower())
+        return sorted(entries, key=lambda path: path.name.lower())
 
 
 def _status(path: Path) -> tuple[int, float]:

@@ -63,9 +63,9 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     for endings, read, add in _KINDS:
         if ending in endings:
             return add, read(path)
-    known = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
-    what = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
-    raise InputError(what, where=str(path), mend=tr("Known: {0}.", known))
+    known_endings = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
+    problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
+    raise InputError(problem, where=str(path), mend=tr("Known: {0}.", known_endings))
 
 
 def _add_sound(editor: Editor, path: Path, read: Sound) -> None:
@@ -92,13 +92,13 @@ def exportable(project: Project) -> list[RigBase]:
     Raises:
         InputError: if there is none; the message contains what the first character lacks.
     """
-    solid = [one for one in project.characters.values() if one.mesh is not None]
-    lacking = [rig_of(one).lacking(project, one) for one in solid]
-    found = [one for one, lacks in zip(solid, lacking, strict=True) if not lacks]
-    if not found:
+    solid = [character for character in project.characters.values() if character.mesh is not None]
+    lacking = [rig_of(character).lacking(project, character) for character in solid]
+    movable = [character for character, lacks in zip(solid, lacking, strict=True) if not lacks]
+    if not movable:
         mend = " ".join(lacking[0]) if lacking else tr("Sketch one, or open a model.")
         raise InputError(tr("nothing has a surface that moves"), where="export", mend=mend)
-    return found
+    return movable
 
 
 def save_session(project: Project, puppet_id: str, path: Path) -> None:
@@ -119,11 +119,11 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
     size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
         rig = replace(resized(rig, size.height), notes=(size.note, *rig.notes))
-    box, made = editor.box(), list[str]()
+    box, added_ids = editor.box(), list[str]()
 
     def add(project: Project) -> Project:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
-        made.append(shape.id)
+        added_ids.append(shape.id)
         if box is not None and shape.mesh is not None:
             aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
@@ -132,8 +132,8 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         return project if first is None else play_own_clip(project, shape.id, names[first.id])
 
     if editor.edit(later("open {0}", path.name), add):
-        editor.choose(made[-1])
-        _tell(editor, path, rig.notes, _told_clips(editor.project, made[-1]))
+        editor.choose(added_ids[-1])
+        _tell(editor, path, rig.notes, _told_clips(editor.project, added_ids[-1]))
         editor.frame_way()
 
 
@@ -144,8 +144,8 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
     """
     names = dict[str, str]()
     for clip in clips:
-        known = project.takes.get(clip.id)
-        if known is not None and same(known, clip):
+        existing = project.takes.get(clip.id)
+        if existing is not None and same(existing, clip):
             names[clip.id] = clip.id
             continue
         names[clip.id] = unused(clip.id, project.takes)
@@ -174,7 +174,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     An implausible size is changed to the height of a person.
     """
     size = opened_size(mesh.vertices)
-    box, made = editor.box(), []
+    box, added_ids = editor.box(), []
     fitted = fit_height(mesh, size.height)
     if size.note:
         notes = (size.note, *notes)
@@ -183,14 +183,14 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         everything = project.characters
         name = unused(path.stem, everything)
         project = make_puppet(project, fitted, name)
-        made.append(name)
+        added_ids.append(name)
         if box is None:
             return project
         aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
         return move_character(project, name, [aside, 0.0, 0.0])
 
     if editor.edit(later("open {0}", path.name), add):
-        editor.choose(made[-1])
+        editor.choose(added_ids[-1])
         _tell(editor, path, notes, tr("It is a puppet: put control points on it with K."))
         editor.frame_way()
 
@@ -199,22 +199,24 @@ def _add_session(editor: Editor, path: Path, session: Session) -> None:
     _add_played(editor, path.name, session.project, session.puppet, session.notes)
 
 
-def _add_played(editor: Editor, said: str, source: Project, character: str, notes: tuple[str, ...]) -> None:
+def _add_played(
+    editor: Editor, file_name: str, source: Project, character: str, notes: tuple[str, ...]
+) -> None:
     """Adds a character of another project, with the motion that it plays."""
-    made: list[str] = []
+    added_ids: list[str] = []
     box, low = editor.box(), vertices_of(source, character, 0.0)[:, 0].min()
 
     def add(project: Project) -> Project:
         project = project.with_takes(*(t for t in source.takes.values() if t.id not in project.takes))
         project, name = paste_character(project, source, character)
-        made.append(name)
+        added_ids.append(name)
         if box is None:
             return project
         return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
 
-    if editor.edit(later("open {0}", said), add):
-        editor.choose(made[-1])
-        _tell(editor, Path(said), notes, "")
+    if editor.edit(later("open {0}", file_name), add):
+        editor.choose(added_ids[-1])
+        _tell(editor, Path(file_name), notes, "")
         editor.frame_way()
 
 
@@ -295,8 +297,8 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
     added = list[str]()
     if read.meshes is not None:
         for name in read.meshes.characters:
-            project, made = paste_character(project, read.meshes, name)
-            added.append(made)
+            project, pasted_name = paste_character(project, read.meshes, name)
+            added.append(pasted_name)
     for clip in read.clips:
         named = replace(clip, id=unused(path.stem, project.takes))
         project = project.with_takes(named)

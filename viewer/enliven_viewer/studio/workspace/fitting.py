@@ -30,13 +30,15 @@ class Fitting:
 
         Returns None if either is missing.
         """
-        return self._heights({one.id: one.vertices for one in self.editor.standing})
+        return self._heights({character.id: character.vertices for character in self.editor.standing})
 
-    def _heights(self, seen: Mapping[str, Float]) -> tuple[float, float] | None:
+    def _heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
         """Returns the same heights for given vertices (V, 3) of every character."""
-        found = {name: float(np.ptp(one[:, 1])) for name, one in seen.items() if len(one)}
-        own = found.pop(self.editor.selection.character or "", 0.0)
-        others = [height for height in found.values() if height > 0.0]
+        heights = {
+            name: float(np.ptp(vertices[:, 1])) for name, vertices in surfaces.items() if len(vertices)
+        }
+        own = heights.pop(self.editor.selection.character or "", 0.0)
+        others = [height for height in heights.values() if height > 0.0]
         return (own, float(np.median(others))) if own > 0.0 and others else None
 
     def lacks(self) -> str:
@@ -52,12 +54,16 @@ class Fitting:
         name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
         # Compute the surfaces here. A shown surface of a puppet may be outdated, because puppets are solved
         # in the background.
-        seen = {one: vertices_of(project, one, time) for one, each in project.characters.items() if each.mesh}
-        heights = self._heights(seen)
+        surfaces = {
+            other: vertices_of(project, other, time)
+            for other, character in project.characters.items()
+            if character.mesh
+        }
+        heights = self._heights(surfaces)
         if name is None or heights is None:
             return
         scaled = scale_character(project, name, heights[1] / heights[0])
-        way = foot_of(seen[name]) - foot_of(vertices_of(scaled, name, time))
+        way = foot_of(surfaces[name]) - foot_of(vertices_of(scaled, name, time))
 
         def change(project: Project) -> Project:
             return move_character(scale_character(project, name, heights[1] / heights[0]), name, way)
@@ -69,8 +75,8 @@ class Fitting:
         heights = self.heights()
         if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
             return
-        said = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
-        self.editor.toasts.say(said, tr("Alt+F makes it as tall as the others."))
+        message = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
+        self.editor.toasts.say(message, tr("Alt+F makes it as tall as the others."))
 
 
 def fitting_actions(fitting: Fitting) -> Iterator[Action]:

@@ -35,8 +35,8 @@ class KeyCommands:
 
     def lacks_key(self) -> str:
         """Returns why no key can be removed; empty if one can."""
-        found = self.lacks()
-        return found or ("" if self._here() is not None else "No key is at the playhead.")
+        reason = self.lacks()
+        return reason or ("" if self._here() is not None else "No key is at the playhead.")
 
     def _thing(self) -> tuple[str, int | None]:
         """Returns the selected character and the bone or node.

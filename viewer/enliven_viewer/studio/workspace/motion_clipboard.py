@@ -33,12 +33,12 @@ class MotionClipboard:
         chain, mesh = chosen_chain(self.editor), self._chosen_performed()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
-            said = tr("Copied how {0} was performed", mesh.id)
-            self.editor.toasts.say(said, tr("Choose another character and press Ctrl+Shift+V."))
+            message = tr("Copied how {0} was performed", mesh.id)
+            self.editor.toasts.say(message, tr("Choose another character and press Ctrl+Shift+V."))
         elif chain is not None:
             self._copied, self._performed = chain, None
-            said = tr("Copied the chain's motion")
-            self.editor.toasts.say(said, tr("Choose another chain and press Ctrl+Shift+V."))
+            message = tr("Copied the chain's motion")
+            self.editor.toasts.say(message, tr("Choose another chain and press Ctrl+Shift+V."))
 
     def paste(self) -> None:
         """Pastes the copied motion onto the selected chain.
@@ -82,8 +82,8 @@ class MotionClipboard:
             )
         if self._copied is None:
             return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
-        said = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
-        return "" if chosen_chain(self.editor) else said
+        advice = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
+        return "" if chosen_chain(self.editor) else advice
 
     def lacks_possessed(self) -> str:
         """Returns why solving a possession again is unavailable; empty if it is available."""
@@ -113,8 +113,12 @@ class MotionClipboard:
         beside = aside(self.editor, [target])
 
         def work() -> _Solved:
-            made, moved = give_performance(project, source, name, time=time, notes=notes)
-            return made if moved == name else move_character(made, moved, beside), moved, notes
+            solved_project, moved = give_performance(project, source, name, time=time, notes=notes)
+            return (
+                solved_project if moved == name else move_character(solved_project, moved, beside),
+                moved,
+                notes,
+            )
 
         self._begin(
             tr("The performers of {0} step into {1}", source, name),
@@ -123,17 +127,17 @@ class MotionClipboard:
             target,
         )
 
-    def _begin(self, said: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
+    def _begin(self, message: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.beside.begin(said, work, partial(self._put, word, guarded))
+        self.editor.beside.begin(message, work, partial(self._put, word, guarded))
 
     def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
         """Puts a solved mesh into the project."""
-        made, name, notes = solved
-        shape = made.graph(name)
+        solved_project, name, notes = solved
+        shape = solved_project.graph(name)
 
         def change(project: Project) -> Project:
             if project.characters.get(guarded.id) is not guarded:
@@ -142,14 +146,14 @@ class MotionClipboard:
                     tr("it was changed while its motion was solved"), where=guarded.where, mend=mend
                 )
             needed = shape.needed()
-            bodies = [made.bodies[one] for one in needed.get("bodies", ())]
-            streams = [made.streams[one] for one in needed.get("streams", ())]
+            bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]
+            streams = [solved_project.streams[stream] for stream in needed.get("streams", ())]
             return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)
 
         if self.editor.edit(word, change):
             self.editor.choose(name)
-            told = " ".join(notes) or tr("Ctrl+Z takes it back.")
-            self.editor.toasts.say(tr("{0} moves as its performers do", name), told)
+            advice = " ".join(notes) or tr("Ctrl+Z takes it back.")
+            self.editor.toasts.say(tr("{0} moves as its performers do", name), advice)
 
 
 def chosen_chain(editor: Editor) -> Chain | None:

@@ -232,9 +232,9 @@ class ProjectStore:
             written.result()
             self._autosaved = project
         except (OSError, EnlivenError) as error:
-            said = error.what if isinstance(error, EnlivenError) else str(error.strerror)
+            reason = error.what if isinstance(error, EnlivenError) else str(error.strerror)
             self.editor.toasts.say(
-                tr("The recovery file cannot be written ({0})", said), tr("Save your work with Ctrl+S.")
+                tr("The recovery file cannot be written ({0})", reason), tr("Save your work with Ctrl+S.")
             )
 
     def recoverable(self) -> list[Path]:
@@ -247,8 +247,8 @@ class ProjectStore:
         for part in self.folder.glob(f".recovery-*{PROJECT}*{PART}"):
             if not _running(Path(part.name.removeprefix(".").partition(PROJECT)[0] + PROJECT)):
                 part.unlink(missing_ok=True)
-        found = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
-        return sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+        recovery_files = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
+        return sorted(recovery_files, key=lambda path: path.stat().st_mtime, reverse=True)
 
     def recover(self, path: Path) -> None:
         """Opens the project of a recovery file as unsaved work.

@@ -34,16 +34,18 @@ class PuppetCommands:
 
     def make(self) -> bool:
         """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
-        found = self._chosen_mesh()
-        if found is None:
+        chosen = self._chosen_mesh()
+        if chosen is None:
             return False
-        name, mesh = found
+        name, mesh = chosen
         upright, place = standing_mesh(mesh)
         beside = place + aside(self.editor, [self.editor.project.characters[name]])
 
         def change(project: Project) -> tuple[Project, str]:
-            made = unused(f"{name} puppet", project.characters)
-            return move_character(make_puppet(project, upright, made), made, beside), made
+            puppet_name = unused(f"{name} puppet", project.characters)
+            return move_character(
+                make_puppet(project, upright, puppet_name), puppet_name, beside
+            ), puppet_name
 
         if not self._add(later("make a puppet of {0}", name), change):
             return False
@@ -90,14 +92,14 @@ class PuppetCommands:
         """
 
         def put(baked: tuple[Project, str, object]) -> None:
-            made, name, error = baked
-            shape = made.characters[name]
+            baked_project, name, error = baked
+            shape = baked_project.characters[name]
 
             def change(project: Project) -> Project:
                 if project.characters.get(puppet.id) is not puppet:
-                    what = tr("it was changed while it was baked")
-                    raise InputError(what, where=puppet.where, mend=tr("Bake it again."))
-                streams = [made.streams[stream] for stream in shape.needed()["streams"]]
+                    problem = tr("it was changed while it was baked")
+                    raise InputError(problem, where=puppet.where, mend=tr("Bake it again."))
+                streams = [baked_project.streams[stream] for stream in shape.needed()["streams"]]
                 return project.without(puppet.id).with_streams(*streams).with_characters(shape)
 
             if self.editor.edit(later("bake {0}", puppet.id), change):
@@ -141,8 +143,8 @@ class PuppetCommands:
 def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
     """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
     right = editor.lens.view.camera_from_world[0, :3]
-    wide = max(float(np.ptp(rig_of(one).rest(one) @ right)) for one in characters)
-    apart = float(np.ptp([rig_of(one).centre(one) @ right for one in characters]))
+    wide = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
+    apart = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
     way = np.asarray(right * (wide + apart + _ASIDE))
     way[1] = 0.0
     return way

@@ -26,22 +26,22 @@ class TakeCommands:
         Returns an empty string without such a group.
         """
         project, chosen = self.editor.project, self.editor.selection
-        one = project.characters.get(chosen.character or "")
-        if one is not None and chosen.layer is not None and chosen.layer < len(one.playing):
-            return one.playing[chosen.layer].alternatives
-        found = {
+        character = project.characters.get(chosen.character or "")
+        if character is not None and chosen.layer is not None and chosen.layer < len(character.playing):
+            return character.playing[chosen.layer].alternatives
+        groups = {
             layer.alternatives
-            for each in ([one] if one is not None else project.characters.values())
+            for each in ([character] if character is not None else project.characters.values())
             for layer in each.playing
             if len(takes_beside(project, layer.alternatives)) > 1
         }
-        return found.pop() if len(found) == 1 else ""
+        return groups.pop() if len(groups) == 1 else ""
 
     @property
     def heard(self) -> str:
         """Returns the audible take of that group; empty if there is none."""
-        known = takes_beside(self.editor.project, self.alternatives)
-        return next((name for name, heard in known.items() if heard), "")
+        takes = takes_beside(self.editor.project, self.alternatives)
+        return next((name for name, heard in takes.items() if heard), "")
 
     def lacks(self) -> str:
         """Returns why no alternative take can be chosen, with advice."""
@@ -77,19 +77,21 @@ class TakeCommands:
     def delete_row(self, name: str) -> None:
         """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""
         project = self.editor.project
-        played = [layer for one in project.characters.values() for layer in one.playing]
+        played = [layer for character in project.characters.values() for layer in character.playing]
         mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
         recorded = {(layer.alternatives, layer.recorded) for layer in mine}
-        meant, gone = recorded.pop() if len(recorded) == 1 else ("", "")
-        if len(takes_beside(project, meant)) < 2:
+        alternatives, take_name = recorded.pop() if len(recorded) == 1 else ("", "")
+        if len(takes_beside(project, alternatives)) < 2:
             self.delete(name)
-        elif self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
-            self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
+        elif self.editor.edit(
+            later("delete {0}", take_name), lambda project: drop_take(project, alternatives, take_name)
+        ):
+            self.editor.toasts.say(tr("{0} is deleted", take_name), tr("Ctrl+Z brings it back."))
 
     def unused(self) -> list[str]:
         """Returns the takes that nothing plays."""
         project = self.editor.project
-        used = set[str]().union(*(one.needed()["takes"] for one in project.characters.values()))
+        used = set[str]().union(*(character.needed()["takes"] for character in project.characters.values()))
         return [name for name in project.takes if name not in used]
 
     def delete(self, *names: str) -> None:
@@ -100,19 +102,19 @@ class TakeCommands:
                 project = delete_take(project, name)
             return project
 
-        told = names[0] if len(names) == 1 else later("{0} takes", len(names))
-        if self.editor.edit(later("delete {0}", told), change):
-            self.editor.toasts.say(tr("Deleted {0}", told), tr("Ctrl+Z brings it back."))
+        subject = names[0] if len(names) == 1 else later("{0} takes", len(names))
+        if self.editor.edit(later("delete {0}", subject), change):
+            self.editor.toasts.say(tr("Deleted {0}", subject), tr("Ctrl+Z brings it back."))
 
     def _follow(self, alternatives: str, recorded: str) -> None:
         """Selects the lane of a take if a lane of its alternatives was selected."""
         editor = self.editor
-        one = editor.project.characters.get(editor.selection.character or "")
-        if one is None or editor.selection.layer is None:
+        character = editor.project.characters.get(editor.selection.character or "")
+        if character is None or editor.selection.layer is None:
             return
         mine = [
             number
-            for number, layer in enumerate(one.playing)
+            for number, layer in enumerate(character.playing)
             if layer.alternatives == alternatives and layer.recorded == recorded
         ]
         editor.select(layer=mine[0] if mine else None)

@@ -68,8 +68,8 @@ def playing_actions(c: Commands) -> Iterator[Action]:
 def reading_actions(preferences: Preferences) -> Iterator[Action]:
     """Yields the actions of text size, theme and animation."""
 
-    def at_end(size: float, said: str) -> str:
-        return tr("The text is as {0} as it gets.", said) if preferences.text_size == size else ""
+    def at_end(size: float, size_name: str) -> str:
+        return tr("The text is as {0} as it gets.", size_name) if preferences.text_size == size else ""
 
     yield Action(
         "view.larger_text",

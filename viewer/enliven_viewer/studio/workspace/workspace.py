@@ -179,10 +179,10 @@ class Workspace:
         A mesh to be possessed also goes onto the stage, now or once a stage is connected.
         """
         add_sample(self.editor, name)
-        one = self.editor.chosen()
-        if one is not None and one.kind == "graph":
+        character = self.editor.chosen()
+        if character is not None and character.kind == "graph":
             self.perform.room = "Perform"
-            self.perform.put_soon(one.id)
+            self.perform.put_soon(character.id)
 
     def open(self, path: Path) -> None:
         """Adds a model or take, or opens a project. Asks first if unsaved work would be lost.
@@ -411,9 +411,9 @@ class Workspace:
             InputError: if the widget has not been drawn.
         """
         if name not in self.widgets:
-            known = ", ".join(sorted(self.widgets))
-            what = f"no widget {name!r} is on the screen"
-            raise InputError(what, where="session", mend=f"Known: {known}.")
+            widget_names = ", ".join(sorted(self.widgets))
+            problem = f"no widget {name!r} is on the screen"
+            raise InputError(problem, where="session", mend=f"Known: {widget_names}.")
         return self.widgets[name]
 
     def remember(self, name: str) -> None:
@@ -437,8 +437,8 @@ class Workspace:
         options.chosen(characters)
         options.checked_range(length)
 
-        def tell(said: str) -> None:
-            first, _, rest = said.partition(". ")
+        def tell(message: str) -> None:
+            first, _, rest = message.partition(". ")
             toasts.say(first, rest)
 
         def work() -> str:

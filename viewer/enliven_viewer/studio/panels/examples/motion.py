@@ -23,12 +23,12 @@ _REMOVE = "\uf00d"
 def draw_held(workspace: Workspace, puppet: Puppet) -> None:
     """Lists the hard constraints of the layer's take."""
     number = layer_of(puppet, workspace.editor.selection.layer)
-    found = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
-    if number is None or not found:
+    constraints = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
+    if number is None or not constraints:
         return
     heading("Held hard")
-    for row, held in enumerate(found):
-        _held_row(workspace, puppet, number, row, held)
+    for row, constraint in enumerate(constraints):
+        _held_row(workspace, puppet, number, row, constraint)
 
 
 def draw_holding(workspace: Workspace, puppet: Puppet) -> None:

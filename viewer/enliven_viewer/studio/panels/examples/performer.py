@@ -111,15 +111,15 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
             draw.add_text(at, packed(INK if row == 0 else QUIET), line)
         return
     with small():
-        said = tr("the performer at {0}", time_text(moment[1]))
-        wide = imgui.calc_text_size(said).x + 18
+        label = tr("the performer at {0}", time_text(moment[1]))
+        wide = imgui.calc_text_size(label).x + 18
         if wide + 12 > area.width:
-            said = time_text(moment[1])
-            wide = imgui.calc_text_size(said).x + 18
+            label = time_text(moment[1])
+            wide = imgui.calc_text_size(label).x + 18
         low = origin.y + area.height - 32
         left = origin.x + area.width - wide - 12
         draw.add_rect_filled(ImVec2(left, low), ImVec2(left + wide, low + 22), packed(GLASS), 7.0)
-        draw.add_text(ImVec2(left + 9, low + 4), packed(QUIET), said)
+        draw.add_text(ImVec2(left + 9, low + 4), packed(QUIET), label)
         figure = view.figure()
         if view.hovered is not None and figure is not None:
             x, y = view.lens.project(figure.joints)[0][view.hovered]

@@ -43,14 +43,14 @@ def draw_points(workspace: Workspace, puppet: Puppet) -> None:
 def _standing(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
-    for label, axis, said in (
+    for label, axis, tooltip in (
         (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
         (later("Quarter turn"), "y", tr("Repeat until it faces you in View > From the front (1)")),
     ):
         if imgui.button(labelled(tr(label), label), half):
             _stand(workspace, puppet.id, axis)
         workspace.remember(label.lower())
-        told(said)
+        told(tooltip)
         if axis == "x":
             imgui.same_line()
 
@@ -78,9 +78,9 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
     draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
     draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
     with small():
-        said = point.joint or tr("no joint yet")
-        right = origin.x + wide - 8 - imgui.calc_text_size(said).x
-        draw.add_text(ImVec2(right, origin.y + 4), packed(QUIET if point.joint else ACCENT), said)
+        joint_name = point.joint or tr("no joint yet")
+        right = origin.x + wide - 8 - imgui.calc_text_size(joint_name).x
+        draw.add_text(ImVec2(right, origin.y + 4), packed(QUIET if point.joint else ACCENT), joint_name)
         if point.foot:
             draw.add_text(ImVec2(right - 18, origin.y + 4), packed(INK, 0.8), _FOOT)
         if point.weight is not None:
@@ -91,8 +91,8 @@ def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
     editor, name = workspace.editor, point.name
 
-    def change(what: str, **changes: object) -> bool:
-        return editor.edit(what, lambda project: change_point(project, puppet.id, name, **changes))
+    def change(step: str, **changes: object) -> bool:
+        return editor.edit(step, lambda project: change_point(project, puppet.id, name, **changes))
 
     def edit(field: str, of: Callable[[float], object]) -> Change:
         return lambda project, value: change_point(project, puppet.id, name, **{field: of(value)})

@@ -34,14 +34,14 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
     workspace.remember("settings")
     if not opened:
         return
-    for group, name, label, low, high, said in NUMBERS:
-        held, change = getattr(puppet, group), _changing(puppet.id, group, name)
-        value = getattr(held, name)
+    for group, name, label, low, high, pattern in NUMBERS:
+        settings, change = getattr(puppet, group), _changing(puppet.id, group, name)
+        value = getattr(settings, name)
         if isinstance(value, bool):
-            switch(workspace, label, value, change, _doc(held, name))
+            switch(workspace, label, value, change, _doc(settings, name))
         else:
-            slider(workspace, f"setting {label}", value, low, high, said, change)
-            told(_doc(held, name))
+            slider(workspace, f"setting {label}", value, low, high, pattern, change)
+            told(_doc(settings, name))
     if imgui.button(labelled(tr("Reset"), "Reset")):
         workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     workspace.remember("reset settings")

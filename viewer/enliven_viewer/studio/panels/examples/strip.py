@@ -205,7 +205,7 @@ def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbna
     if chosen or hovered:
         draw.add_rect(origin, corner, packed(ACCENT if chosen else LINE), 7.0, 2.0)
     with small():
-        if len({one.take for one in puppet.poses}) > 1:
+        if len({key_pose.take for key_pose in puppet.poses}) > 1:
             draw.add_text(ImVec2(origin.x + 6, origin.y + 4), packed(QUIET), _short(pose.take))
         imgui.text_unformatted(f"{place}   {time_text(pose.time)}")
     imgui.end_group()

@@ -22,13 +22,17 @@ _CHARACTERS = 74.0
 def draw_export_options(workspace: Workspace, *, film: bool) -> None:
     """Draws the options of an export, or of a film."""
     options, editor = workspace.exporting, workspace.editor
-    solid = [one for one in editor.project.characters.values() if one.mesh is not None]
+    solid = [character for character in editor.project.characters.values() if character.mesh is not None]
     if len(solid) > 1:
         imgui.begin_child("##characters", ImVec2(0, min(_CHARACTERS, 24.0 * len(solid))))
-        for one in solid:
-            ticked = imgui.checkbox(f"{one.id}##export {one.id}", one.id not in options.left_out)[1]
-            options.left_out = options.left_out - {one.id} if ticked else options.left_out | {one.id}
-            workspace.remember(f"export {one.id}")
+        for character in solid:
+            ticked = imgui.checkbox(
+                f"{character.id}##export {character.id}", character.id not in options.left_out
+            )[1]
+            options.left_out = (
+                options.left_out - {character.id} if ticked else options.left_out | {character.id}
+            )
+            workspace.remember(f"export {character.id}")
         imgui.end_child()
     _range(workspace)
     imgui.same_line(0.0, 18.0)
@@ -97,7 +101,7 @@ def _film(workspace: Workspace) -> None:
 def _format(workspace: Workspace) -> None:
     """Draws the options of the file formats."""
     options = workspace.exporting
-    if any(isinstance(one, Puppet) for one in workspace.editor.project.characters.values()):
+    if any(isinstance(character, Puppet) for character in workspace.editor.project.characters.values()):
         options.morphs = imgui.checkbox(
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]

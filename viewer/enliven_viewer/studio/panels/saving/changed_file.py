@@ -57,13 +57,13 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     if not differences:
         quiet("Both are the same.")
     for side, heading in _SIDES.items():
-        items = [one.item for one in differences if one.side == side]
+        items = [difference.item for difference in differences if difference.side == side]
         if items:
             quiet(heading)
         for item in items:
             imgui.text_wrapped(f"  {item}")
     imgui.end_child()
-    if any(one.side == "only in the file" for one in differences):
+    if any(difference.side == "only in the file" for difference in differences):
         if imgui.button(
             labelled(
                 tr("Add to this window what is only in the file"),

@@ -48,11 +48,11 @@ def draw_inset(workspace: Workspace, area: Area, inset: PerformerInset, pictures
     if not views:
         return
     room = area.width, area.height
-    widths = [width_of(one.camera) for one in views]
+    widths = [width_of(view.camera) for view in views]
     left, top, wide, tall = inset.place(*room, sum(widths) / WIDER, lambda: _covered(workspace))
     draw, x = imgui.get_background_draw_list(), area.x + left
-    for one, width in zip(views, widths, strict=True):
-        _view(draw, Area(x, area.y + top, width * tall, tall), one, pictures.of(one.name, one.camera))
+    for view, width in zip(views, widths, strict=True):
+        _view(draw, Area(x, area.y + top, width * tall, tall), view, pictures.of(view.name, view.camera))
         x += width * tall
     workspace.widgets["performer inset"] = (
         *(area.x + left, area.y + top),
@@ -82,7 +82,7 @@ def views_of(perform: PerformSession) -> list[CameraViewOf]:
     views = [_view_of(live.take or tr("Performer"), live, perform.camera)]
     guests = [guest for guest in perform.guests if guest.connected]
     views += [_view_of(guest.name, guest.live, guest.camera) for guest in guests]
-    someone = any(one.bodies for one in views)
+    someone = any(view.bodies for view in views)
     return views if someone or perform.room == "Perform" else []
 
 
@@ -92,18 +92,18 @@ def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> Camera
 
 def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     """Returns the rectangles covered by live characters and by those of the project."""
-    editor, found = workspace.editor, []
-    lens, own = editor.lens, bounds_of([one.extent for one in editor.seen])
+    editor, rectangles = workspace.editor, []
+    lens, own = editor.lens, bounds_of([character.extent for character in editor.seen])
     for box in (editor.beside_box, own):
         if box is not None:
             corners = np.array(list(itertools.product(*zip(*box, strict=True))))
-            found.append(rectangle_of(lens.project(corners)[0]))
-    return [one for one in found if one is not None]
+            rectangles.append(rectangle_of(lens.project(corners)[0]))
+    return [rectangle for rectangle in rectangles if rectangle is not None]
 
 
-def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | None) -> None:
+def _view(draw: imgui.ImDrawList, area: Area, view: CameraViewOf, texture: int | None) -> None:
     """Draws one camera's image."""
-    name, bodies = one.name, seen(one.bodies, one.camera)
+    name, bodies = view.name, seen(view.bodies, view.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
     if texture is not None:
@@ -111,10 +111,10 @@ def _view(draw: imgui.ImDrawList, area: Area, one: CameraViewOf, texture: int | 
         draw.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
     draw.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
-        limbs = one.limbs.get(body.id, {})
-        _figure(draw, area, body, performer_colour(number), width_of(one.camera), limbs)
-    said = name if bodies else tr("{0}: no one in view", name)
-    caption(draw, ImVec2(area.x + 9, area.y + 6), said, INK if bodies else QUIET, _TEXT)
+        limbs = view.limbs.get(body.id, {})
+        _figure(draw, area, body, performer_colour(number), width_of(view.camera), limbs)
+    label = name if bodies else tr("{0}: no one in view", name)
+    caption(draw, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT)
     draw.pop_clip_rect()
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 

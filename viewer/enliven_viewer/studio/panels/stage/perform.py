@@ -351,17 +351,17 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
-        said = tr("held") if any(one.character == name for one in perform.holders) else tr("free")
+        state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
     else:
-        said = tr(state) if state else tr("not on the stage")
+        state_text = tr(state) if state else tr("not on the stage")
     chosen = perform.meant == name if standing else workspace.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
-    label = fitting(f"{name}  ·  {said}", room - (_REMOVE if can_remove else 0.0))
+    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
         perform.there = name if standing else perform.there
         workspace.editor.choose(name if own else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
-    told(said if state.startswith("refused") else "")
+    told(state_text if state.startswith("refused") else "")
     if can_remove:
         imgui.same_line(room - _REMOVE)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
@@ -414,5 +414,5 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
 
 
 def _part(name: str) -> str:
-    told = tr("the whole body") if name == "all" else tr(name)
-    return told[:1].upper() + told[1:]
+    label = tr("the whole body") if name == "all" else tr(name)
+    return label[:1].upper() + label[1:]

@@ -147,30 +147,33 @@ def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
 
 def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
     """Draws the progress, in a box ``tall`` pixels high, and the commands of a running scan."""
-    said = scan.said
+    status = scan.said
     heading("Scan")
     imgui.begin_child("##progress", ImVec2(0, tall), imgui.ChildFlags_.frame_style)
-    _progress(said)
+    _progress(status)
     imgui.end_child()
     workspace.remember("scan progress")
     heading("Go on")
-    making = said.phase == "finishing"
+    making = status.phase == "finishing"
     imgui.begin_disabled(making)
-    label = tr("\uf04c  Pause") if said.phase == "scanning" else tr("\uf04b  Go on")
+    label = tr("\uf04c  Pause") if status.phase == "scanning" else tr("\uf04b  Go on")
     half = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, 0)
     if imgui.button(f"{label}###pause", half):
         workspace.actions.do("scan.pause")
     workspace.remember("scan pause")
     imgui.same_line()
-    imgui.begin_disabled(said.undoable <= 0)
+    imgui.begin_disabled(status.undoable <= 0)
     if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), half):
         workspace.actions.do("scan.undo")
     workspace.remember("scan undo")
     told(
-        tr("Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped", said.undoable)
+        tr(
+            "Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped",
+            status.undoable,
+        )
     )
     imgui.end_disabled()
-    if said.thing != "person":
+    if status.thing != "person":
         _keeping(workspace, scan)
     imgui.end_disabled()
 
@@ -195,22 +198,22 @@ def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
     imgui.end_disabled()
 
 
-def _progress(said: ScanMessage) -> None:
+def _progress(status: ScanMessage) -> None:
     """Draws the progress of a scan in a box of fixed height, so that changing text moves no button."""
     imgui.push_text_wrap_pos(0.0)
-    places = tr(", in {0} places", said.places) if said.places > 1 else ""
-    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", said.way, said.fused, places))
+    places = tr(", in {0} places", status.places) if status.places > 1 else ""
+    imgui.text_unformatted(tr("{0:.1f} m round it, {1} pictures{2}", status.way, status.fused, places))
     imgui.pop_text_wrap_pos()
-    share = 1.0 - min(max(said.missing, 0.0), 1.0)
+    share = 1.0 - min(max(status.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
     told(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * share))
-    arrow = "" if said.thing == "person" else tr(" The arrow leads to where most is missing.")
+    arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
     quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
-    if said.note:
-        quiet(said.note)
-    if said.mend:
-        quiet(said.mend)
+    if status.note:
+        quiet(status.note)
+    if status.mend:
+        quiet(status.mend)
 
 
 def _keeping(workspace: Workspace, scan: ScanSession) -> None:

@@ -102,7 +102,7 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     heading("Physics")
     imgui.begin_disabled(physics.state is None)
     imgui.set_next_item_width(-1)
-    changed, number = imgui.combo("##physics", physics.number, [tr(one) for one in LOOSE_LABELS])
+    changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
     workspace.remember("physics")
     told("Loose objects on the stage, which characters knock over")

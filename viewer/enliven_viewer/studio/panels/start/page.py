@@ -114,11 +114,11 @@ def _recent(workspace: Workspace, column: float) -> None:
 def _empty(area: Area) -> None:
     """Draws instructions in the middle of an empty view."""
     draw = imgui.get_background_draw_list()
-    said = (
+    lines = (
         tr("Nothing is here yet"),
         tr("Press S and draw a shape, or drop a file here (Ctrl+O opens one)."),
     )
-    for k, (text, colour) in enumerate(zip(said, (INK, QUIET), strict=True)):
+    for k, (text, colour) in enumerate(zip(lines, (INK, QUIET), strict=True)):
         wide = imgui.calc_text_size(text).x
         at = ImVec2(area.x + (area.width - wide) / 2, area.y + area.height * 0.42 + 24 * k)
         draw.add_text(at, packed(colour), text)

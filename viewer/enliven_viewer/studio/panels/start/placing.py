@@ -134,7 +134,7 @@ def _cost(
 ) -> float:
     """Returns the covered area in square pixels; the target's area has by far the highest cost."""
     card = at[0], at[1], at[0] + size[0], at[1] + size[1]
-    cost = sum(_common(card, one) for one in others)
+    cost = sum(_common(card, other) for other in others)
     return round(cost + (_MEANT * _common(card, meant) if meant is not None else 0.0))
 
 

@@ -112,12 +112,12 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     high = _height(tour, wide)
     window = 0.0, MENU if places.viewport.y else 0.0, size.x, size.y
     others = [
-        (one.x, one.y, one.x + one.width, one.y + one.height)
-        for one in (places.side, places.tools, places.timeline)
+        (place.x, place.y, place.x + place.width, place.y + place.height)
+        for place in (places.side, places.tools, places.timeline)
     ]
     widgets = workspace.widgets
-    kept = (tour.covered((area.x, area.y)), widgets.get("performer inset"), widgets.get("holders"))
-    others += [one for one in kept if one is not None]
+    obstacles = (tour.covered((area.x, area.y)), widgets.get("performer inset"), widgets.get("holders"))
+    others += [obstacle for obstacle in obstacles if obstacle is not None]
     if shape is not None and tour.target.box is None:
         middle = (shape[1] + shape[3]) / 2
         others += [(shape[0] - _TIP[0], middle, shape[2] + _TIP[0], middle + _TIP[1])]
