@@ -59,10 +59,15 @@ def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...
 
 
 def describe_code(code: CodeType) -> str:
-    """Returns byte code, names and constants of a code object, without docstrings and line numbers."""
+    """Returns byte code, names and constants of a code object, without docstrings and line numbers.
+
+    Parameters count by name, since they may be passed by keyword. Other local variables count by number: the byte
+    code reads them by their index.
+    """
     constants = code.co_consts[1:] if _starts_with_docstring(code) else code.co_consts
-    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
-    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
+    parameters = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    names = (code.co_names, parameters, code.co_freevars, code.co_cellvars)
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_nlocals)
     return f"({code.co_code.hex()} {names} {counts} {', '.join(map(_describe_constant, constants))})"
 
 

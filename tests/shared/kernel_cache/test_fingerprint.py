@@ -93,6 +93,7 @@ SAME = {
     "comments": ("# A comment.", "# Another comment.\n    # And a third."),
     "lines above": ('"""Words."""', '"""Words."""\n\n\n'),
     "another kernel of the file": ("x - 1.0", "x - 2.0"),
+    "the name of a local variable": ("total", "amount"),
 }
 NAMES = itertools.count()
 
