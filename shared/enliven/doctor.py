@@ -29,15 +29,17 @@ class Check:
 
 def all_checks() -> list[Check]:
     """Runs every installed package's checks, the library's own first."""
-    found = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
-    made: list[Check] = []
-    for entry in found:
+    entries = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
+    checks: list[Check] = []
+    for entry in entries:
         try:
             contributed: Callable[[], list[Check]] = entry.load()
-            made += contributed()
+            checks += contributed()
         except Exception as error:  # A broken package must not hide the results of the other packages.
-            made.append(Check(entry.name, False, f"its checks failed: {error}", "Install the package again."))
-    return made
+            checks.append(
+                Check(entry.name, False, f"its checks failed: {error}", "Install the package again.")
+            )
+    return checks
 
 
 def checks() -> list[Check]:

@@ -111,14 +111,14 @@ def file_fault(
     Returns:
         ResourceError for a fault of the device or of this machine and for all failed writes, else InputError.
     """
-    what = f"it cannot be {doing} ({error.strerror or error})"
+    problem = f"it cannot be {doing} ({error.strerror or error})"
     mend = _DEVICE_FAULTS.get(error.errno or 0)
     if mend is not None:
-        return ResourceError(what, where=str(path), mend=mend)
+        return ResourceError(problem, where=str(path), mend=mend)
     if doing == "written":
-        return ResourceError(what, where=str(path), mend=_ROOM)
+        return ResourceError(problem, where=str(path), mend=_ROOM)
     mend = "Check its permissions." if error.errno in _DENIED else "Name a file that can be read."
-    return InputError(what, where=str(path), mend=mend)
+    return InputError(problem, where=str(path), mend=mend)
 
 
 def is_file_fault(error: OSError) -> bool:
@@ -243,8 +243,10 @@ def open_file(path: Path) -> BinaryIO:
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
-        what = "it is a folder" if stat.S_ISDIR(kind) else "it is not a regular file but a pipe or a device"
-        raise InputError(what, where=str(path), mend="Name a file that can be read.")
+        problem = (
+            "it is a folder" if stat.S_ISDIR(kind) else "it is not a regular file but a pipe or a device"
+        )
+        raise InputError(problem, where=str(path), mend="Name a file that can be read.")
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
@@ -258,8 +260,8 @@ def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
-            what = f"it has {size} bytes, and no more than {most} are read"
-            raise InputError(what, where=str(path), mend="Take a smaller one.")
+            problem = f"it has {size} bytes, and no more than {most} are read"
+            raise InputError(problem, where=str(path), mend="Take a smaller one.")
         return file.read(size)
 
 
@@ -319,13 +321,13 @@ def need_folder(*paths: Path | None) -> None:
         except OSError as error:
             raise file_fault(error, folder, "used") from None
         if not is_folder:
-            there: list[str] = []
+            siblings: list[str] = []
             with contextlib.suppress(OSError):
-                there = [one.name for one in folder.parent.iterdir()]
-            near = difflib.get_close_matches(folder.name, there, n=1)
+                siblings = [sibling.name for sibling in folder.parent.iterdir()]
+            near = difflib.get_close_matches(folder.name, siblings, n=1)
             guess = f"Did you mean {folder.with_name(near[0])}? " if near else ""
-            what, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
-            raise ResourceError(what, where=str(path), mend=mend)
+            problem, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
+            raise ResourceError(problem, where=str(path), mend=mend)
 
 
 def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
@@ -541,10 +543,10 @@ class Beside:
         """
         try:
             folder = self._path.parent.resolve()
-            found = (folder / name).resolve()
-            if not found.is_relative_to(folder):
+            target = (folder / name).resolve()
+            if not target.is_relative_to(folder):
                 raise self._wrong(name, "lies outside of its folder", _TOGETHER)
-            data = read_file(found, self._left)
+            data = read_file(target, self._left)
         except InputError as error:
             if error.where == str(self._path):
                 raise

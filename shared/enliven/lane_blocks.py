@@ -74,14 +74,14 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
         ]
         for half in (0, 1)
     ]
-    made = []
+    columns = []
     for c in range(_ROWS):
         a, b, d, e = pairs[c // 4]
         at = 2 * (c % 4)
         low = _shuffled(builder, a, b, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
         high = _shuffled(builder, d, e, [at, at + 1, at + 8, at + 9, 0, 0, 0, 0])
-        made.append(_shuffled(builder, low, high, [0, 1, 2, 3, 8, 9, 10, 11]))
-    return made
+        columns.append(_shuffled(builder, low, high, [0, 1, 2, 3, 8, 9, 10, 11]))
+    return columns
 
 
 def _both(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
@@ -108,17 +108,17 @@ def mirror6(typing, source, index, target, to, sign):
     """Writes a symmetric block, given by its lower half, times ``sign``, from ``index`` to ``to``."""
 
     def generate(context, builder, sig, args):
-        first, there = (
+        first, destination = (
             address_of(context, builder, sig.args[k], args[k], args[k + 1], EIGHT) for k in (0, 2)
         )
-        rows, made = _rows(builder, first), []
+        rows, mirrored = _rows(builder, first), []
         signs = _shuffled(
             builder, builder.insert_element(_NONE, args[4], ir.Constant(I32, 0)), _NONE, [0] * 8
         )
         for r, (row, column) in enumerate(zip(rows, _transposed(builder, rows), strict=True)):
-            whole = _shuffled(builder, row, column, [i if i <= r else 8 + i for i in range(8)])
-            made.append(builder.fmul(signs, whole))
-        _put(builder, made, there)
+            full_row = _shuffled(builder, row, column, [i if i <= r else 8 + i for i in range(8)])
+            mirrored.append(builder.fmul(signs, full_row))
+        _put(builder, mirrored, destination)
         return context.get_dummy_value()
 
     return signature(types.void, source, types.intp, target, types.intp, types.float32), generate

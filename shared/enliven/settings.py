@@ -84,25 +84,25 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
     try:
         if longest > MOST_LINE:
             raise ValueError(f"a line has {longest} bytes, and no more than {MOST_LINE} are read")
-        found = tomllib.loads(data.decode("utf-8"))
-        level: list[Any] = [found]
+        tables = tomllib.loads(data.decode("utf-8"))
+        level: list[Any] = [tables]
         for _ in range(MOST_NESTED):
-            level = [inner for one in level for inner in _inside(one)]
+            level = [inner for container in level for inner in _inside(container)]
         if level:
             raise ValueError(_DEEP)
     except RecursionError:
         raise InputError(f"it is not readable TOML ({_DEEP})", where=str(path)) from None
     except ValueError as error:
         raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
-    version = found.pop(_VERSION, 1)
+    version = tables.pop(_VERSION, 1)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        what, mend = (
+        problem, mend = (
             f"version is {version!r:.40}, expected a whole number from 1",
             f"Write version = {newest}.",
         )
-        raise InputError(what, where=str(path), mend=mend)
+        raise InputError(problem, where=str(path), mend=mend)
     refuse_later_version(version, newest, str(path))
-    return found
+    return tables
 
 
 def refuse_later_toml(path: Path) -> None:
@@ -121,7 +121,7 @@ def refuse_later_toml(path: Path) -> None:
 def _inside(value: Any) -> list[Any]:
     """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
-    return [one for one in inner if isinstance(one, (dict, list))]
+    return [item for item in inner if isinstance(item, (dict, list))]
 
 
 def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) -> T:
@@ -133,15 +133,15 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
             near = difflib.get_close_matches(key, fields, n=1)
             mend = f"Did you mean {prefix}{near[0]}?" if near else f"Known: {', '.join(fields)}. {_LATER_KEY}"
             raise InputError(f"unknown key {prefix}{key}", where=where, mend=mend)
-    made: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
     for name, field in fields.items():
         if name in values:
-            made[name] = _value(hints[name], values[name], where, prefix + name, field)
+            arguments[name] = _value(hints[name], values[name], where, prefix + name, field)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(
                 f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", "")
             )
-    return kind(**made)
+    return kind(**arguments)
 
 
 def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
@@ -156,8 +156,8 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
             raise InputError(f"{path} must hold tables", where=where)
         group: Any = tables[0]
         return {key: _named(group, table, where, f"{path}.{key}") for key, table in value.items()}
-    made = _converted(hint, value)
-    if made is _WRONG:
+    converted = _converted(hint, value)
+    if converted is _WRONG:
         expected = getattr(hint, "__name__", str(hint))
         if typing.get_origin(hint) is typing.Literal:
             expected = " or ".join(repr(word) for word in typing.get_args(hint))
@@ -165,10 +165,10 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
             f"{path} is {value!r}, expected {expected}", where=where, mend=field.metadata.get("doc", "")
         )
     low, high = field.metadata.get("low", -math.inf), field.metadata.get("high", math.inf)
-    if isinstance(made, int | float) and not low <= made <= high:
+    if isinstance(converted, int | float) and not low <= converted <= high:
         unit = field.metadata.get("unit", "")
-        raise InputError(f"{path} is {made}, outside {low}..{high} {unit}".rstrip(), where=where)
-    return made
+        raise InputError(f"{path} is {converted}, outside {low}..{high} {unit}".rstrip(), where=where)
+    return converted
 
 
 def _named(kind: Any, table: Any, where: str, path: str) -> Any:
@@ -186,10 +186,10 @@ def _converted(hint: Any, value: Any) -> Any:
     import msgspec
 
     try:
-        made = msgspec.convert(value, hint)
+        converted = msgspec.convert(value, hint)
     except msgspec.ValidationError:
         return _WRONG
-    return made if _is_finite(made) else _WRONG
+    return converted if _is_finite(converted) else _WRONG
 
 
 def _is_finite(value: Any) -> bool:
@@ -197,4 +197,4 @@ def _is_finite(value: Any) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else ()
-    return all(_is_finite(one) for one in inner)
+    return all(_is_finite(item) for item in inner)

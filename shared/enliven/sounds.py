@@ -46,17 +46,20 @@ _LOUDEST = 32767
 def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
     """Returns (count,) the mix of all sounds from a sample ``first`` of the project's time on."""
     heard = np.zeros(count, np.int32)
-    for one in sounds:
-        begin = round(one.begin * SOUND_RATE)
-        low, high = max(first, begin), min(first + count, begin + len(one.samples))
+    for sound in sounds:
+        begin = round(sound.begin * SOUND_RATE)
+        low, high = max(first, begin), min(first + count, begin + len(sound.samples))
         if low < high:
-            heard[low - first : high - first] += one.samples[low - begin : high - begin]
+            heard[low - first : high - first] += sound.samples[low - begin : high - begin]
     return np.clip(heard, -_LOUDEST - 1, _LOUDEST).astype(np.int16)
 
 
 def heard_from(sounds: Iterable[Sound], second: float) -> Int16:
     """Returns (N,) the mix of all sounds from a time in seconds of the project to the end of the last
     sound."""
-    known = tuple(sounds)
-    first, last = round(second * SOUND_RATE), round(max((one.end for one in known), default=0.0) * SOUND_RATE)
-    return mixed(known, first, max(last - first, 0))
+    all_sounds = tuple(sounds)
+    first, last = (
+        round(second * SOUND_RATE),
+        round(max((sound.end for sound in all_sounds), default=0.0) * SOUND_RATE),
+    )
+    return mixed(all_sounds, first, max(last - first, 0))

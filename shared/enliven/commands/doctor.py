@@ -35,12 +35,12 @@ def doctor(
       enliven doctor --json | python -m json.tool
       enliven doctor --remote 127.0.0.1
     """
-    found = edge_checks(remote) if remote else all_checks()
+    checks = edge_checks(remote) if remote else all_checks()
     if as_json:
-        typer.echo(json.dumps([vars(check) for check in found], indent=2))
+        typer.echo(json.dumps([vars(check) for check in checks], indent=2))
     else:
-        plain_console().print(_table(found))
-    if not all(check.ok for check in found):
+        plain_console().print(_table(checks))
+    if not all(check.ok for check in checks):
         raise typer.Exit(_LACKING)
 
 

@@ -60,14 +60,14 @@ def writer(output: Path) -> Callable[[Job], str]:
     """
     from enliven.exporters import exporter_of
 
-    own = {".mcap": _write_take, ".enliven": _write_project}
-    if output.suffix.lower() in own:
+    built_in = {".mcap": _write_take, ".enliven": _write_project}
+    if output.suffix.lower() in built_in:
         need_folder(output)
-        return own[output.suffix.lower()]
-    exporter = exporter_of(output, tuple(own))
+        return built_in[output.suffix.lower()]
+    exporter = exporter_of(output, tuple(built_in))
     if exporter.jointed:
-        what = f"{output.suffix} holds skeletons, and a puppet has none"
-        raise InputError(what, where=str(output), mend="Make a .glb: its joints carry the surface.")
+        problem = f"{output.suffix} holds skeletons, and a puppet has none"
+        raise InputError(problem, where=str(output), mend="Make a .glb: its joints carry the surface.")
     return partial(_export, exporter)
 
 
@@ -75,9 +75,9 @@ def _export(exporter: Exporter, job: Job) -> str:
     from enliven.exporters import performance_of
 
     how = "morphs" if job.morphs else "skin"
-    made = performance_of(job.project, job.puppet, *job.span, job.rate, how=how)
-    exporter.write(job.output, [made], job.puppet.id)
-    return f"; {made.error}"
+    performance = performance_of(job.project, job.puppet, *job.span, job.rate, how=how)
+    exporter.write(job.output, [performance], job.puppet.id)
+    return f"; {performance.error}"
 
 
 def _write_take(job: Job) -> str:
@@ -101,8 +101,8 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     alone = Project(takes=project.takes, characters={puppet.id: puppet})
     stop = alone.end_of(puppet) if end is None else end
     if stop <= start:
-        what = f"the range from {start:g} s to {stop:g} s is empty"
-        raise InputError(what, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
+        problem = f"the range from {start:g} s to {stop:g} s is empty"
+        raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
     return start, stop
 
 
@@ -110,8 +110,8 @@ def sheet_maker(kind: str) -> Callable[..., None]:
     """Returns the function that draws contact sheets of a kind, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
         if entry.name == kind:
-            made: Callable[..., None] = entry.load()
-            return made
+            draw_sheet: Callable[..., None] = entry.load()
+            return draw_sheet
     raise ResourceError(
         "a sheet cannot be drawn", where="--sheet", mend="Install the viewer's package, enliven-viewer."
     )

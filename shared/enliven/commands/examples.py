@@ -76,9 +76,9 @@ def new(
     clip, more = read_take(take, animation, start, end)
     _say(*notes, *more)
     project = Project().with_takes(clip)
-    made = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
-    write_session(output, made, mesh.stem, mesh_from, {clip.id: take_from})
-    puppet = made.puppets[mesh.stem]
+    puppet_project = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
+    write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
+    puppet = puppet_project.puppets[mesh.stem]
     say(
         f"enliven: {len(puppet.points)} control points and {len(puppet.poses)} key poses are in {output}. "
         "Pose them: set the places of the control points in each."
@@ -100,22 +100,24 @@ def check(
     """
     from enliven.examples import coverage_of, missing, motion_of, unposed
 
-    found = opened(session, puppet)
-    project, made = found.project, found.puppet
-    pairs = ", ".join(f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in made.points)
-    say(f"enliven: {made.id}: {len(made.points)} control points: {pairs or 'none'}")
-    shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in made.poses)
-    say(f"enliven: {len(made.poses)} key poses: {shown or 'none'}")
-    lacking = [*missing(project, made), *unposed(made)]
-    if not made.layers:
+    source = opened(session, puppet)
+    project, character = source.project, source.puppet
+    pairs = ", ".join(
+        f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in character.points
+    )
+    say(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
+    shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
+    say(f"enliven: {len(character.poses)} key poses: {shown or 'none'}")
+    lacking = [*missing(project, character), *unposed(character)]
+    if not character.layers:
         lacking.append("Add the motion to play: [[layer]].")
     for sentence in lacking:
         say(f"enliven: {sentence}")
-    if missing(project, made):
+    if missing(project, character):
         raise typer.Exit(3)
-    for number in range(len(made.layers)):
-        say(f"enliven: {coverage_of(project, made, number)}")
-        _say(*motion_of(project, made, number).notes)
+    for number in range(len(character.layers)):
+        say(f"enliven: {coverage_of(project, character, number)}")
+        _say(*motion_of(project, character, number).notes)
     if lacking:
         raise typer.Exit(3)
 
@@ -152,26 +154,26 @@ def fit(
     write = writer(output)
     need_folder(sheet)
     draw = sheet_maker("puppet") if sheet else None
-    found = opened(session, puppet)
-    project, made = found.project, found.puppet
-    lacking = missing(project, made)
+    source = opened(session, puppet)
+    project, character = source.project, source.puppet
+    lacking = missing(project, character)
     if output.suffix.lower() != ".enliven":
         # A project may still be posed in the studio, but a film of an unposed character would show a sliding
         # statue.
-        lacking = (*lacking, *unposed(made))
+        lacking = (*lacking, *unposed(character))
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
-    if not any(not layer.muted for layer in made.layers):
+    if not any(not layer.muted for layer in character.layers):
         raise InputError("it plays nothing", where=str(session), mend="Add the motion to play: [[layer]].")
-    _say(*found.notes)
-    for number, layer in enumerate(made.layers):
+    _say(*source.notes)
+    for number, layer in enumerate(character.layers):
         if not layer.muted:
-            _say(*motion_of(project, made, number).notes)
-    span = span_of(project, made, start, end)
-    said = write(Job(project, made, output, span, rate, morphs))
+            _say(*motion_of(project, character, number).notes)
+    span = span_of(project, character, start, end)
+    remark = write(Job(project, character, output, span, rate, morphs))
     if sheet and draw:
-        draw(sheet, project, made, span)
-    say(f"enliven: {len(made.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{said}")
+        draw(sheet, project, character, span)
+    say(f"enliven: {len(character.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{remark}")
 
 
 def _from(session: Path, file: Path) -> str:
@@ -181,10 +183,10 @@ def _from(session: Path, file: Path) -> str:
 
 
 def _axis(name: str) -> Axis:
-    known: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
-    if name not in known:
+    axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
+    if name not in axes:
         raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")
-    return known[name]
+    return axes[name]
 
 
 def _say(*notes: str) -> None:

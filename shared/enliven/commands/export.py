@@ -51,24 +51,28 @@ def export(
     # Heavy modules are imported only here, so that `--help` is quick.
     from enliven.exporters import exporter_of
 
-    asked = {"unit": unit, "size": size, "morphs": morphs or None}
-    options = {name: value for name, value in asked.items() if value is not None}
+    all_options = {"unit": unit, "size": size, "morphs": morphs or None}
+    options = {name: value for name, value in all_options.items() if value is not None}
     exporter = exporter_of(output, (), **options)
     from enliven.sounds import heard_from
     from enliven.takes import exportables_of
 
-    found, notes, sounds = exportables_of(source)
+    exportables, notes, sounds = exportables_of(source)
     for note in notes:
         say(f"enliven: {note}", err=True)
-    made = []
-    for one in _chosen(found, exporter, character or [], source):
-        say(f"enliven: sampling {one.name}", err=True)
-        made.append(one.sample(start, end, rate, morphs, exporter.keyed))
+    performances = []
+    for exportable in _chosen(exportables, exporter, character or [], source):
+        say(f"enliven: sampling {exportable.name}", err=True)
+        performances.append(exportable.sample(start, end, rate, morphs, exporter.keyed))
     heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
-    exporter.write(output, made, source.stem, **options, **heard)
-    lasts = max(performance.times[-1] for performance in made)
-    names = ", ".join(performance.name for performance in made)
-    baked = "".join(f"; {one.name} is {one.error}" for one in made if one.error is not None)
+    exporter.write(output, performances, source.stem, **options, **heard)
+    lasts = max(performance.times[-1] for performance in performances)
+    names = ", ".join(performance.name for performance in performances)
+    baked = "".join(
+        f"; {performance.name} is {performance.error}"
+        for performance in performances
+        if performance.error is not None
+    )
     say(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
 
 
@@ -78,20 +82,24 @@ def _chosen(found: list[Exportable], exporter: Exporter, wanted: list[str], sour
     Raises:
         InputError: where a name is not there, or the file cannot hold it, or only one of several.
     """
-    known = {one.name: one for one in found}
+    by_name = {exportable.name: exportable for exportable in found}
     for name in wanted:
-        if name not in known:
-            mend = f"Known: {', '.join(known)}."
+        if name not in by_name:
+            mend = f"Known: {', '.join(by_name)}."
             raise InputError(f"there is no character {name!r}", where=str(source), mend=mend)
-    fitting = [one for one in found if (one.jointed if exporter.jointed else one.solid)]
-    unfit = [name for name in wanted if known[name] not in fitting] if wanted else list(known)
+    fitting = [
+        exportable for exportable in found if (exportable.jointed if exporter.jointed else exportable.solid)
+    ]
+    unfit = [name for name in wanted if by_name[name] not in fitting] if wanted else list(by_name)
     if unfit and (wanted or not fitting):
         lacks = "skeleton" if exporter.jointed else "surface"
         mend = "Write a .glb instead: it holds any surface." if exporter.jointed else "Write a .bvh instead."
         raise InputError(f"{', '.join(unfit)} has no {lacks}", where=str(source), mend=mend)
-    best = min(one.rank for one in fitting)
-    chosen = [known[name] for name in wanted] or [one for one in fitting if one.rank == best]
+    best = min(exportable.rank for exportable in fitting)
+    chosen = [by_name[name] for name in wanted] or [
+        exportable for exportable in fitting if exportable.rank == best
+    ]
     if exporter.single and len(chosen) > 1:
-        mend = f"Choose one with --character: {', '.join(one.name for one in chosen)}."
+        mend = f"Choose one with --character: {', '.join(exportable.name for exportable in chosen)}."
         raise InputError("the output file can hold one character only", where=str(source), mend=mend)
     return chosen

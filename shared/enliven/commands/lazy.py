@@ -67,9 +67,9 @@ class LazyCommands(TyperGroup):
 
 def contributed() -> dict[str, EntryPoint]:
     """Returns the commands of all installed packages by name, the usual ones first."""
-    found = {entry.name: entry for entry in entry_points(group=GROUP)}
-    order = sorted(found, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
-    return {name: found[name] for name in order}
+    entries = {entry.name: entry for entry in entry_points(group=GROUP)}
+    order = sorted(entries, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
+    return {name: entries[name] for name in order}
 
 
 def summary(entry: EntryPoint) -> str:
@@ -95,11 +95,11 @@ def _command(entry: EntryPoint) -> Any:
     """The command, or the group of commands, of an entry point."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.callback()(lambda: None)
-    found = _loaded(entry)
-    if isinstance(found, typer.Typer):
-        app.add_typer(found, name=entry.name)
+    command = _loaded(entry)
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=entry.name)
     else:
-        app.command(entry.name)(found)
+        app.command(entry.name)(command)
     group: Any = typer.main.get_command(app)
     return group.commands[entry.name]
 

@@ -25,17 +25,17 @@ def recover(
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RecordingWarning)
-        found: Recovery = recovered(recording, output)
-    say(f"{output}: {sum(found.kept.values())} messages")
-    for topic in sorted({*found.kept, *found.lost}):
-        lost = f", {found.lost[topic]} lost" if found.lost[topic] else ""
-        say(f"  {topic}: {found.kept[topic]} messages{lost}")
-    origin = found.first_ns or 0
-    for span in found.spans:
+        recovery: Recovery = recovered(recording, output)
+    say(f"{output}: {sum(recovery.kept.values())} messages")
+    for topic in sorted({*recovery.kept, *recovery.lost}):
+        lost = f", {recovery.lost[topic]} lost" if recovery.lost[topic] else ""
+        say(f"  {topic}: {recovery.kept[topic]} messages{lost}")
+    origin = recovery.first_ns or 0
+    for span in recovery.spans:
         say(f"lost: {_words(span.start_ns, span.end_ns, origin)}")
-    if found.nameless:
-        say(f"lost: {found.nameless} messages of topics without a description")
-    if not found.spans and not found.nameless and not found.lost:
+    if recovery.nameless:
+        say(f"lost: {recovery.nameless} messages of topics without a description")
+    if not recovery.spans and not recovery.nameless and not recovery.lost:
         say("nothing was lost")
 
 

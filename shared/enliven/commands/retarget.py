@@ -102,10 +102,12 @@ def retarget(
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
-    own = mapping is None and rest is None and mode == "auto" and not soften and is_own_take(clip, rig.shape)
+    is_own = (
+        mapping is None and rest is None and mode == "auto" and not soften and is_own_take(clip, rig.shape)
+    )
     plan = (
         None
-        if own
+        if is_own
         else _plan(
             read_plan(mapping) if mapping else None,
             rig,
@@ -124,29 +126,36 @@ def retarget(
     )
     for note in (*notes, *rig.notes):
         say(f"enliven: {note}", err=True)
-    made = play_own_take(rig.shape, clip) if own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
-    keyed = own and exporter.keyed and rate is None
+    retargeted = (
+        play_own_take(rig.shape, clip) if is_own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
+    )
+    keyed = is_own and exporter.keyed and rate is None
     rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
-    if is_looping(clip) and made.duration > 0.0:
+    if is_looping(clip) and retargeted.duration > 0.0:
         # A loop must end exactly on a frame, so adjust the rate until the duration is a whole number of
         # frames.
-        rate = max(round(made.duration * rate), 1) / made.duration
-    performance = performance_of(made.project, made.shape_id, 0.0, made.duration, rate, keyed=keyed)
+        rate = max(round(retargeted.duration * rate), 1) / retargeted.duration
+    performance = performance_of(
+        retargeted.project, retargeted.shape_id, 0.0, retargeted.duration, rate, keyed=keyed
+    )
     exporter.write(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
-        write_plan(made.plan, write_map)
+        write_plan(retargeted.plan, write_map)
     if sheet and draw:
-        draw(sheet, made, f"{take.stem} on {model.stem}")
-    if own:
-        say(f"enliven: the take is the model's own: copied joint by joint, {made.duration:.2f} s in {output}")
+        draw(sheet, retargeted, f"{take.stem} on {model.stem}")
+    if is_own:
+        say(
+            f"enliven: the take is the model's own: copied joint by joint, "
+            f"{retargeted.duration:.2f} s in {output}"
+        )
         return
-    modes = {chain.mode for chain in made.plan.chains}
+    modes = {chain.mode for chain in retargeted.plan.chains}
     how = {frozenset({"pose"}): "posed as the performer", frozenset({"move"}): "moved from its own pose"}
     say(
-        f"enliven: {len(made.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
-        f"{made.duration:.2f} s are in {output}"
+        f"enliven: {len(retargeted.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
+        f"{retargeted.duration:.2f} s are in {output}"
     )
-    _tell_quality(made, rig, write_map)
+    _tell_quality(retargeted, rig, write_map)
 
 
 def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
@@ -160,28 +169,28 @@ def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
     say(f"enliven: {quality}")
     less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
     if less:
-        told = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
-        say(f"enliven: moved less by the mapping: {told}")
+        message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
+        say(f"enliven: moved less by the mapping: {message}")
     if made.limited:
         count = f"{len(made.limited)} joint{'s' * (len(made.limited) != 1)}"
-        told = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
-        say(f"enliven: {told}")
-    seen = _seen(quality, made.plan.pin)
-    for told in seen:
-        say(f"enliven: {told}", err=True)
-    if not seen:
+        message = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
+        say(f"enliven: {message}")
+    faults = _seen(quality, made.plan.pin)
+    for message in faults:
+        say(f"enliven: {message}", err=True)
+    if not faults:
         return
-    other = next_best(made, rig.shape, quality)
-    if other is None:
-        told = "no other mapping does better: give those joints less weight (--write-map)"
-        say(f"enliven: {told}", err=True)
+    alternative = next_best(made, rig.shape, quality)
+    if alternative is None:
+        message = "no other mapping does better: give those joints less weight (--write-map)"
+        say(f"enliven: {message}", err=True)
         return
-    told = f"the next best mapping, {other.how}: {other.quality}"
+    message = f"the next best mapping, {alternative.how}: {alternative.quality}"
     if write_map:
         beside = write_map.with_suffix(f".next{write_map.suffix}")
-        write_plan(other.plan, beside)
-        told += f": --map {beside}"
-    say(f"enliven: {told}", err=True)
+        write_plan(alternative.plan, beside)
+        message += f": --map {beside}"
+    say(f"enliven: {message}", err=True)
 
 
 def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
@@ -190,7 +199,7 @@ def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
     limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
-    told = {
+    faults = {
         f"limbs point away from the performer's: {limbs}": bool(limbs),
         f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
         > BOUND,
@@ -199,7 +208,7 @@ def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
         f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0) > SLIDE,
         f"parts go through one another: {', '.join(quality.parts)}": quality.through > THROUGH,
     }
-    return [words for words, so in told.items() if so]
+    return [words for words, is_present in faults.items() if is_present]
 
 
 _FAST_ENOUGH = 60.0

@@ -79,9 +79,9 @@ def run(
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
     _need_both_programs()
-    for what, path in (("recording", recording), ("settings file", settings)):
+    for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
-            raise InputError(f"this {what} does not exist", where=str(path), mend="Check the path.")
+            raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
     need_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
@@ -99,9 +99,16 @@ def run(
     source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
     source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
     # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
-    kept = {"record": record, "settings": settings, "name": f"run-{os.getpid()}", "wait_for_viewer": 60}
-    edge = _words("edge", **source, **moves, **kept, **where)
-    again = _words("edge", **source, **moves, **{**kept, "record": _record_again(record)}, **where)
+    edge_options = {
+        "record": record,
+        "settings": settings,
+        "name": f"run-{os.getpid()}",
+        "wait_for_viewer": 60,
+    }
+    edge = _words("edge", **source, **moves, **edge_options, **where)
+    edge_restart = _words(
+        "edge", **source, **moves, **{**edge_options, "record": _record_again(record)}, **where
+    )
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
     view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
@@ -110,7 +117,7 @@ def run(
         Process(
             "edge",
             edge,
-            again=None if as_film else again,
+            again=None if as_film else edge_restart,
             ready=lambda: as_film or is_listening("127.0.0.1", ports[0]),
         ),
         Process("viewer", view, leads=True),
@@ -149,7 +156,7 @@ def _words(program: str, /, **options: Any) -> list[str]:
     """Returns a command line: None and False are left out, True is an option alone, a list several of one."""
     words = [program]
     for option, value in options.items():
-        for one in value if isinstance(value, list) else [value]:
-            if one is not None and one is not False:
-                words += [f"--{option.replace('_', '-')}", *([] if one is True else [str(one)])]
+        for item in value if isinstance(value, list) else [value]:
+            if item is not None and item is not False:
+                words += [f"--{option.replace('_', '-')}", *([] if item is True else [str(item)])]
     return words

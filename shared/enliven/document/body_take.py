@@ -131,8 +131,8 @@ class Possession:
         sizes = [self.size, *self.place[:1]]
         good = rest.ndim == 2 and rest.shape[1] == 3 and len(self.place) in (0, 5) and min(sizes) > 0.0
         if not (good and np.isfinite([*self.place, *sizes, self.height, self.start, self.end]).all()):
-            what = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
-            raise InputError(what, where=f"take {self.take!r}", mend="Record it again.")
+            problem = f"nodes {rest.shape}, a place {self.place} and a size {self.size} do not fit"
+            raise InputError(problem, where=f"take {self.take!r}", mend="Record it again.")
 
     def last(self, take: BodyTake) -> float:
         """Returns the second of the take at which it ends."""

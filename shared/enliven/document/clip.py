@@ -93,7 +93,7 @@ class CubicKeys:
         freeze(self, "seconds", "values", "slopes")
         count, width = len(self.seconds), 4 if self.values.shape[-1:] == (4,) else 3
         fits = self.values.shape == (count, width) and self.slopes.shape == (count, 2, width) and count > 0
-        finite = all(np.isfinite(one).all() for one in (self.seconds, self.values, self.slopes))
+        finite = all(np.isfinite(array).all() for array in (self.seconds, self.values, self.slopes))
         if not (fits and finite and (np.diff(self.seconds) > 0).all()):
             raise InputError("its cubic keys do not fit together", where="clip", mend="Import it again.")
 
@@ -104,16 +104,16 @@ class CubicKeys:
 
     def at(self, seconds: Float) -> Float:
         """Returns unit quaternions (T, 4) or metres (T, 3). Values are held beyond the first and last key."""
-        made, _ = self._polynomial(np.clip(seconds, self.seconds[0], self.seconds[-1]))
-        return normalized(made) if self.turns else made
+        values, _ = self._polynomial(np.clip(seconds, self.seconds[0], self.seconds[-1]))
+        return normalized(values) if self.turns else values
 
     def slope(self, seconds: Float) -> Float:
         """Returns the derivative (T, 4 or 3) of :meth:`at` per second, between the first and last key."""
-        made, slope = self._polynomial(seconds)
+        values, slope = self._polynomial(seconds)
         if not self.turns:
             return slope
-        length = np.linalg.norm(made, axis=1, keepdims=True)
-        return np.asarray(_tangential(made / length, slope) / length)
+        length = np.linalg.norm(values, axis=1, keepdims=True)
+        return np.asarray(_tangential(values / length, slope) / length)
 
     def _polynomial(self, seconds: Float) -> tuple[Float, Float]:
         """Returns the cubic polynomials (T, C) and their derivatives, before rotations are normalised."""
@@ -125,10 +125,10 @@ class CubicKeys:
         s = (seconds - self.seconds[k])[:, None] / gap
         p, out = self.values[k], self.slopes[k, 1] * gap
         q, into = self.values[k + 1], self.slopes[k + 1, 0] * gap
-        made = (2 * s**3 - 3 * s**2 + 1) * p + (s**3 - 2 * s**2 + s) * out
-        made += (3 * s**2 - 2 * s**3) * q + (s**3 - s**2) * into
+        curve = (2 * s**3 - 3 * s**2 + 1) * p + (s**3 - 2 * s**2 + s) * out
+        curve += (3 * s**2 - 2 * s**3) * q + (s**3 - s**2) * into
         slope = (6 * s**2 - 6 * s) * (p - q) + (3 * s**2 - 4 * s + 1) * out + (3 * s**2 - 2 * s) * into
-        return np.asarray(made), np.asarray(slope / gap)
+        return np.asarray(curve), np.asarray(slope / gap)
 
     def between(self, start: float, stop: float) -> CubicKeys:
         """Returns the curve from ``start`` to ``stop`` seconds, with a new key at each cut end.
@@ -246,7 +246,7 @@ class Clip:
             problem = f"its mirrors are not 1 or -1 for {frames} frames and {joints} joints"
         elif self.fine is not None and self.fine.turns.shape[1:] != (joints, 4):
             problem = f"its fine frames are not of {joints} joints"
-        elif any(not 0 <= one.bone < joints for one in self.cubic):
+        elif any(not 0 <= curve.bone < joints for curve in self.cubic):
             problem = f"its cubic keys are not of {joints} joints"
         elif not 0.0 < self.step <= 10.0:
             problem = f"a frame lasts {self.step} s"
@@ -293,8 +293,8 @@ class Clip:
         """(F, N, 3, 3) stretch and reflection of each bone before it rotates, or None without both."""
         if self.strains is None and self.mirrors is None:
             return None
-        made = np.eye(3) if self.strains is None else stretch_of(self.strains)
-        return np.asarray(made if self.mirrors is None else made * self.mirrors[..., None, None])
+        matrices = np.eye(3) if self.strains is None else stretch_of(self.strains)
+        return np.asarray(matrices if self.mirrors is None else matrices * self.mirrors[..., None, None])
 
 
 def joint_places(clip: Clip, only: Sequence[int] | None = None) -> Float:
@@ -325,9 +325,9 @@ def keyed_clip(clip_id: str, bone: str, keys: Sequence[MotionKey]) -> Clip:
     Raises:
         InputError: without a key, or if two are on one frame.
     """
-    made = placed_keys(keys, f"clip {clip_id!r}")
-    seconds = np.arange(round(made[-1].second / KEY_STEP) + 1) * KEY_STEP
-    values = key_values(made, seconds)
+    ordered_keys = placed_keys(keys, f"clip {clip_id!r}")
+    seconds = np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP
+    values = key_values(ordered_keys, seconds)
     turns = from_rotation_vector(np.radians(values[:, :3]))
     skeleton = Skeleton((bone,), np.array([-1], np.int32), np.zeros((1, 3)))
-    return Clip(clip_id, skeleton, turns[:, None], values[:, 3:], KEY_STEP, made)
+    return Clip(clip_id, skeleton, turns[:, None], values[:, 3:], KEY_STEP, ordered_keys)

@@ -40,7 +40,7 @@ class MotionKey:
 
     def __post_init__(self) -> None:
         for name in ("degrees", "metres"):
-            object.__setattr__(self, name, tuple(float(one) for one in getattr(self, name)))
+            object.__setattr__(self, name, tuple(float(number) for number in getattr(self, name)))
         problem = ""
         if not 0.0 <= self.second <= _LATEST or not all(map(math.isfinite, (*self.degrees, *self.metres))):
             problem = f"{self.degrees} degrees, {self.metres} m at {self.second} s cannot be played"
@@ -59,8 +59,8 @@ def placed_keys(keys: Sequence[MotionKey], where: str) -> tuple[MotionKey, ...]:
     """
     placed = sorted(((round(key.second / KEY_STEP), key) for key in keys), key=lambda one: one[0])
     if not placed or len({frame for frame, _ in placed}) < len(placed):
-        what = "two keys are on one frame" if placed else "no key was given"
-        raise InputError(what, where=where, mend="Give each key a frame of its own.")
+        problem = "two keys are on one frame" if placed else "no key was given"
+        raise InputError(problem, where=where, mend="Give each key a frame of its own.")
     return tuple(replace(key, second=frame * KEY_STEP) for frame, key in placed)
 
 
@@ -86,15 +86,17 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     slopes = _slopes(wide, np.diff(values, axis=0) / wide)
     u = np.clip((seconds - times[left]) / wide[left, 0], 0.0, 1.0)[:, None]
     ease = np.array(eases)[left][:, None]
-    one, other, span = values[left], values[left + 1], wide[left]
+    value_before, value_after, span = values[left], values[left + 1], wide[left]
     cubic = (
-        (2 * u**3 - 3 * u**2 + 1) * one
+        (2 * u**3 - 3 * u**2 + 1) * value_before
         + (u**3 - 2 * u**2 + u) * span * slopes[left]
-        + (3 * u**2 - 2 * u**3) * other
+        + (3 * u**2 - 2 * u**3) * value_after
         + (u**3 - u**2) * span * slopes[left + 1]
     )
-    step = np.where(u < 1.0, one, other)
-    return np.select([ease == "smooth", ease == "linear"], [cubic, one + u * (other - one)], step)
+    step = np.where(u < 1.0, value_before, value_after)
+    return np.select(
+        [ease == "smooth", ease == "linear"], [cubic, value_before + u * (value_after - value_before)], step
+    )
 
 
 def _slopes(wide: Float, steep: Float) -> Float:
@@ -126,8 +128,8 @@ class CurveKey:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.second) and math.isfinite(self.value) and self.ease in EASES):
-            what = f"{self.value} at {self.second} s, {self.ease!r}, is not a key"
-            raise InputError(what, where="key", mend=f"Give two numbers, and one of {', '.join(EASES)}.")
+            problem = f"{self.value} at {self.second} s, {self.ease!r}, is not a key"
+            raise InputError(problem, where="key", mend=f"Give two numbers, and one of {', '.join(EASES)}.")
 
 
 class Curve:
@@ -183,13 +185,13 @@ class Curve:
     def _within(self, piece: int, u: Float) -> Float:
         """Computes the integrals of a piece from its key to the fraction u (T,) of it (Hermite cubics)."""
         wide = self._at[piece + 1] - self._at[piece]
-        one, other = self._values[piece], self._values[piece + 1]
+        value_before, value_after = self._values[piece], self._values[piece + 1]
         if self._eases[piece] == "step":
-            return np.asarray(wide * one * u)
+            return np.asarray(wide * value_before * u)
         if self._eases[piece] == "linear":
-            return np.asarray(wide * (one * u + (other - one) * u**2 / 2))
+            return np.asarray(wide * (value_before * u + (value_after - value_before) * u**2 / 2))
         slopes = self._slopes[piece : piece + 2] * wide
-        values = (u**4 / 2 - u**3 + u) * one + (u**3 - u**4 / 2) * other
+        values = (u**4 / 2 - u**3 + u) * value_before + (u**3 - u**4 / 2) * value_after
         return np.asarray(
             wide
             * (values + (u**4 / 4 - 2 * u**3 / 3 + u**2 / 2) * slopes[0] + (u**4 / 4 - u**3 / 3) * slopes[1])

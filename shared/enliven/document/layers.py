@@ -112,11 +112,11 @@ class RootLayer(Playing):
         self.check_time(where)
         unit = self.basis.shape == (4,) and np.isclose(np.linalg.norm(self.basis), 1.0, atol=1e-6)
         if not (unit and self.about.shape == (3,) and np.isfinite(self.about).all()):
-            what = f"it cannot be turned by {self.basis} about {self.about}"
-            raise InputError(what, where=where, mend="Set its keys again.")
+            problem = f"it cannot be turned by {self.basis} about {self.about}"
+            raise InputError(problem, where=where, mend="Set its keys again.")
         if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
-            what = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(what, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+            problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
+            raise InputError(problem, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:

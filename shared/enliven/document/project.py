@@ -38,8 +38,8 @@ class Marker:
 
     def __post_init__(self) -> None:
         if not (self.id and 0.0 <= self.seconds < float("inf")):
-            what = f"a marker {self.id!r} cannot be at {self.seconds} s"
-            raise InputError(what, where="project", mend="Give a name, and seconds from 0 on.")
+            problem = f"a marker {self.id!r} cannot be at {self.seconds} s"
+            raise InputError(problem, where="project", mend="Give a name, and seconds from 0 on.")
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class CameraMark:
 
     def __post_init__(self) -> None:
         numbers = (*self.target, self.azimuth, self.elevation, self.distance)
-        if not (all(abs(one) < float("inf") for one in numbers) and self.distance > 0.0):
+        if not (all(abs(number) < float("inf") for number in numbers) and self.distance > 0.0):
             raise InputError("the view is not valid", where=f"view {self.id!r}", mend="Store it again.")
 
 
@@ -87,8 +87,8 @@ class Handling:
         if not 0.0 < self.size < float("inf"):
             raise InputError(f"its size is {self.size}", where="handling", mend="Give one above 0.")
         if self.exaggeration is not None and not 0.0 <= self.exaggeration < float("inf"):
-            what = f"its exaggeration is {self.exaggeration}"
-            raise InputError(what, where="handling", mend="Give 0 or more.")
+            problem = f"its exaggeration is {self.exaggeration}"
+            raise InputError(problem, where="handling", mend="Give 0 or more.")
 
 
 FREE = Handling()
@@ -126,15 +126,19 @@ class Project:
     def __post_init__(self) -> None:
         for part in fields(self):
             object.__setattr__(self, part.name, MappingProxyType(dict(getattr(self, part.name))))
-        kept = {k: one for k, one in self.handling.items() if one != FREE and k in self.characters}
-        object.__setattr__(self, "handling", MappingProxyType(kept))
-        held = {part.name: getattr(self, part.name) for part in fields(self)}
+        handlings = {
+            k: handling for k, handling in self.handling.items() if handling != FREE and k in self.characters
+        }
+        object.__setattr__(self, "handling", MappingProxyType(handlings))
+        collections = {part.name: getattr(self, part.name) for part in fields(self)}
         for character in self.characters.values():
-            character.check(held)
+            character.check(collections)
 
     def with_characters(self, *characters: RigBase) -> Project:
         """Returns the project with these characters added, or replacing those with the same id."""
-        return replace(self, characters={**self.characters, **{one.id: one for one in characters}})
+        return replace(
+            self, characters={**self.characters, **{character.id: character for character in characters}}
+        )
 
     def without(self, character_id: str) -> Project:
         """Returns the project without a character; the takes that it played stay.
@@ -159,7 +163,7 @@ class Project:
 
     def with_sounds(self, *sounds: Sound) -> Project:
         """Returns the project with these sounds added, or replacing those with the same id."""
-        return replace(self, sounds={**self.sounds, **{one.id: one for one in sounds}})
+        return replace(self, sounds={**self.sounds, **{sound.id: sound for sound in sounds}})
 
     def character(self, character_id: str, rig: type[R] = RigBase) -> R:  # type: ignore[assignment]
         """Returns the character with an id.
@@ -170,16 +174,16 @@ class Project:
         Raises:
             InputError: if none of that kind has the id; the message lists the existing ids.
         """
-        found = self.characters.get(character_id)
-        if isinstance(found, rig):
-            return found
-        known, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
-        mend = f"Known: {known}." if known else "Add one first."
+        candidate = self.characters.get(character_id)
+        if isinstance(candidate, rig):
+            return candidate
+        names, word = ", ".join(self.of(rig)), getattr(rig, "word", "character")
+        mend = f"Known: {names}." if names else "Add one first."
         raise InputError(f"there is no {word} {character_id!r}", where="project", mend=mend)
 
     def of(self, rig: type[R]) -> dict[str, R]:
         """Returns the characters of one kind, by id."""
-        return {key: one for key, one in self.characters.items() if isinstance(one, rig)}
+        return {key: character for key, character in self.characters.items() if isinstance(character, rig)}
 
     def shape(self, shape_id: str) -> Shape:
         """Returns the rigged shape with an id; see :meth:`character`."""

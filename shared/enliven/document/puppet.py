@@ -162,9 +162,9 @@ class Puppet(RigBase):
 
     def needed(self) -> Mapping[str, set[str]]:
         """Returns the ids of its takes, including those of its key poses."""
-        found = super().needed()
-        found["takes"].update(pose.take for pose in self.poses)
-        return found
+        ids = super().needed()
+        ids["takes"].update(pose.take for pose in self.poses)
+        return ids
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Puppet:
         """Returns the puppet with other ids of its takes, in layers and key poses."""
@@ -185,9 +185,9 @@ class Puppet(RigBase):
         for number, point in enumerate(self.points):
             if point.name == name:
                 return number
-        known = ", ".join(point.name for point in self.points) or "none"
-        what = f"the control point {name!r} does not exist"
-        raise InputError(what, where=f"puppet {self.id!r}", mend=f"Known: {known}.")
+        names = ", ".join(point.name for point in self.points) or "none"
+        problem = f"the control point {name!r} does not exist"
+        raise InputError(problem, where=f"puppet {self.id!r}", mend=f"Known: {names}.")
 
 
 def character_of_puppet(puppet: Puppet) -> Character:

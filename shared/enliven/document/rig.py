@@ -89,9 +89,9 @@ class RigBase:
 
     def with_playing(self, *layers: Playing) -> Self:
         """Returns the character with other layers."""
-        own = tuple(one for one in layers if not isinstance(one, RootLayer))
-        root = tuple(one for one in layers if isinstance(one, RootLayer))
-        return self.with_changes(**{self.played: own, "root_layers": root})
+        own_layers = tuple(layer for layer in layers if not isinstance(layer, RootLayer))
+        root = tuple(layer for layer in layers if isinstance(layer, RootLayer))
+        return self.with_changes(**{self.played: own_layers, "root_layers": root})
 
     def without_layer(self, number: int) -> Self:
         """Returns the character without a layer. The take stays."""
@@ -112,16 +112,16 @@ class RigBase:
 
     def needed(self) -> Mapping[str, set[str]]:
         """Returns the ids that it refers to in the project's collections "takes", "streams" and "bodies"."""
-        found: dict[str, set[str]] = {"takes": set(), "streams": set(), "bodies": set()}
+        ids: dict[str, set[str]] = {"takes": set(), "streams": set(), "bodies": set()}
         for layer in self.playing:
-            for held, name in layer.needs():
-                found[held].add(name)
-        return found
+            for collection, name in layer.needs():
+                ids[collection].add(name)
+        return ids
 
     def with_takes_named(self, names: Mapping[tuple[str, str], str]) -> Self:
         """Returns the character with other ids of its takes, by the name of the project's collection and the
         old id."""
-        return self.with_playing(*(one.with_takes_named(names) for one in self.playing))
+        return self.with_playing(*(layer.with_takes_named(names) for layer in self.playing))
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises an error if a take does not exist or does not fit.
@@ -136,7 +136,7 @@ class RigBase:
             missing = names - set(held[kind])
             if missing:
                 first = min(missing)
-                one = f"the {kind[:-1]} {first!r} does not exist"
+                problem = f"the {kind[:-1]} {first!r} does not exist"
                 raise InputError(
-                    f"the bodies {first!r} do not exist" if kind == "bodies" else one, where=self.where
+                    f"the bodies {first!r} do not exist" if kind == "bodies" else problem, where=self.where
                 )

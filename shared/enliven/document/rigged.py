@@ -99,12 +99,15 @@ class Shape(RigBase):
         """Returns the shape without a layer, and without references to it."""
         if number >= len(self.layers):
             return super().without_layer(number)
-        gone = self.layers[number].id
+        removed_id = self.layers[number].id
         spans = tuple(
-            tuple(replace(one, refs=tuple(ref for ref in one.refs if ref.layer != gone)) for one in spans)
+            tuple(
+                replace(span, refs=tuple(ref for ref in span.refs if ref.layer != removed_id))
+                for span in spans
+            )
             for spans in self.spans
         )
-        return self.with_changes(spans=spans, travel=None if self.travel == gone else self.travel)
+        return self.with_changes(spans=spans, travel=None if self.travel == removed_id else self.travel)
 
     def layer(self, layer_id: str) -> Layer:
         """Returns the layer with an id.
@@ -115,8 +118,8 @@ class Shape(RigBase):
         for layer in self.layers:
             if layer.id == layer_id:
                 return layer
-        known = ", ".join(layer.id for layer in self.layers)
-        mend = f"Known: {known}." if known else "Bind a chain first."
+        names = ", ".join(layer.id for layer in self.layers)
+        mend = f"Known: {names}." if names else "Bind a chain first."
         raise InputError(f"the layer {layer_id!r} does not exist", where=self.where, mend=mend)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:

@@ -76,8 +76,10 @@ class Skeleton:
             InputError: if the name does not exist; the message lists the existing ones.
         """
         if name not in self.names:
-            known = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
-            raise InputError(f"the joint {name!r} does not exist", where="skeleton", mend=f"Known: {known}.")
+            first_names = ", ".join(self.names[:12]) + (", ..." if len(self.names) > 12 else "")
+            raise InputError(
+                f"the joint {name!r} does not exist", where="skeleton", mend=f"Known: {first_names}."
+            )
         return self.names.index(name)
 
     def below(self, joint: int) -> tuple[int, ...]:

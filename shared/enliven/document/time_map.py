@@ -115,11 +115,11 @@ class TimeMap:
             mend = f"Give weights from 0 to 1, speeds of at least {SLOWEST}, and each key a time of its own."
             raise InputError(problem, where=where, mend=mend)
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
-            what = f"offset {self.offset}, speed {self.speed} cannot be played"
-            raise InputError(what, where=where, mend="Give seconds, and a speed that is not 0.")
+            message = f"offset {self.offset}, speed {self.speed} cannot be played"
+            raise InputError(message, where=where, mend="Give seconds, and a speed that is not 0.")
         if not (0.0 <= self.ease < math.inf and 0.0 <= self.smooth < math.inf):
-            what = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
-            raise InputError(what, where=where, mend="Give seconds from 0 on.")
+            message = f"it cannot come in over {self.ease} s and be smoothed over {self.smooth} s"
+            raise InputError(message, where=where, mend="Give seconds from 0 on.")
         if problem := _problem_of(self.segments):
             raise InputError(problem, where=where, mend="Move a clip away, or trim it.")
 
@@ -142,21 +142,21 @@ class TimeMap:
         :class:`enliven.motion.layers.timing.Clocks` is the compiled version for many layers and times.
         """
         extent, lane = self.extent(length), self.lane(length)
-        at = (self.even(time) - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
-        rounds = math.floor(at / extent) if self.loop and extent > 0.0 else 0
-        at -= rounds * extent
-        number = max((k for k, one in enumerate(lane) if one.begin <= at), default=0)
-        now, before = lane[number], lane[max(number - 1, 0)]
+        lane_time = (self.even(time) - self.offset) * self.speed + (extent if self.speed < 0.0 else 0.0)
+        rounds = math.floor(lane_time / extent) if self.loop and extent > 0.0 else 0
+        lane_time -= rounds * extent
+        number = max((k for k, segment in enumerate(lane) if segment.begin <= lane_time), default=0)
+        current, before = lane[number], lane[max(number - 1, 0)]
         weight = 1.0
         if not self.hold:
-            weight = self._weight(at, rounds, lane, number)
+            weight = self._weight(lane_time, rounds, lane, number)
         if self.weights:
             weight *= float(curve_of(self.weights)([time - self.offset])[0])
         # After its end, a clip holds its last frame until the next clip begins.
-        second = _within(now.second(min(max(at, now.begin), now.end)), length)
-        if number and at < before.end:
-            share = eased((at - now.begin) / (before.end - now.begin))
-            return Moment(_within(before.second(at), length), second, share, rounds, weight)
+        second = _within(current.second(min(max(lane_time, current.begin), current.end)), length)
+        if number and lane_time < before.end:
+            share = eased((lane_time - current.begin) / (before.end - current.begin))
+            return Moment(_within(before.second(lane_time), length), second, share, rounds, weight)
         return Moment(second, second, 0.0, rounds, weight)
 
     def even(self, time: float) -> float:
@@ -192,8 +192,8 @@ class TimeMap:
         Returns:
             The second, within [0, length]; and the number of completed loops of the lane, 0 without a loop.
         """
-        found = self.moment(time, length)
-        return (found.other if found.share > 0.5 else found.second), found.rounds
+        moment = self.moment(time, length)
+        return (moment.other if moment.share > 0.5 else moment.second), moment.rounds
 
     def time_of(self, second: float, length: float) -> float:
         """Returns the time of the project at which a second of the take first plays.
@@ -201,15 +201,19 @@ class TimeMap:
         If no segment contains it, the first segment is extrapolated.
         """
         lane = self.lane(length)
-        places = [one.begin + (second - one.first) / one.speed for one in lane]
-        inside = [at for at, one in zip(places, lane, strict=True) if one.begin <= at <= one.end]
-        at = min(inside) if inside else places[0]
-        at -= self.extent(length) if self.speed < 0.0 else 0.0
-        return self.uneven(self.offset + at / self.speed)
+        places = [segment.begin + (second - segment.first) / segment.speed for segment in lane]
+        inside = [
+            lane_time
+            for lane_time, segment in zip(places, lane, strict=True)
+            if segment.begin <= lane_time <= segment.end
+        ]
+        lane_time = min(inside) if inside else places[0]
+        lane_time -= self.extent(length) if self.speed < 0.0 else 0.0
+        return self.uneven(self.offset + lane_time / self.speed)
 
     def plays(self, second: float, length: float) -> bool:
         """Returns True if a second of the take plays at any time. It may have been trimmed off."""
-        ends = (sorted((one.first, one.last)) for one in self.lane(length))
+        ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
         return any(low - _NEAR <= second <= high + _NEAR for low, high in ends)
 
     def lasting(self, length: float) -> float:
@@ -233,16 +237,16 @@ class TimeMap:
         """
         extent, speed = self.extent(length), self.speed
         start = self.offset - (extent / speed if speed < 0.0 else 0.0)
-        made = []
-        for one in self.lane(length):
-            low, high = sorted((start + one.begin / speed, start + one.end / speed))
-            first, faster = (one.first if speed > 0.0 else one.last), one.speed * speed
+        segments = []
+        for segment in self.lane(length):
+            low, high = sorted((start + segment.begin / speed, start + segment.end / speed))
+            first, faster = (segment.first if speed > 0.0 else segment.last), segment.speed * speed
             if self.speeds:
                 faster *= high - low
                 low, high = self.uneven(low), self.uneven(high)
                 faster /= high - low
-            made.append(Segment(low, high, first, faster))
-        return tuple(sorted(made, key=lambda one: one.begin))
+            segments.append(Segment(low, high, first, faster))
+        return tuple(sorted(segments, key=lambda one: one.begin))
 
     def with_clips(self, clips: Sequence[Segment], length: float) -> Self:
         """Returns the time map with other segments, in seconds of the project. A segment of the whole take is
@@ -258,7 +262,9 @@ class TimeMap:
         low, high = sorted((first.first, first.last))
         if len(ordered) == 1 and abs(low) < _NEAR and abs(high - length) < _NEAR:
             return replace(self, offset=start, speed=first.speed, segments=())
-        lane = tuple(replace(one, begin=one.begin - start, end=one.end - start) for one in ordered)
+        lane = tuple(
+            replace(segment, begin=segment.begin - start, end=segment.end - start) for segment in ordered
+        )
         return replace(self, offset=start, speed=1.0, segments=lane)
 
     def with_lane(self, change: Callable[[Self], Self]) -> Self:
@@ -267,16 +273,16 @@ class TimeMap:
         Args:
             change: receives the layer without these keys, on the time of :meth:`even`.
         """
-        made = change(self._without_keys())
+        changed = change(self._without_keys())
         if not (self.weights or self.speeds):
-            return made
-        begin = self.uneven(made.offset)
+            return changed
+        begin = self.uneven(changed.offset)
         late = begin - self.offset
 
-        def kept(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
+        def shifted(keys: Sequence[CurveKey]) -> tuple[CurveKey, ...]:
             return tuple(replace(key, second=key.second - late) for key in keys)
 
-        return replace(made, offset=begin, weights=kept(self.weights), speeds=kept(self.speeds))
+        return replace(changed, offset=begin, weights=shifted(self.weights), speeds=shifted(self.speeds))
 
     def _without_keys(self) -> Self:
         return replace(self, weights=(), speeds=())
@@ -284,11 +290,11 @@ class TimeMap:
     def when(self) -> tuple[object, ...]:
         """Returns all values that determine when and how its take plays: layers with equal values share a
         bar."""
-        return tuple(getattr(self, one.name) for one in fields(TimeMap))
+        return tuple(getattr(self, field.name) for field in fields(TimeMap))
 
     def timeless(self) -> Self:
         """Returns the layer with default timing: from 0 on, once, at recorded speed, and not smoothed."""
-        return replace(self, **{one.name: one.default for one in fields(TimeMap)})
+        return replace(self, **{field.name: field.default for field in fields(TimeMap)})
 
 
 class Playing(TimeMap):
@@ -368,10 +374,10 @@ def _within(second: float, length: float) -> float:
 
 
 def _problem_of(segments: Sequence[Segment]) -> str:
-    numbers = [x for one in segments for x in (one.begin, one.end, one.first, one.speed)]
-    if not all(math.isfinite(x) for x in numbers) or any(one.speed == 0.0 for one in segments):
+    numbers = [x for segment in segments for x in (segment.begin, segment.end, segment.first, segment.speed)]
+    if not all(math.isfinite(x) for x in numbers) or any(segment.speed == 0.0 for segment in segments):
         return "a clip of it has no begin, no end or no speed"
-    if any(one.end <= one.begin for one in segments):
+    if any(segment.end <= segment.begin for segment in segments):
         return "a clip of it has no length"
     if segments and abs(segments[0].begin) > _NEAR:
         return "its first clip does not begin where it begins"

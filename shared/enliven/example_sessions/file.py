@@ -51,12 +51,14 @@ class SessionFile:
 
     def many(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
         """Returns tables that may occur several times, each with its name for error messages."""
-        return [(f"[[{name}]] {n}", one) for n, one in enumerate(self._listed(self._found, name, ""), 1)]
+        return [(f"[[{name}]] {n}", table) for n, table in enumerate(self._listed(self._found, name, ""), 1)]
 
     def inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
         """Returns the tables of a kind inside another table."""
-        found = enumerate(self._listed(table, name, f", {where}"), 1)
-        return [self.table(f"{where}, {name} {number}", kind, one) for number, one in found]
+        inner_tables = enumerate(self._listed(table, name, f", {where}"), 1)
+        return [
+            self.table(f"{where}, {name} {number}", kind, inner_table) for number, inner_table in inner_tables
+        ]
 
     def table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
         """Returns a table's values as an instance of the settings class ``kind``."""
@@ -67,8 +69,8 @@ class SessionFile:
         try:
             step(*values, **named)
         except InputError as error:
-            what = f"{error.where}: {error.what}" if error.where else error.what
-            raise InputError(what, where=f"{self._path}, {where}", mend=error.mend) from None
+            problem = f"{error.where}: {error.what}" if error.where else error.what
+            raise InputError(problem, where=f"{self._path}, {where}", mend=error.mend) from None
 
     def beside(self, file: str) -> Path:
         """Returns the path of a file named in the session, relative to the session's folder. Replaces $NAME
@@ -87,7 +89,7 @@ class SessionFile:
     def _listed(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
         """Returns the tables of an array of tables; an empty list if it is missing."""
         value = found.get(name, [])
-        if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
+        if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
             mend = f"Write [[{name}]] for each."
             raise InputError(f"{name} must be tables", where=f"{self._path}{where}", mend=mend)
         return value

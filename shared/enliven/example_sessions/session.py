@@ -120,11 +120,11 @@ class _Reader:
             file.said("[symmetry]", self._read_symmetry, file.one("symmetry", SymmetryTable))
         self._read_settings()
         for where, layer in file.many("layer"):
-            told = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
-            file.said(where, self._read_layer, told, self._asked(where, layer, INSIDE))
+            layer_table = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
+            file.said(where, self._read_layer, layer_table, self._asked(where, layer, INSIDE))
         for where, root in file.many("root"):
-            told_root = file.table(where, RootTable, {k: v for k, v in root.items() if k not in ROOT_INSIDE})
-            file.said(where, self._read_root, told_root, self._asked(where, root, ROOT_INSIDE))
+            root_table = file.table(where, RootTable, {k: v for k, v in root.items() if k not in ROOT_INSIDE})
+            file.said(where, self._read_root, root_table, self._asked(where, root, ROOT_INSIDE))
         return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
     def _read_mesh(self, table: MeshTable) -> None:
@@ -181,19 +181,21 @@ class _Reader:
         self._project = set_symmetry(self._project, self._name, plane)
 
     def _read_settings(self) -> None:
-        told = self._file.one("settings", SettingsTable)
+        settings = self._file.one("settings", SettingsTable)
         self._put(
             self._puppet.with_changes(
-                surface=told.surface, examples=told.examples, locomotion=told.locomotion
+                surface=settings.surface, examples=settings.examples, locomotion=settings.locomotion
             )
         )
 
     def _read_layer(self, table: LayerTable, asked: Mapping[str, Any]) -> None:
-        attributes = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
+        attributes = {
+            field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"
+        }
         self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
 
     def _read_root(self, table: RootTable, asked: dict[str, Any]) -> None:
-        keys, named = asked.pop("keys", ()), [one.take for one in self._puppet.root_layers]
+        keys, named = asked.pop("keys", ()), [root.take for root in self._puppet.root_layers]
         name = table.take
         if keys:
             name = name or unused(f"{self._name} keys", self._project.takes)
@@ -202,7 +204,7 @@ class _Reader:
             self._project = self._project.with_takes(keyed_clip(name, "root", keys))
         elif name not in named:
             name = self._take(name)
-        values = {one.name: getattr(table, one.name) for one in fields(table) if one.name != "take"}
+        values = {field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"}
         values |= {key: np.array(values[key]) for key in ("about", "basis")}
         layer = RootLayer(take=name, **values, **asked)
         self._put(self._puppet.with_changes(root_layers=(*self._puppet.root_layers, layer)))
@@ -211,11 +213,11 @@ class _Reader:
         self, where: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
     ) -> dict[str, Any]:
         """Returns the clips, keys, constraints and switches in a layer's table."""
-        found = {}
+        attributes = {}
         for name, (attribute, kind) in inside.items():
             if name in layer:
-                found[attribute] = tuple(self._file.inner(where, layer, name, kind))
-        return found
+                attributes[attribute] = tuple(self._file.inner(where, layer, name, kind))
+        return attributes
 
     def _take(self, name: str) -> str:
         """Returns the ID of the take with that name; the first take if the name is empty."""

@@ -103,15 +103,17 @@ def session_text(
         lines += _settings(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
     for layer in puppet.layers:
         lines += ["", *_layer(layer)]
-    told = dict(keys)
+    unwritten_keys = dict(keys)
     for root in puppet.root_layers:
-        lines += ["", *_root(root, told.pop(root.take, ()))]
+        lines += ["", *_root(root, unwritten_keys.pop(root.take, ()))]
     return "\n".join(lines) + "\n"
 
 
 def takes_of(puppet: Puppet) -> list[str]:
     """Returns the IDs of the takes of key poses and layers, each once."""
-    return list(dict.fromkeys([*(pose.take for pose in puppet.poses), *(one.take for one in puppet.layers)]))
+    return list(
+        dict.fromkeys([*(pose.take for pose in puppet.poses), *(layer.take for layer in puppet.layers)])
+    )
 
 
 def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
@@ -155,9 +157,9 @@ def _values(layer: Any, table: type) -> list[str]:
 def _inside(title: str, tables: Mapping[str, Any]) -> list[str]:
     """Returns the lines of the tables inside a layer."""
     lines = list[str]()
-    for name, ones in tables.items():
-        for one in ones or ():
-            lines += [f"[[{title}.{name}]]", *_lines(one)]
+    for name, items in tables.items():
+        for item in items or ():
+            lines += [f"[[{title}.{name}]]", *_lines(item)]
     return lines
 
 

@@ -57,10 +57,12 @@ class ExampleMap:
         conditions = conditions_of(constraints, self.examples, len(poses), step)
         if known is None:
             return self.in_metres(self.solution(poses, conditions, step, workers).places)
-        named = sorted({self.examples.point(name) for one in constraints for name in names_in(one)})
+        named = sorted(
+            {self.examples.point(name) for constraint in constraints for name in names_in(constraint)}
+        )
         out = self.in_metres(self.solution(poses, conditions, step, workers, named).places)
-        others = np.setdiff1d(np.arange(out.shape[1]), named)
-        out[:, others] = known[:, others]
+        other_points = np.setdiff1d(np.arange(out.shape[1]), named)
+        out[:, other_points] = known[:, other_points]
         return out
 
     def checked(self, poses: Float) -> Float:

@@ -146,28 +146,39 @@ def guess_joints(
     root = skeleton.names[anatomy.trunk[0]]
     level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _arms_out(level, anatomy)
-    found = [one for one in _candidates(anatomy, skeleton) if skeleton.names[one.joint] not in taken]
-    found = found or _candidates(anatomy, skeleton)
-    found = [one for one in found if skeleton.names[one.joint] not in {*still} - {root}] or found
+    candidates = [
+        candidate
+        for candidate in _candidates(anatomy, skeleton)
+        if skeleton.names[candidate.joint] not in taken
+    ]
+    candidates = candidates or _candidates(anatomy, skeleton)
+    candidates = [
+        candidate for candidate in candidates if skeleton.names[candidate.joint] not in {*still} - {root}
+    ] or candidates
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
-    whole, ours = level, _normal(rest, rest[rows_wanted])
+    bounds_points, ours = level, _normal(rest, rest[rows_wanted])
     base = np.zeros(len(ours), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
     sides = _sides(_normal(rest, rest), partners)
     if not _on_feet(_normal(rest, rest), sides) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
         # A mesh that stands on a single foot, like a chess piece, has a head and hips, but no legs.
-        kept = _upper(found, anatomy, skeleton)
-        if len(kept) >= len(ours):
-            found, whole = kept, level[[one.joint for one in kept]]
+        upper = _upper(candidates, anatomy, skeleton)
+        if len(upper) >= len(ours):
+            candidates, bounds_points = upper, level[[candidate.joint for candidate in upper]]
             base[ours[:, 1].argmin()] = True
-    joints = [one.joint for one in found]
-    theirs = _normal(whole, level[joints])
+    joints = [candidate.joint for candidate in candidates]
+    theirs = _normal(bounds_points, level[joints])
     away = np.abs(ours[:, None] - theirs[None]) @ [_ACROSS, 1.0, _DEPTH]
-    apart = np.abs(sides[rows_wanted][:, None] - [one.side for one in found])
+    side_difference = np.abs(sides[rows_wanted][:, None] - [candidate.side for candidate in candidates])
     feet = foot_joints(skeleton)
     unlike = (ours[:, 1] < _BASE)[:, None] != [skeleton.names[joint] in feet for joint in joints]
     acting = 1.0 if motion is None else max((motion.shares[name] for name in feet), default=0.0)
-    cost = away + [one.cost for one in found] + _SIDE * apart + _GROUNDED * acting * unlike
+    cost = (
+        away
+        + [candidate.cost for candidate in candidates]
+        + _SIDE * side_difference
+        + _GROUNDED * acting * unlike
+    )
     if motion is not None:
         quiet = [_QUIET * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
         cost += np.where(base[:, None], 0.0, quiet)
@@ -220,11 +231,11 @@ def _assigned(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> d
         for c, column in enumerate(columns):
             units[r, c], ways[r, c] = _unit_cost(cost, row, column)
     times = max(-(-len(rows) // len(columns)), 1)
-    found = scipy.optimize.linear_sum_assignment(
+    assignment = scipy.optimize.linear_sum_assignment(
         np.concatenate([units + 10.0 * _NEVER * k for k in range(times)], axis=1)
     )
     chosen = dict[int, int]()
-    for r, c in zip(*found, strict=True):
+    for r, c in zip(*assignment, strict=True):
         chosen.update(zip(rows[r], ways[r, c % len(columns)], strict=True))
     return chosen
 
@@ -237,7 +248,7 @@ def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int
         ways = [column, column[::-1]]
         least = min(ways, key=lambda way: cost[row, way].sum())
         return float(cost[row, least].sum()), least
-    alone = [(one,) * len(row) for one in column]
+    alone = [(single_column,) * len(row) for single_column in column]
     least = min(alone, key=lambda way: cost[row, way].sum())
     return float(cost[row, least].sum()) + _CROSSED, least
 
@@ -273,8 +284,8 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
-        for one, other in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
-            images[one], images[other] = other, one
+        for left_joint, right_joint in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
+            images[left_joint], images[right_joint] = right_joint, left_joint
     return images
 
 
@@ -305,8 +316,11 @@ def _on_feet(points: Float, sides: Float) -> bool:
 def _upper(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     """Returns the candidates without legs, with no cost for the hips."""
     legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
-    kept = [one for one in found if one.joint not in legs]
-    return [one._replace(cost=0.0) if one.joint == anatomy.trunk[0] else one for one in kept]
+    upper = [candidate for candidate in found if candidate.joint not in legs]
+    return [
+        candidate._replace(cost=0.0) if candidate.joint == anatomy.trunk[0] else candidate
+        for candidate in upper
+    ]
 
 
 def _arms_out(level: Float, anatomy: Anatomy) -> Float:
@@ -333,10 +347,14 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     cost[list(anatomy.trunk)] = _TRUNK
     for limb in limbs:
         proper = list(limb.proper)
-        left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
+        lengths_left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
         # The first joint of a limb, a hip or a shoulder, moves with the trunk, so it does not count as a
         # middle joint.
-        middle = [joint for joint, rest in zip(proper[1:], left[1:], strict=False) if rest > _END * left[0]]
+        middle = [
+            joint
+            for joint, length in zip(proper[1:], lengths_left[1:], strict=False)
+            if length > _END * lengths_left[0]
+        ]
         cost[middle] = _MIDDLE
     for limb in limbs:
         cost[list(_hand(skeleton, limb))] = _SAME_END
@@ -344,8 +362,8 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     if anatomy.head is None:  # The head is too short to be found as a limb.
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
         cost[single[skeleton.positions[single, 1].argmax()]] = 0.0
-    for one, other in anatomy.pairs:
-        side[list(one.proper)], side[list(other.proper)] = 1, -1
+    for left_limb, right_limb in anatomy.pairs:
+        side[list(left_limb.proper)], side[list(right_limb.proper)] = 1, -1
     return [_Candidate(joint, float(cost[joint]), int(side[joint])) for joint in range(len(skeleton))]
 
 

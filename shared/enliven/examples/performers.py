@@ -66,28 +66,28 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
         for name in joints:
             _known(skeleton, name, who)
         return Role(tuple(joints), np.ones(len(joints)), 0.0)
-    own, notes = list[str](), list[str]()
+    own_joints, notes = list[str](), list[str]()
     parts: tuple[Anatomy, Anatomy] | None = None
     for name in joints:
         if name in skeleton.names:
-            own.append(name)
+            own_joints.append(name)
             continue
         _known(reference, name, who)
         parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
-        found = _counterpart(reference, skeleton, *parts, reference.names.index(name))
-        if found is None:
+        counterpart = _counterpart(reference, skeleton, *parts, reference.names.index(name))
+        if counterpart is None:
             _known(skeleton, name, who)
         else:
-            own.append(skeleton.names[found])
-            notes.append(f"{who}: {name!r} is taken to be {own[-1]!r}")
+            own_joints.append(skeleton.names[counterpart])
+            notes.append(f"{who}: {name!r} is taken to be {own_joints[-1]!r}")
     factors = np.ones(len(joints))
-    for k, (name, mine) in enumerate(zip(joints, own, strict=True)):
+    for k, (name, mine) in enumerate(zip(joints, own_joints, strict=True)):
         if name in reference.names:
-            theirs, here = _reach(reference, name), _reach(skeleton, mine)
-            factors[k] = theirs / here if theirs > 0.0 and here > 0.0 else 1.0
+            reference_reach, own_reach = _reach(reference, name), _reach(skeleton, mine)
+            factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
     parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
     turn, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
-    return Role(tuple(own), factors, turn, tuple(notes), size)
+    return Role(tuple(own_joints), factors, turn, tuple(notes), size)
 
 
 def _alike(a: Skeleton, b: Skeleton) -> bool:

@@ -77,14 +77,14 @@ class Examples:
         pairs, count = len(self.points), len(self.sources)
         shape = (count, pairs, 3)
         if pairs == 0 or len(self.joints) != pairs:
-            what = f"{len(self.joints)} joints are paired with {pairs} control points"
-            raise InputError(what, where=_WHERE, mend="Pair each control point with one joint.")
+            problem = f"{len(self.joints)} joints are paired with {pairs} control points"
+            raise InputError(problem, where=_WHERE, mend="Pair each control point with one joint.")
         if len(set(self.points)) != pairs:
             twice = sorted({name for name in self.points if self.points.count(name) > 1})
             raise InputError(f"control points occur twice: {', '.join(twice)}", where=_WHERE)
         if self.sources.shape != shape or self.targets.shape != shape:
-            what = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
-            raise InputError(what, where=_WHERE, mend="Give (n, P, 3) of both.")
+            problem = f"poses {self.sources.shape} and {self.targets.shape} of {pairs} pairs"
+            raise InputError(problem, where=_WHERE, mend="Give (n, P, 3) of both.")
         if count < 2:
             raise InputError(f"there is {count} example, two are needed", where=_WHERE, mend="Pose one more.")
 
@@ -92,14 +92,14 @@ class Examples:
         bad = ~(np.isfinite(self.sources) & np.isfinite(self.targets)).all(2)
         if bad.any():
             example, pair = np.argwhere(bad)[0]
-            what = f"example {example} is not finite at {self.points[pair]!r}"
-            raise InputError(what, where=_WHERE, mend="Pose it again.")
+            problem = f"example {example} is not finite at {self.points[pair]!r}"
+            raise InputError(problem, where=_WHERE, mend="Pose it again.")
         for a in range(len(self)):
-            apart = np.sqrt(((self.sources[a + 1 :] - self.sources[a]) ** 2).mean((1, 2)))
-            same = np.flatnonzero(apart <= _EQUAL * max(self.source_size, 1e-12))
+            distances = np.sqrt(((self.sources[a + 1 :] - self.sources[a]) ** 2).mean((1, 2)))
+            same = np.flatnonzero(distances <= _EQUAL * max(self.source_size, 1e-12))
             if len(same):
-                what = f"examples {a} and {a + 1 + int(same[0])} have the same pose of the performer"
-                raise InputError(what, where=_WHERE, mend="Remove one, or choose another frame for it.")
+                problem = f"examples {a} and {a + 1 + int(same[0])} have the same pose of the performer"
+                raise InputError(problem, where=_WHERE, mend="Remove one, or choose another frame for it.")
 
 
 def distinct(sources: Float) -> list[int]:

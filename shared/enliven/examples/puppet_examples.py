@@ -161,7 +161,7 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
     """Returns the first skeleton that has all of the joints, or else the first one."""
-    return next((one for one in skeletons if set(joints) <= set(one.names)), skeletons[0])
+    return next((skeleton for skeleton in skeletons if set(joints) <= set(skeleton.names)), skeletons[0])
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
@@ -179,12 +179,12 @@ def lacks(
         return ("Put control points on the mesh.",)
     sentences = [f"Pair {point.name!r} with a joint." for point in points if not point.joint]
     if skeletons:
-        known = reference_among(skeletons, [point.joint for point in points]).names
+        joint_names = reference_among(skeletons, [point.joint for point in points]).names
         sentences += [
             f"Pair {point.name!r} with another joint: the performer of the key poses has no {point.joint!r}"
-            f"{_nearest(point.joint, known)}."
+            f"{_nearest(point.joint, joint_names)}."
             for point in points
-            if point.joint and point.joint not in known
+            if point.joint and point.joint not in joint_names
         ]
     if len(skeletons) < 2:
         sentences.append("Pose one more example." if skeletons else "Pose two examples.")
@@ -194,8 +194,8 @@ def lacks(
         try:
             partners_of(rest, np.array(symmetry.point), np.array(symmetry.normal), names=names)
         except InputError as error:
-            what = error.what[0].upper() + error.what[1:]
-            sentences.append(f"{what}: add one there, or leave symmetry out.")
+            sentence = error.what[0].upper() + error.what[1:]
+            sentences.append(f"{sentence}: add one there, or leave symmetry out.")
     return tuple(sentences)
 
 
@@ -214,8 +214,8 @@ def frame_at(clip: Clip, seconds: float) -> int:
     frames = float(seconds) / float(clip.step)  # The division may overflow to infinity.
     frame = round(frames) if math.isfinite(frames) else -1
     if not 0 <= frame < len(clip.turns):
-        what = f"{seconds:g} s is outside of the take"
-        raise InputError(what, where=f"take {clip.id!r}", mend=f"It has 0..{clip.duration:g} s.")
+        problem = f"{seconds:g} s is outside of the take"
+        raise InputError(problem, where=f"take {clip.id!r}", mend=f"It has 0..{clip.duration:g} s.")
     return frame
 
 

@@ -109,9 +109,9 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
 
 def _played(puppet: Puppet, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
-        what = f"layer {number} does not exist"
+        problem = f"layer {number} does not exist"
         mend = f"It has {len(puppet.layers)}."
-        raise InputError(what, where=f"puppet {puppet.id!r}", mend=mend)
+        raise InputError(problem, where=f"puppet {puppet.id!r}", mend=mend)
     return puppet.layers[number]
 
 

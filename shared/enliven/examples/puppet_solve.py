@@ -86,12 +86,12 @@ class _Solve:
         self._travel = travel if steps == travel.feet else replace(travel, feet=())
         footed = bool(self._feet) or not any(point.foot for point in points)
         self.travels = self._layer.travel and footed and self._layer.weight > 0.0
-        shown = [one() for one in material.shown]
+        shown = [load_clip() for load_clip in material.shown]
         how = material.puppet, mesh, points, material.poses, shown, material.symmetry
         self.examples = some_of(examples_with(*how), self._moved)
         self._mapping = ExampleMap(self.examples, material.examples)
         take, joints = material.take(), self.examples.joints
-        reference = reference_among([one.skeleton for one in shown], [point.joint for point in points])
+        reference = reference_among([clip.skeleton for clip in shown], [point.joint for point in points])
         self._take, self._role = take, cast(reference, take.skeleton, joints, take.id)
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
@@ -215,9 +215,9 @@ class _Solve:
         if _agree((*self._asked, *wanted), *room):
             return wanted
         kept: tuple[Coupling, ...] = ()
-        for one in wanted:
-            if _agree((*self._asked, *kept, one), *room):
-                kept = (*kept, one)
+        for coupling in wanted:
+            if _agree((*self._asked, *kept, coupling), *room):
+                kept = (*kept, coupling)
         return kept
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:

@@ -78,12 +78,13 @@ class PuppetMotion:
         root = (1.0 - part) * self.root[before] + part * self.root[after]
         anchor = int(self.anchors[after])
         if anchor >= 0:
-            one, other = (self._standing(f, anchor) for f in (before, after))
-            at = (1.0 - part) * one + part * other
+            place_before, place_after = (self._standing(f, anchor) for f in (before, after))
+            anchor_place = (1.0 - part) * place_before + part * place_after
             turned = [
-                _turned(place - self.root[f], -self.yaw[f]) for place, f in ((one, before), (other, after))
+                _turned(place - self.root[f], -self.yaw[f])
+                for place, f in ((place_before, before), (place_after, after))
             ]
-            root = at - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
+            root = anchor_place - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
         return self._gone(yaw, np.asarray(root), frame, rounds, ends)
 
     def _gone(

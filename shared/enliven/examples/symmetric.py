@@ -84,13 +84,13 @@ def doubled(
     axis = _left_right(examples, order) if across is None else np.asarray(across, np.float64)
     sources = reflected(examples.sources[:, order], np.zeros(3), axis)
     targets = mirrored_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
-    known, goals = list(examples.sources), list(examples.targets)
+    all_sources, all_targets = list(examples.sources), list(examples.targets)
     for source, target in zip(sources, targets, strict=True):
-        apart = [np.sqrt(((source - other) ** 2).sum(1).mean()) for other in known]
-        if min(apart) > _SAME * examples.source_size:
-            known.append(source)
-            goals.append(target)
-    return Examples(examples.joints, examples.points, np.array(known), np.array(goals))
+        distances = [np.sqrt(((source - earlier) ** 2).sum(1).mean()) for earlier in all_sources]
+        if min(distances) > _SAME * examples.source_size:
+            all_sources.append(source)
+            all_targets.append(target)
+    return Examples(examples.joints, examples.points, np.array(all_sources), np.array(all_targets))
 
 
 def _left_right(examples: Examples, order: Int) -> Float:

@@ -111,15 +111,17 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     Args:
         feet: numbers of the control points that are feet.
     """
-    at = targets[:, list(feet)]
+    places = targets[:, list(feet)]
     size = float(np.linalg.norm(np.ptp(targets.reshape(-1, 3), axis=0))) if len(feet) else 0.0
-    grounded = (at[..., 1] <= at[..., 1].min(1, initial=np.inf, keepdims=True) + _GROUND * size).any(0)
-    found = set[int]()
+    grounded = (places[..., 1] <= places[..., 1].min(1, initial=np.inf, keepdims=True) + _GROUND * size).any(
+        0
+    )
+    alternating = set[int]()
     for a, b in combinations(np.flatnonzero(grounded).tolist(), 2):
-        apart = np.ptp(at[:, a] - at[:, b], axis=0).max()
-        if apart > _ALTERNATES * size:
-            found |= {feet[a], feet[b]}
-    return tuple(sorted(found))
+        spread = np.ptp(places[:, a] - places[:, b], axis=0).max()
+        if spread > _ALTERNATES * size:
+            alternating |= {feet[a], feet[b]}
+    return tuple(sorted(alternating))
 
 
 def seen_as(clip: Clip, role: Role) -> PerformerClip:
@@ -184,9 +186,9 @@ def stepping(
 
 @lru_cache(maxsize=_KEPT)
 def _travel(material: Material) -> PuppetTravel:
-    mesh, points, shown = material.mesh(), material.points, [one() for one in material.shown]
+    mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = examples_with(material.puppet, mesh, points, material.poses, shown, material.symmetry)
-    reference = reference_among([one.skeleton for one in shown], examples.joints)
+    reference = reference_among([clip.skeleton for clip in shown], examples.joints)
     size = _size_of(mesh.vertices) / max(_size_of(reference.positions), 1e-9)
     feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
@@ -216,10 +218,10 @@ def _stride(
         role = cast(reference, clip.skeleton, examples.joints, clip.id)
         took = _thinned(seen_as(clip, role))
         yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
-        by = stepping(clip.skeleton, role, took, feet, material.locomotion)
-        placed = by.locate(mapping.solve(took.poses, took.step), yaw, by.stands())
+        stepper = stepping(clip.skeleton, role, took, feet, material.locomotion)
+        placed = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
         way = role.size * way_of(took, facing_of(clip.skeleton), mirrored)
-        went, gone = (_gone_in_a_span(one, took.step) for one in (on_floor(placed.root), way))
+        went, gone = (_gone_in_a_span(path, took.step) for path in (on_floor(placed.root), way))
         shared += complex(np.vdot(gone, went))
         own, theirs = own + float(np.vdot(went, went).real), theirs + float(np.vdot(gone, gone).real)
     explained = abs(shared) ** 2 / max(own * theirs, 1e-12)

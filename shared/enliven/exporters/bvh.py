@@ -78,8 +78,8 @@ def write_bvh(
         ResourceError: if the file cannot be written.
     """
     if len(performances) != 1:
-        what = f"a BVH file holds one character, not {len(performances)}"
-        raise InputError(what, where=str(path), mend="Choose one: --character NAME.")
+        problem = f"a BVH file holds one character, not {len(performances)}"
+        raise InputError(problem, where=str(path), mend="Choose one: --character NAME.")
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
@@ -135,11 +135,11 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
 
     ``places`` is the result of :func:`_places`, or None if bones are rigid.
     """
-    made: list[_Joint] = []
+    joints: list[_Joint] = []
     moves = np.zeros(len(skeleton), bool)
     if places is not None:
         moves = np.abs(places - skeleton.vectors).max((0, 2)) > _MOVED * skeleton.lengths.sum()
-    taken: set[str] = set()
+    used_names: set[str] = set()
 
     def add(name: str, at: int, bone: int, above: int, depth: int, ends: list[int], more: bool) -> None:
         """Adds joint ``at`` with the rotation of ``bone``, bones ending at ``ends``, and their subtrees.
@@ -150,10 +150,10 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
         alone = len(ends) == 1 and not skeleton.children[ends[0]] and not more and not moves[ends[0]]
         end = skeleton.vectors[ends[0]] if alone else None if ends or more else np.zeros(3)
         # Many readers take only the part of a name before the first blank.
-        own = unused("_".join(name.split()) or "joint", taken, "_")
-        taken.add(own)
+        joint_name = unused("_".join(name.split()) or "joint", used_names, "_")
+        used_names.add(joint_name)
         offset = np.zeros(3) if at < 0 else skeleton.vectors[at]
-        made.append(_Joint(own, offset, at, at >= 0 and bool(moves[at]), bone, above, depth, end))
+        joints.append(_Joint(joint_name, offset, at, at >= 0 and bool(moves[at]), bone, above, depth, end))
         for joint in [] if alone else ends:
             called = skeleton.names[joint]
             groups = _groups(linear, skeleton.children[joint])
@@ -167,7 +167,7 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
     add(skeleton.names[0], -1, 0, -1, 0, with_root[1:], bool(others))
     for group in others:
         add(f"{skeleton.names[0]} to {skeleton.names[group[0]]}", -1, group[0], 0, 1, group, False)
-    return made
+    return joints
 
 
 def _groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:

@@ -46,10 +46,12 @@ def file_keys_of(
     first = segment.first + max(0.0, -begin) * speed
     last = segment.first + (min(float(performance.times[-1]) - begin, segment.last / speed)) * speed
     last = min(last, segment.last, clip.duration)
-    made = list[CubicKeys]()
-    for one in clip.cubic:
-        made.append(one.between(first, last).timed(speed, begin - segment.first / speed))
-    return tuple(one for one in made if not _is_posed(one, shape) and _agrees(one, skeleton, performance))
+    curves = list[CubicKeys]()
+    for curve in clip.cubic:
+        curves.append(curve.between(first, last).timed(speed, begin - segment.first / speed))
+    return tuple(
+        curve for curve in curves if not _is_posed(curve, shape) and _agrees(curve, skeleton, performance)
+    )
 
 
 def _only_turns(linear: Float) -> bool:
@@ -64,7 +66,10 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
         return None, None
     layer = shape.layers[0]
     clip = project.takes.get(layer.take)
-    same = all(_way(one) == _way(layer) and (one.basis == IDENTITY).all() for one in shape.layers)
+    same = all(
+        _way(other_layer) == _way(layer) and (other_layer.basis == IDENTITY).all()
+        for other_layer in shape.layers
+    )
     plain = not (layer.loop or layer.muted or layer.mirrored or layer.smooth or layer.weights or layer.speeds)
     plain = plain and layer.hold and layer.weight == 1.0 and layer.mode == "turns" and layer.speed > 0.0
     if not (same and plain and isinstance(clip, Clip) and clip.cubic):

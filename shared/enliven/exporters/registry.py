@@ -68,15 +68,15 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
         ResourceError: if the folder is missing.
     """
     path = Path(path)
-    found = _loaded(path.suffix.lower().removeprefix("."), str(path), also)
-    known = inspect.signature(found.write).parameters
+    exporter = _loaded(path.suffix.lower().removeprefix("."), str(path), also)
+    parameters = inspect.signature(exporter.write).parameters
     for option in options:
-        if option not in known:
-            what = f"{path.suffix.lower()} has no {option!r} to choose"
-            raise InputError(what, where=str(path), mend="Leave it out.")
+        if option not in parameters:
+            problem = f"{path.suffix.lower()} has no {option!r} to choose"
+            raise InputError(problem, where=str(path), mend="Leave it out.")
     need_folder(path)
-    found.check(**options)
-    return found
+    exporter.check(**options)
+    return exporter
 
 
 def _loaded(name: str, where: str, also: tuple[str, ...]) -> Exporter:
@@ -86,14 +86,14 @@ def _loaded(name: str, where: str, also: tuple[str, ...]) -> Exporter:
     """
     if name in _BUILT_IN:
         module, _, attribute = _BUILT_IN[name].partition(":")
-        found: Exporter = getattr(import_module(module), attribute)
-        return found
+        exporter: Exporter = getattr(import_module(module), attribute)
+        return exporter
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
             loaded: Exporter = entry.load()
             return loaded
-    what = f".{name} cannot be written" if name else "its name has no ending"
+    problem = f".{name} cannot be written" if name else "its name has no ending"
     package = _IN_PACKAGES.get(name)
-    known = ", ".join(sorted({*suffixes(), *also}))
-    mend = f"Install its package: pip install {package}." if package else f"Known: {known}."
-    raise InputError(what, where=where, mend=mend)
+    endings = ", ".join(sorted({*suffixes(), *also}))
+    mend = f"Install its package: pip install {package}." if package else f"Known: {endings}."
+    raise InputError(problem, where=where, mend=mend)

@@ -74,16 +74,16 @@ def performance_of(
     Raises:
         InputError: if the character does not exist, the times are invalid, or it lacks something to move.
     """
-    found = project.character(character) if isinstance(character, str) else character
+    rig = project.character(character) if isinstance(character, str) else character
     if end is None:
-        end, rate = _closing(project, found, start, rate)
-    times = frame_times(start, end, rate, found.id)
-    if keyed and isinstance(found, Shape):
-        times = _with_keys(project, found, times)
-    made = _BY_RIG.get(found.kind, _of_graph)(project, found, times, how, settings or BakeSettings())
-    if keyed and isinstance(found, Shape):
-        made = replace(made, cubic=file_keys_of(project, found, made, start))
-    return made
+        end, rate = _closing(project, rig, start, rate)
+    times = frame_times(start, end, rate, rig.id)
+    if keyed and isinstance(rig, Shape):
+        times = _with_keys(project, rig, times)
+    performance = _BY_RIG.get(rig.kind, _of_graph)(project, rig, times, how, settings or BakeSettings())
+    if keyed and isinstance(rig, Shape):
+        performance = replace(performance, cubic=file_keys_of(project, rig, performance, start))
+    return performance
 
 
 def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
@@ -94,7 +94,7 @@ def _closing(project: Project, character: RigBase, start: float, rate: float) ->
     end = project.end_of(character)
     if not rounds:
         return end, rate
-    least = max(project.end_of(one) for one in project.characters.values())
+    least = max(project.end_of(other_character) for other_character in project.characters.values())
     end = closing_time(rounds, least)
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
@@ -104,18 +104,18 @@ def _with_keys(project: Project, character: Shape, times: Float) -> Float:
 
     Even times next to a key are left out, so that a jump keeps its two times.
     """
-    found = list[Float]()
+    key_times = list[Float]()
     for layer in (*character.layers, *character.root_layers):
         clip = project.takes.get(layer.take)
         if not isinstance(clip, Clip) or clip.fine is None:
             continue
         seconds, lasts = clip.fine.seconds, layer.lasting(clip.duration)
-        for one in layer.clips(clip.duration):
-            at = one.begin + (seconds - one.first) / one.speed
-            at = at[(at >= one.begin) & (at <= one.end)]
+        for segment in layer.clips(clip.duration):
+            moments = segment.begin + (seconds - segment.first) / segment.speed
+            moments = moments[(moments >= segment.begin) & (moments <= segment.end)]
             rounds = int((times[-1] - layer.offset) / lasts) + 1 if layer.loop and lasts > 0.0 else 1
-            found += [at + number * lasts for number in range(min(rounds, _MOST_ROUNDS))]
-    keys = np.unique(np.concatenate([np.zeros(0), *found]))
+            key_times += [moments + number * lasts for number in range(min(rounds, _MOST_ROUNDS))]
+    keys = np.unique(np.concatenate([np.zeros(0), *key_times]))
     keys = keys[(keys > times[0]) & (keys < times[-1])]
     keys = keys[np.diff(keys, prepend=-np.inf) > _SAME_TIME]
     if not len(keys):
@@ -186,15 +186,19 @@ def _of_puppet(
         whole = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
         skin = SkinWeights(np.zeros(whole.shape, np.uint16), whole)
         linear = np.tile(np.eye(3), (len(times), 1, 1, 1))
-        made = Performance(puppet.id, times - times[0], still[0], linear, still, mesh, skin, morphs=morphs)
+        performance = Performance(
+            puppet.id, times - times[0], still[0], linear, still, mesh, skin, morphs=morphs
+        )
         error = morphs.error
     else:
-        held = [point.vertex for point in puppet.points]
-        baked = bake_surface(mesh, frames, states, held, settings)
+        handles = [point.vertex for point in puppet.points]
+        baked = bake_surface(mesh, frames, states, handles, settings)
         linear, positions, error = baked.linear, baked.places, baked.error
-        made = Performance(puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin)
-        made = replace(made, axes=baked.axes)
-    return replace(made, turns=turns, places=places, error=error, keys=settings.keys * error.size)
+        performance = Performance(
+            puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin
+        )
+        performance = replace(performance, axes=baked.axes)
+    return replace(performance, turns=turns, places=places, error=error, keys=settings.keys * error.size)
 
 
 _BY_RIG: dict[str, Callable[..., Performance]] = {Shape.kind: _of_shape, Puppet.kind: _of_puppet}

@@ -83,8 +83,8 @@ class FilmWriter:
             yield
         except OSError as error:
             self._abandon()
-            what = f"the film cannot be written ({error.strerror})"
-            raise ResourceError(what, where=str(self.path), mend=_ELSEWHERE) from None
+            problem = f"the film cannot be written ({error.strerror})"
+            raise ResourceError(problem, where=str(self.path), mend=_ELSEWHERE) from None
 
     def _abandon(self) -> None:
         """Removes the unfinished file. The existing file stays."""

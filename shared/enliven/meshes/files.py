@@ -43,12 +43,14 @@ def load_mesh(path: Path | str) -> LoadedMesh:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    known = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
+    known_formats = f"Known formats: {', '.join(s[1:] for s in READABLE)}."
     if suffix not in READABLE and path.is_file():
         raise InputError(
-            f"{suffix or 'a file without an ending'} is not a known mesh format", where=str(path), mend=known
+            f"{suffix or 'a file without an ending'} is not a known mesh format",
+            where=str(path),
+            mend=known_formats,
         )
-    mesh, read_notes = _unrepaired(path, suffix, known)
+    mesh, read_notes = _unrepaired(path, suffix, known_formats)
     try:
         mesh, notes = repair(mesh)
         notes = [*read_notes, *notes]
@@ -98,9 +100,9 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
         reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
-        what = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
+        problem = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
-            what, where=str(path), mend="Check that it is complete and that its ending is right. " + known
+            problem, where=str(path), mend="Check that it is complete and that its ending is right. " + known
         ) from None
 
 
@@ -125,9 +127,9 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
     """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
-        known = ", ".join(s[1:] for s in WRITABLE)
+        known_formats = ", ".join(s[1:] for s in WRITABLE)
         raise InputError(
-            f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known}."
+            f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known_formats}."
         )
     need_folder(path)
     kind = path.suffix.lower()[1:]

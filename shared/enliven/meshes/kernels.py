@@ -179,13 +179,13 @@ def shells(faces, count):
         for c in range(1, 3):
             join(parent, faces[f, 0], faces[f, c])
     label = np.full(count, -1, np.int64)
-    found = 0
+    shell_count = 0
     out = np.empty(count, np.int64)
     for v in range(count):
         r = root_of(parent, v)
         if label[r] < 0:
-            label[r] = found
-            found += 1
+            label[r] = shell_count
+            shell_count += 1
         out[v] = label[r]
     return out
 

@@ -114,8 +114,8 @@ class MeshMaterials:
         inside = faces >= 0
 
         def spread(old: Float32) -> Float32:
-            made = np.einsum("kab,kb...->ka...", shares, old[faces].astype(np.float64))
-            return np.asarray(np.where(inside.reshape(-1, *[1] * (old.ndim - 1)), made, 0.0), np.float32)
+            blended = np.einsum("kab,kb...->ka...", shares, old[faces].astype(np.float64))
+            return np.asarray(np.where(inside.reshape(-1, *[1] * (old.ndim - 1)), blended, 0.0), np.float32)
 
         tints = None if self.tints is None else spread(self.tints)
         of = np.where(inside, self.of[faces], -1).astype(np.int32)
@@ -135,7 +135,7 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
     tinted = any(own is not None and own.tints is not None for own, _ in groups)
     of, uvs, tints = list[Int32](), list[Float32](), list[Float32]()
     for own, count in groups:
-        at: Int32 = np.full(count, -1, np.int32)
+        material_numbers: Int32 = np.full(count, -1, np.int32)
         place = np.zeros((count, 3, sets, 2), np.float32)
         tint = np.ones((count, 3, 4), np.float32)
         if own is not None:
@@ -143,11 +143,13 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
                 textures.setdefault((t.image.tobytes(), t.sampler), (len(textures), t))[0]
                 for t in own.textures
             ]
-            told = [renumbered(material, texture_of.__getitem__) for material in own.definitions]
-            number = np.array([*(materials.setdefault(text, len(materials)) for text in told), -1], np.int32)
-            at, place[:, :, : own.uvs.shape[2]] = number[own.of], own.uvs
+            definitions = [renumbered(material, texture_of.__getitem__) for material in own.definitions]
+            number = np.array(
+                [*(materials.setdefault(text, len(materials)) for text in definitions), -1], np.int32
+            )
+            material_numbers, place[:, :, : own.uvs.shape[2]] = number[own.of], own.uvs
             tint = tint if own.tints is None else own.tints
-        of.append(at)
+        of.append(material_numbers)
         uvs.append(place)
         tints.append(tint)
     kept = tuple(texture for _, texture in textures.values())
@@ -157,9 +159,9 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
 
 def textures_in(material: Any) -> list[int]:
     """Returns the numbers of all textures that a material refers to, also in extensions."""
-    found = list[int]()
-    _walk(material, lambda number: found.append(number) or number)
-    return found
+    numbers = list[int]()
+    _walk(material, lambda number: numbers.append(number) or number)
+    return numbers
 
 
 def renumbered(material: str, number: Callable[[int], int]) -> str:

@@ -111,8 +111,8 @@ def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
     wrong = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
     if len(wrong):
         polygon = np.searchsorted(np.cumsum(sizes), wrong[0], "right")
-        what = f"a face names vertex {corners[wrong[0], 0] + 1} of {faces.vertex_count}"
-        raise _WrongLine(int(_joined(faces.offsets, (0,))[polygon]), what)
+        problem = f"a face names vertex {corners[wrong[0], 0] + 1} of {faces.vertex_count}"
+        raise _WrongLine(int(_joined(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
     vertices, colours = _read_vertices(text, is_used, faces.vertices_in_block)
@@ -223,13 +223,16 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     corners = np.full((len(starts), 3), -1, np.int64)
     for column in range(3):
         has = np.flatnonzero(parts > column)
-        given = numbers[first[has] + column]
-        corners[has, column] = np.where(given < 0, before[polygon[has], column] + given, given - 1)
+        indices = numbers[first[has] + column]
+        corners[has, column] = np.where(indices < 0, before[polygon[has], column] + indices, indices - 1)
         wrong = corners[:, 0] < 0 if column == 0 else np.zeros(0, bool)
         if wrong.any():
-            at = int(np.argmax(wrong))
-            what = "numbers begin at 1" if given[at] == 0 else "fewer vertices come before it"
-            raise _WrongLine(int(offsets[polygon[at]]), f"a face names vertex {given[at]}, and {what}")
+            wrong_corner = int(np.argmax(wrong))
+            problem = "numbers begin at 1" if indices[wrong_corner] == 0 else "fewer vertices come before it"
+            raise _WrongLine(
+                int(offsets[polygon[wrong_corner]]),
+                f"a face names vertex {indices[wrong_corner]}, and {problem}",
+            )
     return corners, np.bincount(polygon, minlength=len(offsets))
 
 
@@ -239,22 +242,22 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
     Blocks without used vertices are skipped.
     """
     vertices, colours, count = list[Float](), list[Float](), 0
-    for (offset, block), many in zip(blocks(text), in_block, strict=True):
-        used = is_used[count : count + many]
-        count += many
+    for (offset, block), vertex_count in zip(blocks(text), in_block, strict=True):
+        used = is_used[count : count + vertex_count]
+        count += vertex_count
         if not used.any():
             continue
-        whole = block if block.endswith(b"\n") else block + b"\n"
-        lines = _lines_in(whole)
+        complete = block if block.endswith(b"\n") else block + b"\n"
+        lines = _lines_in(complete)
         are = lines.are("v")
         are[are] = used
-        chunk = _numbered(whole, lines, are)
+        chunk = _numbered(complete, lines, are)
         offsets = offset + lines.starts[are]
         starts = word_starts(chunk)
         counts = np.bincount(lines_of(chunk, starts), minlength=len(offsets))
         if counts.min() < 3:
-            what = f"a vertex has {counts.min()} numbers, expected 3"
-            raise _WrongLine(int(offsets[np.argmin(counts)]), what)
+            problem = f"a vertex has {counts.min()} numbers, expected 3"
+            raise _WrongLine(int(offsets[np.argmin(counts)]), problem)
         try:
             numbers = numbers_in(chunk)
         except WrongWord as error:
@@ -273,11 +276,11 @@ def _bytes_of(colours: Float) -> UInt8 | None:
 
     Grey if not finite, None if all are.
     """
-    known: Bool = np.asarray(np.isfinite(colours).all(1))
-    if not known.any():
+    is_coloured: Bool = np.asarray(np.isfinite(colours).all(1))
+    if not is_coloured.any():
         return None
-    scale = 255.0 if colours[known].max() <= 1.0 else 1.0
-    shown = np.where(known[:, None], colours * scale, _GREY)
+    scale = 255.0 if colours[is_coloured].max() <= 1.0 else 1.0
+    shown = np.where(is_coloured[:, None], colours * scale, _GREY)
     return np.clip(np.rint(shown), 0, 255).astype(np.uint8)
 
 
@@ -286,16 +289,16 @@ def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | No
 
     None if none has a colour.
     """
-    known: dict[str, tuple[float, float, float]] = {}
+    colours_by_name: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:
         try:
-            known.update(_read_materials(decode_text(beside.file(decode_text(library)))))
+            colours_by_name.update(_read_materials(decode_text(beside.file(decode_text(library)))))
         except InputError as error:
             notes.append(f"its materials are not read: {error.what}")
     palette = np.full((len(faces.names) + 1, 3), _GREY, np.uint8)
     has_colour = False
     for name, number in faces.names.items():
-        colour = known.get(decode_text(name))
+        colour = colours_by_name.get(decode_text(name))
         if colour is not None:
             palette[number] = np.rint(255 * np.clip(colour, 0.0, 1.0))
             has_colour = True

@@ -78,5 +78,5 @@ def _cut_ears(points: Float, fan: Int) -> Int:
     right = unit(np.cross(normal, np.eye(3)[np.abs(normal).argmin()]))
     flat = (points - points.mean(0)) @ np.stack([right, np.cross(normal, right)], 1)
     size = np.abs(flat).max()
-    made = np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat / size)]), np.int64).reshape(-1, 3)
-    return made if len(made) == len(fan) else fan
+    ears = np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat / size)]), np.int64).reshape(-1, 3)
+    return ears if len(ears) == len(fan) else fan

@@ -28,9 +28,9 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     mesh = _without_broken_vertices(mesh, notes)
     mesh = _without_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
-        what = "no usable face is left" if notes else "it has no faces"
+        problem = "no usable face is left" if notes else "it has no faces"
         mend = "Give a triangle mesh; a point cloud must be meshed first."
-        raise InputError("; ".join([what, *notes]), where=mesh.name, mend=mend)
+        raise InputError("; ".join([problem, *notes]), where=mesh.name, mend=mend)
     mesh, turned = repair_winding(mesh)
     notes += turned
     used = np.zeros(len(mesh.vertices), bool)

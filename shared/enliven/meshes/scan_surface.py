@@ -78,30 +78,30 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     if head is None:
         raise InputError("it has no DATA line, so it is not a PCD file", where=where)
     lines = [line.split() for line in data[: head.start()].decode("ascii", "replace").splitlines()]
-    said = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
+    header = {line[0]: line[1:] for line in lines if len(line) > 1 and line[0].isupper()}
     kind, body = head[1].decode(), data[head.end() :]
     try:
-        names, sizes = said["FIELDS"], [int(s) for s in said["SIZE"]]
-        counts = [int(c) for c in said.get("COUNT", ["1"] * len(names))]
-        count, at = int(said["POINTS"][0]), [names.index(axis) for axis in "xyz"]
+        names, sizes = header["FIELDS"], [int(s) for s in header["SIZE"]]
+        counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
+        count, columns = int(header["POINTS"][0]), [names.index(axis) for axis in "xyz"]
         if count < 0 or min(sizes + counts, default=0) < 0 or sum(counts) > _MOST_COLUMNS:
             raise ValueError("a negative or a huge count")
-        viewpoint = np.array(said.get("VIEWPOINT", ["0"] * 3)[:3], np.float64)
+        viewpoint = np.array(header.get("VIEWPOINT", ["0"] * 3)[:3], np.float64)
         if kind == "ascii":
             starts = np.cumsum([0, *counts])
             rows = np.array(body.split(), np.float64).reshape(-1, sum(counts))
-            return rows[:count, starts[at]], viewpoint
-        if kind != "binary" or any(sizes[a] not in (4, 8) or said["TYPE"][a] != "F" for a in at):
-            raise InputError(f"its points are stored as {kind} {said['TYPE']}", where=where)
-        kinds = [f"V{size * many}" for size, many in zip(sizes, counts, strict=True)]
-        for a in at:
+            return rows[:count, starts[columns]], viewpoint
+        if kind != "binary" or any(sizes[a] not in (4, 8) or header["TYPE"][a] != "F" for a in columns):
+            raise InputError(f"its points are stored as {kind} {header['TYPE']}", where=where)
+        kinds = [f"V{size * repeats}" for size, repeats in zip(sizes, counts, strict=True)]
+        for a in columns:
             kinds[a] = f"<f{sizes[a]}"
         table = np.frombuffer(body, np.dtype([(f"{k}", kind) for k, kind in enumerate(kinds)]), count)
     except (KeyError, ValueError, IndexError, TypeError, OverflowError):
         raise InputError(
             "its header and its points do not agree", where=where, mend="Copy it again."
         ) from None
-    return np.stack([table[f"{a}"] for a in at], -1).astype(np.float64), viewpoint
+    return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
 def _too_few(count: int, name: str) -> InputError:
@@ -113,15 +113,19 @@ def _in_front(seen: Float, spacing: float) -> Float:
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
-    at = np.floor(seen[:, :2] / seen[:, 2:] / pixel).astype(np.int64)
-    at -= at.min(0) - 1
-    if np.prod(at.max(0) + 2.0) > _MOST_PIXELS:
-        what = f"its points are spread over {at.max(0)[0]} x {at.max(0)[1]} spacings of {spacing:g} m"
-        raise InputError(what, where="scan", mend="Remove the points that are far from the scanned object.")
-    nearest = np.full(at.max(0) + 2, np.inf)
-    np.minimum.at(nearest, (at[:, 0], at[:, 1]), seen[:, 2])
+    pixels = np.floor(seen[:, :2] / seen[:, 2:] / pixel).astype(np.int64)
+    pixels -= pixels.min(0) - 1
+    if np.prod(pixels.max(0) + 2.0) > _MOST_PIXELS:
+        problem = (
+            f"its points are spread over {pixels.max(0)[0]} x {pixels.max(0)[1]} spacings of {spacing:g} m"
+        )
+        raise InputError(
+            problem, where="scan", mend="Remove the points that are far from the scanned object."
+        )
+    nearest = np.full(pixels.max(0) + 2, np.inf)
+    np.minimum.at(nearest, (pixels[:, 0], pixels[:, 1]), seen[:, 2])
     nearest = scipy.ndimage.minimum_filter(nearest, 3)
-    return np.asarray(seen[seen[:, 2] < nearest[at[:, 0], at[:, 1]] + _HIDING * spacing])
+    return np.asarray(seen[seen[:, 2] < nearest[pixels[:, 0], pixels[:, 1]] + _HIDING * spacing])
 
 
 def _thinned(seen: Float, spacing: float) -> Float:

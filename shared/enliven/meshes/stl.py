@@ -25,18 +25,22 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     Raises:
         Damaged: if the file is shorter than its header declares, or is neither binary nor ASCII.
     """
-    said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
-    expected = _HEAD + said * _TRIANGLE.itemsize
+    triangle_count = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
+    expected = _HEAD + triangle_count * _TRIANGLE.itemsize
     text = None if len(data) == expected else _text_of(data)
     notes = list[str]()
     if text is not None:
         corners = _ascii(text)
     elif len(data) < _HEAD:
         raise Damaged(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
-    elif len(data) < expected or said == 0:
-        raise Damaged(f"its header says {said} triangles, which are {expected} bytes; it has {len(data)}")
+    elif len(data) < expected or triangle_count == 0:
+        raise Damaged(
+            f"its header says {triangle_count} triangles, which are {expected} bytes; it has {len(data)}"
+        )
     else:
-        corners = np.frombuffer(data, _TRIANGLE, said, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+        corners = (
+            np.frombuffer(data, _TRIANGLE, triangle_count, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+        )
         if len(data) > expected:
             notes.append(f"ignored {len(data) - expected} bytes after its last triangle")
     return corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), notes

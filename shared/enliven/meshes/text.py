@@ -49,20 +49,20 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     if head["vertices"] is None:
         raise Damaged("the counts of vertices and faces are missing")
     count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
-    said = f"it says {count} vertices and {face_count} faces"
+    stated = f"it says {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
-        raise Damaged(said)
+        raise Damaged(stated)
     body = text[head.end() :]
-    problem = f"it ends early: {said}"
-    for vertices, at in _off_vertices(body, count, kind):
-        walked = _walk_faces(body[at:], face_count, count)
+    problem = f"it ends early: {stated}"
+    for vertices, faces_start in _off_vertices(body, count, kind):
+        walked = _walk_faces(body[faces_start:], face_count, count)
         if not isinstance(walked, str):
             corners, sizes, rest = walked
             notes = [f"ignored {rest} words after its last face"] if rest else []
             if b"C" in kind.removesuffix(b"OFF"):
                 notes.append("the colours of its vertices are left out: PLY and OBJ keep them")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
-        problem = f"{said}, and {walked}"
+        problem = f"{stated}, and {walked}"
     raise Damaged(problem)
 
 

@@ -53,9 +53,9 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     vertices, faces = welded.vertices, welded.faces
     edges = _edges_of(faces, len(vertices))
     pair = np.flatnonzero(edges.counts == 2)
-    one, two = edges.starts[pair], edges.starts[pair] + 1
-    agree = edges.forward[one] != edges.forward[two]
-    part, flip, is_twisted = _consistent(len(faces), edges.faces[one], edges.faces[two], agree)
+    first_side, second_side = edges.starts[pair], edges.starts[pair] + 1
+    agree = edges.forward[first_side] != edges.forward[second_side]
+    part, flip, is_twisted = _consistent(len(faces), edges.faces[first_side], edges.faces[second_side], agree)
     areas = face_areas(vertices, faces)
     count = int(part.max()) + 1
     flip &= ~is_twisted[part]
@@ -71,14 +71,14 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     flip ^= inward[part]
     if not flip.any():
         return mesh, []
-    whole = np.bincount(part, flip, count) == np.bincount(part, minlength=count)
-    turned_parts, turned_faces = int(whole.sum()), int((flip & ~whole[part]).sum())
+    is_turned_whole = np.bincount(part, flip, count) == np.bincount(part, minlength=count)
+    turned_parts, turned_faces = int(is_turned_whole.sum()), int((flip & ~is_turned_whole[part]).sum())
     notes = list[str]()
     if turned_faces:
         notes.append(f"turned {turned_faces} of {len(faces)} faces that were wound against their neighbours")
     if turned_parts:
-        what = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
-        notes.append(f"{what} inside out: turned to face outwards")
+        subject = "it was" if count == 1 else f"{turned_parts} of its {count} parts were"
+        notes.append(f"{subject} inside out: turned to face outwards")
     return mesh.turned(flip), notes
 
 

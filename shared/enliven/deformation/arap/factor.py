@@ -78,14 +78,16 @@ def factorise(count: int, edges: Int, weights: Float) -> Factor:
             (count, count),
         )
     )
-    made = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    lower = made.L.tocsc()
+    decomposition = splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    lower = decomposition.L.tocsc()
     lower.sort_indices()
-    scale = np.sqrt(made.U.diagonal())
+    scale = np.sqrt(decomposition.U.diagonal())
     start, row = lower.indptr.astype(np.int64), lower.indices.astype(np.int32)
     value = lower.data * np.repeat(scale, np.diff(start))
     first, last_of = _supernodes(start, row)
-    return _panels(np.argsort(made.perm_c), start, row, value, first, last_of)
+    return _panels(np.argsort(decomposition.perm_c), start, row, value, first, last_of)
 
 
 @njit(cache=True, nogil=True)

@@ -52,8 +52,8 @@ def check_handle(handle: Handle, surface: PreparedSurface) -> None:
 def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surface: PreparedSurface) -> Float:
     """Returns (K, 3) the checked target of a handle."""
     if name not in handles:
-        known = ", ".join(handles) or "none"
-        raise InputError(f"the handle {name!r} does not exist", where=WHERE, mend=f"Known: {known}.")
+        handle_names = ", ".join(handles) or "none"
+        raise InputError(f"the handle {name!r} does not exist", where=WHERE, mend=f"Known: {handle_names}.")
     handle = handles[name]
     target = np.array(value, np.float64)
     if target.shape == (3,) and len(handle.vertices) == 1:

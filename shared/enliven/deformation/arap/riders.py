@@ -70,10 +70,10 @@ def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
     count = int(nearest.max()) + 1
     three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
     low, middle, high = np.sort(three, 1).T
-    made = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
-    pairs = np.setdiff1d(sides_of(corners, count), sides_of(made, count))
+    coarse = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
+    pairs = np.setdiff1d(sides_of(corners, count), sides_of(coarse, count))
     pairs = np.stack([pairs // count, pairs % count], 1)
-    return made.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
+    return coarse.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
 
 
 def sides_of(corners: Int, count: int) -> Int:

@@ -58,21 +58,21 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     neighbours first.
     """
     count = len(vertices)
-    made: list[Int] = []
+    edge_groups: list[Int] = []
     label = components(count, edges)
     if label.max() >= _EXACT:
-        made.append(_near_neighbours(vertices, label))
-        label = components(count, np.concatenate([edges, *made]))
+        edge_groups.append(_near_neighbours(vertices, label))
+        label = components(count, np.concatenate([edges, *edge_groups]))
     while label.max() > 0:
         sizes = np.bincount(label)
         for shell in np.argsort(sizes)[: min(label.max(), _EXACT)]:
             inside = np.flatnonzero(label == shell)
             outside = np.flatnonzero(label != shell)
             if len(inside) and len(outside):
-                made.append(_joint(vertices, inside, outside, label))
-                label[inside] = label[made[-1][0, 1]]
-        label = components(count, np.concatenate([edges, *made]))
-    links = np.concatenate([np.empty((0, 2), np.int64), *made])
+                edge_groups.append(_joint(vertices, inside, outside, label))
+                label[inside] = label[edge_groups[-1][0, 1]]
+        label = components(count, np.concatenate([edges, *edge_groups]))
+    links = np.concatenate([np.empty((0, 2), np.int64), *edge_groups])
     links = np.unique(np.sort(links, 1), axis=0)
     return links, np.full(len(links), VIRTUAL)
 

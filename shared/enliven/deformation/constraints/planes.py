@@ -61,9 +61,9 @@ class PlaneConstraints:
             "one_sided": (count,),
         }
         for name, shape in shapes.items():
-            found = np.shape(getattr(self, name))
-            if found != shape:
-                raise InputError(f"the {name} are {found}, expected {shape}", where="plane constraints")
+            actual = np.shape(getattr(self, name))
+            if actual != shape:
+                raise InputError(f"the {name} are {actual}, expected {shape}", where="plane constraints")
 
     def __len__(self) -> int:
         return len(self.points)

@@ -124,14 +124,14 @@ def _near_pairs(centres, radii, pairs, sides):
         z = centres[i, 2] - centres[j, 2]
         reach = 1.25 * (radii[i] + radii[j])
         square = x * x + y * y + z * z
-        kept = sides[p, 0] * x + sides[p, 1] * y + sides[p, 2] * z
-        known = sides[p, 0] != 0.0 or sides[p, 1] != 0.0 or sides[p, 2] != 0.0
+        along_side = sides[p, 0] * x + sides[p, 1] * y + sides[p, 2] * z
+        has_side = sides[p, 0] != 0.0 or sides[p, 1] != 0.0 or sides[p, 2] != 0.0
         if square >= reach * reach:
             sides[p] = 0.0
             continue
         length = np.sqrt(square)
         near[p] = True
-        if (known and (kept <= 0.0 or length < 0.5 * reach)) or length < 1e-9:
+        if (has_side and (along_side <= 0.0 or length < 0.5 * reach)) or length < 1e-9:
             continue
         sides[p, 0], sides[p, 1], sides[p, 2] = x / length, y / length, z / length
     return near

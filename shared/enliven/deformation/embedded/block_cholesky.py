@@ -139,21 +139,21 @@ def factorise(pattern, lower, column, rows, scales, inverse):
         inverse: (48 N,) output: the inverses of the blocks of D.
     """
     start, product, by_row = pattern
-    p, made = np.int64(0), np.zeros(SIZE, np.float32)
+    p, block = np.int64(0), np.zeros(SIZE, np.float32)
     for k in range(start.shape[0] - 1):
-        first, last, own = start[k], start[k + 1], SIZE * k
-        mirror6(lower, SIZE * first, inverse, own, 1.0)
-        if not invert6(inverse, own, 1.0):
+        first, last, diagonal_place = start[k], start[k + 1], SIZE * k
+        mirror6(lower, SIZE * first, inverse, diagonal_place, 1.0)
+        if not invert6(inverse, diagonal_place, 1.0):
             return False
         for b in range(first + 1, last):
-            times(lower, SIZE * b, inverse, own, made, 0)
-            transpose6(made, 0, column, SIZE * (b - first))
+            times(lower, SIZE * b, inverse, diagonal_place, block, 0)
+            transpose6(block, 0, column, SIZE * (b - first))
             place = CLOSE * by_row[b]
             # The write also overwrites two numbers of the next block, which may be complete already. So save
             # and restore them.
-            one, two = rows[place + CLOSE], rows[place + CLOSE + 1]
-            scales[by_row[b]] = shorten6(made, 0, rows, place)
-            rows[place + CLOSE], rows[place + CLOSE + 1] = one, two
+            saved_first, saved_second = rows[place + CLOSE], rows[place + CLOSE + 1]
+            scales[by_row[b]] = shorten6(block, 0, rows, place)
+            rows[place + CLOSE], rows[place + CLOSE + 1] = saved_first, saved_second
         p = _take_products(lower, column, product, p, first, last)
     return True
 

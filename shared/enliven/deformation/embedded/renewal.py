@@ -39,7 +39,7 @@ class MatrixRenewal:
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
-        self._two: list[tuple[RigidSystem, Held]] = [(made, hold(made)) for made in (system, system.twin())]
+        self._two: list[tuple[RigidSystem, Held]] = [(twin, hold(twin)) for twin in (system, system.twin())]
         self.always = always or len(system.start) > _DEAR
         self._under_way: Future[None] | None = None
 

@@ -32,7 +32,7 @@ def set_upright(flat, edges):
         return False
     mean, turn = np.empty((1, 3, 3)), np.empty((1, 3, 3))
     while not sound.all():
-        found = sound.copy()
+        repaired = sound.copy()
         for n in range(count):
             if sound[n]:
                 continue
@@ -44,11 +44,11 @@ def set_upright(flat, edges):
                     for a in range(3):
                         for b in range(3):
                             mean[0, a, b] += x[other, a, b]
-                    found[n] = True
-            if found[n]:
+                    repaired[n] = True
+            if repaired[n]:
                 nearest_rotations(mean, turn)
                 _copy_turn(x[n], turn[0])
-        if (found == sound).all():
+        if (repaired == sound).all():
             # No node is sound, so give each node the rotation that is nearest to its own matrix.
             for n in range(count):
                 if not sound[n]:
@@ -56,7 +56,7 @@ def set_upright(flat, edges):
                     nearest_rotations(mean, turn)
                     _copy_turn(x[n], turn[0])
             break
-        sound = found
+        sound = repaired
     return True
 
 
@@ -68,12 +68,12 @@ def thicken(flat):
     Along them the energy hardly changes. Returns whether any was found.
     """
     x = flat.reshape(-1, 4, 4)
-    found = False
+    has_flat = False
     cofactor = np.empty((3, 3))
     for n in range(x.shape[0]):
         if volume(x[n]) >= _LEAST_VOLUME:
             continue
-        found = True
+        has_flat = True
         for _ in range(_NEWTON):
             square = 0.0
             for c in range(3):
@@ -86,7 +86,7 @@ def thicken(flat):
             for c in range(3):
                 for a in range(3):
                     x[n, c, a] += scale * cofactor[c, a]
-    return found
+    return has_flat
 
 
 @njit(cache=True, nogil=True)

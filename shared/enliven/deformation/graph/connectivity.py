@@ -30,8 +30,8 @@ def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     added: list[tuple[int, int]] = []
     label = components(count, edges)
     while label.max() > 0:
-        found = _shortest_ways_out(distances, label)
-        for i, j in found:
+        shortest = _shortest_ways_out(distances, label)
+        for i, j in shortest:
             if label[i] != label[j]:
                 added.append((min(i, j), max(i, j)))
                 label[label == label[j]] = label[i]

@@ -46,18 +46,26 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     total = metres.shape[0]
-    point, told, number = np.empty(4 * total, np.int32), np.empty(4 * total), np.empty(4 * total, np.int32)
+    point, distance, number = (
+        np.empty(4 * total, np.int32),
+        np.empty(4 * total),
+        np.empty(4 * total, np.int32),
+    )
     ends = np.zeros(count + 1, np.int64)
     end = 0
     for n in range(sources.shape[0]):
         settled = settle_within(offsets, neighbours, lengths, sources[n], limit, metres, keys, items, reached)
         if end + settled > point.shape[0]:
             needed = end + settled
-            point, told, number = _longer(point, needed), _longer(told, needed), _longer(number, needed)
+            point, distance, number = (
+                _longer(point, needed),
+                _longer(distance, needed),
+                _longer(number, needed),
+            )
         for r in range(settled):
             u = reached[r]
             if u < count:
-                point[end], told[end], number[end] = u, metres[u], n
+                point[end], distance[end], number[end] = u, metres[u], n
                 ends[u + 1] += 1
                 end += 1
             metres[u] = np.inf
@@ -67,7 +75,7 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
     which, way = np.empty(end, np.int32), np.empty(end)
     for m in range(end):
         at = fill[point[m]]
-        which[at], way[at] = number[m], told[m]
+        which[at], way[at] = number[m], distance[m]
         fill[point[m]] += 1
     return ends, which, way
 
@@ -79,19 +87,19 @@ def around(offsets, neighbours, lengths, limit):
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
-    point, told = np.empty(16 * count, np.int32), np.empty(16 * count)
+    point, distance = np.empty(16 * count, np.int32), np.empty(16 * count)
     ends = np.zeros(count + 1, np.int64)
     for c in range(count):
         settled = settle_within(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
         end = ends[c] + settled
         if end > point.shape[0]:
-            point, told = _longer(point, end), _longer(told, end)
+            point, distance = _longer(point, end), _longer(distance, end)
         for r in range(settled):
             u = reached[r]
-            point[ends[c] + r], told[ends[c] + r] = u, metres[u]
+            point[ends[c] + r], distance[ends[c] + r] = u, metres[u]
             metres[u] = np.inf
         ends[c + 1] = end
-    return ends, point[: ends[count]], told[: ends[count]]
+    return ends, point[: ends[count]], distance[: ends[count]]
 
 
 @njit(cache=True, nogil=True)

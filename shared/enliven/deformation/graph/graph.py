@@ -108,11 +108,11 @@ class DeformationGraph:
             InputError: if the mesh has no face, or there is no node.
         """
         if not len(mesh.faces) or not len(positions):
-            what = f"{len(mesh.faces)} faces and {len(positions)} nodes make no graph"
-            raise InputError(what, where=mesh.name, mend="Give a mesh with faces.")
+            problem = f"{len(mesh.faces)} faces and {len(positions)} nodes make no graph"
+            raise InputError(problem, where=mesh.name, mend="Give a mesh with faces.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
-        apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        pairs = np.unique(np.concatenate([pairs, joints(count, pairs, apart)]), axis=0).astype(np.int32)
+        distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+        pairs = np.unique(np.concatenate([pairs, joints(count, pairs, distances)]), axis=0).astype(np.int32)
         bridges, cuts, hanging = weak_edges(count, pairs)
         near = nearest_on_surface(mesh, positions)
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)

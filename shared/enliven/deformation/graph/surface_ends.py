@@ -89,10 +89,10 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     Raises:
         InputError: if the mesh has no area.
     """
-    found = limb_ends(mesh, most)
+    limbs = limb_ends(mesh, most)
     used = np.unique(mesh.faces)
     tree = scipy.spatial.cKDTree(mesh.vertices[used])
-    return np.asarray(used[tree.query(found.points[found.ends])[1]], np.int64)
+    return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
 
 
 def _spread_out(ways: csr_matrix, count: int) -> Float:

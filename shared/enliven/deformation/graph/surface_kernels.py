@@ -113,7 +113,7 @@ def joined(vertices, faces, label, count):
         size *= 2
     table = np.full(size, -1, np.int64)
     pairs = np.empty((size // 2, 2), np.int32)
-    found = 0
+    pair_count = 0
     normals = np.zeros((count, 3))
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -139,11 +139,11 @@ def joined(vertices, faces, label, count):
                 slot = (slot + 1) & (size - 1)
             if table[slot] < 0:
                 table[slot] = key
-                pairs[found, 0], pairs[found, 1] = a, b
-                found += 1
-                if 2 * found >= size:
-                    size, table, pairs = _grown(size, pairs, found, count)
-    return pairs[:found].copy(), normals
+                pairs[pair_count, 0], pairs[pair_count, 1] = a, b
+                pair_count += 1
+                if 2 * pair_count >= size:
+                    size, table, pairs = _grown(size, pairs, pair_count, count)
+    return pairs[:pair_count].copy(), normals
 
 
 @njit(cache=True, nogil=True)
@@ -198,20 +198,20 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2
     out = np.empty(((1 + _SHELLS) * points.shape[0], 2), np.int64)
-    best, who = np.empty(_SHELLS), np.empty(_SHELLS, np.int64)
-    found = 0
+    best, nearest_points = np.empty(_SHELLS), np.empty(_SHELLS, np.int64)
+    link_count = 0
     for cell in range(starts.shape[0] - 1):
-        for at in range(starts[cell], starts[cell + 1]):
-            i = order[at]
+        for place in range(starts[cell], starts[cell + 1]):
+            i = order[place]
             # Search the neighbouring cells of the grid for near points.
             through, through_length = -1, thin
             near = np.int64(0)
             for m in range(27):
-                other = around[cell, m]
-                if other < 0:
+                near_cell = around[cell, m]
+                if near_cell < 0:
                     continue
-                for there in range(starts[other], starts[other + 1]):
-                    j = order[there]
+                for near_place in range(starts[near_cell], starts[near_cell + 1]):
+                    j = order[near_place]
                     if j == i:
                         continue
                     x, y, z = (
@@ -239,15 +239,15 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
                     if same:
                         continue
                     if length < touch or (length < seam and (behind or facing > 0.5)):
-                        near = insert(best, who, near, length, j)
+                        near = insert(best, nearest_points, near, length, j)
             # Write the link through the thin part, and the links to other shells.
             if through >= 0:
-                out[found, 0], out[found, 1] = min(i, through), max(i, through)
-                found += 1
+                out[link_count, 0], out[link_count, 1] = min(i, through), max(i, through)
+                link_count += 1
             for m in range(near):
-                out[found, 0], out[found, 1] = min(i, who[m]), max(i, who[m])
-                found += 1
-    return out[:found]
+                out[link_count, 0], out[link_count, 1] = min(i, nearest_points[m]), max(i, nearest_points[m])
+                link_count += 1
+    return out[:link_count]
 
 
 @njit(cache=True, nogil=True)

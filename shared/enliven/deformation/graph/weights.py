@@ -99,9 +99,9 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
     """Returns (C, k) int32 nodes (-1: none) and (C, k) weights of the net's points: steps 1 and 2."""
     chosen = np.full((points.shape[0], k), -1, np.int32)
     shares = np.zeros((points.shape[0], k))
-    near, who = np.empty(k + 1), np.empty(k + 1, np.int64)
+    near, near_nodes = np.empty(k + 1), np.empty(k + 1, np.int64)
     for c in range(points.shape[0]):
-        found = np.int64(0)
+        near_count = np.int64(0)
         for m in range(offsets[c], offsets[c + 1]):
             j = nodes[m]
             x, y, z = (
@@ -111,17 +111,17 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
             )
             straight = np.sqrt(x * x + y * y + z * z)
             length = straight + 2.0 * max(0.0, ways[m] - DETOUR * straight - SLACK * spacing)
-            found = insert(near, who, found, length, np.int64(j))
+            near_count = insert(near, near_nodes, near_count, length, np.int64(j))
         # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
         # farthest node, so that this node keeps a little weight.
-        most = near[k] if found > k else 1.25 * near[found - 1] + 1e-12
+        most = near[k] if near_count > k else 1.25 * near[near_count - 1] + 1e-12
         most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
         total = 0.0
-        for m in range(min(found, k)):
+        for m in range(min(near_count, k)):
             total += max(0.0, 1.0 - near[m] / most)
-        for m in range(min(found, k)):
-            chosen[c, m] = who[m]
-            shares[c, m] = max(0.0, 1.0 - near[m] / most) / total if total > 0.0 else 1.0 / min(found, k)
+        for m in range(min(near_count, k)):
+            chosen[c, m] = near_nodes[m]
+            shares[c, m] = max(0.0, 1.0 - near[m] / most) / total if total > 0.0 else 1.0 / min(near_count, k)
     return chosen, shares
 
 
@@ -134,14 +134,14 @@ def _mean(nodes, shares, starts, around, metres, radius, count):
     means = np.zeros(chosen.shape, np.float32)
     total = np.zeros(count)
     touched = np.empty(count, np.int64)
-    largest, who = np.empty(_KEPT), np.empty(_KEPT, np.int64)
+    largest, largest_nodes = np.empty(_KEPT), np.empty(_KEPT, np.int64)
     for c in range(chosen.shape[0]):
-        some, whole = 0, 0.0
+        some, share_sum = 0, 0.0
         for b in range(starts[c], starts[c + 1]):
             if metres[b] >= radius:
                 break
             share = (1.0 - (metres[b] / radius) ** 2) ** 2
-            whole += share
+            share_sum += share
             for m in range(nodes.shape[1]):
                 j = nodes[around[b], m]
                 if j < 0:
@@ -150,11 +150,11 @@ def _mean(nodes, shares, starts, around, metres, radius, count):
                     touched[some] = j
                     some += 1
                 total[j] += share * shares[around[b], m] + 1e-300
-        found = np.int64(0)
+        kept_count = np.int64(0)
         for t in range(some):
-            found = insert(largest, who, found, -total[touched[t]], touched[t])
-        for m in range(found):
-            chosen[c, m], means[c, m] = who[m], -largest[m] / whole
+            kept_count = insert(largest, largest_nodes, kept_count, -total[touched[t]], touched[t])
+        for m in range(kept_count):
+            chosen[c, m], means[c, m] = largest_nodes[m], -largest[m] / share_sum
         for t in range(some):
             total[touched[t]] = 0.0
     return chosen, means
@@ -171,7 +171,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     place = np.full(65536, -1, np.int32)
     union = np.empty(_UNION, np.int32)
     table, mean = np.empty((_AROUND, _UNION), np.float32), np.empty(_UNION, np.float32)
-    largest, who = np.empty(k + 1), np.empty(k + 1, np.int64)
+    largest, largest_columns = np.empty(k + 1), np.empty(k + 1, np.int64)
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
             continue
@@ -194,7 +194,7 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
         for m in range(some):
             place[union[m]] = -1
         # Drop nodes that cannot be among the largest of any vertex.
-        some = _drop_small_columns(table, last - first, union, some, largest, who)
+        some = _drop_small_columns(table, last - first, union, some, largest, largest_columns)
         # Average the table for each vertex of this point. Keep the four largest weights, each reduced by the
         # fifth.
         for i in range(starts[c], starts[c + 1]):
@@ -212,17 +212,17 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
                     share, row = inside * inside, table[b - first]
                     for m in range(some):
                         mean[m] += share * row[m]
-            found = np.int64(0)
+            kept_count = np.int64(0)
             for m in range(some):
-                if mean[m] > 0.0 and (found <= k or -mean[m] < largest[k]):
-                    found = insert(largest, who, found, np.float64(-mean[m]), m)
-            least = -largest[k] if found > k else 0.0
+                if mean[m] > 0.0 and (kept_count <= k or -mean[m] < largest[k]):
+                    kept_count = insert(largest, largest_columns, kept_count, np.float64(-mean[m]), m)
+            least = -largest[k] if kept_count > k else 0.0
             total = 0.0
-            for m in range(min(found, k)):
+            for m in range(min(kept_count, k)):
                 total += -largest[m] - least
-            for m in range(min(found, k)):
-                indices[v, m] = union[who[m]]
-                weights[v, m] = (-largest[m] - least) / total if total > 0.0 else 1.0 / min(found, k)
+            for m in range(min(kept_count, k)):
+                indices[v, m] = union[largest_columns[m]]
+                weights[v, m] = (-largest[m] - least) / total if total > 0.0 else 1.0 / min(kept_count, k)
     return indices, weights
 
 
@@ -232,21 +232,21 @@ def _drop_small_columns(table, rows, union, some, largest, who):
 
     A column is removed if its largest entry is below the smallest entries of k + 1 others.
     """
-    found = np.int64(0)
+    largest_count = np.int64(0)
     for m in range(some):
         least = table[0, m]
         for b in range(1, rows):
             least = min(least, table[b, m])
-        found = insert(largest, who, found, np.float64(-least), m)
-    bar = -largest[found - 1] if found == largest.shape[0] else 0.0
-    kept = 0
+        largest_count = insert(largest, who, largest_count, np.float64(-least), m)
+    bar = -largest[largest_count - 1] if largest_count == largest.shape[0] else 0.0
+    kept_count = 0
     for m in range(some):
         most = table[0, m]
         for b in range(1, rows):
             most = max(most, table[b, m])
         if most > 0.0 and most >= bar:
-            union[kept] = union[m]
+            union[kept_count] = union[m]
             for b in range(rows):
-                table[b, kept] = table[b, m]
-            kept += 1
-    return kept
+                table[b, kept_count] = table[b, m]
+            kept_count += 1
+    return kept_count

@@ -100,10 +100,10 @@ class GraphPart(Solved):
         if not self.size > 0.0:
             raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
 
-        known = np.inf if self.possession is None else len(self.possession.rest)
-        if self.nodes.size and not self.nodes.max() < known:
-            what = f"it plays node {self.nodes.max()} of {known} that were solved"
-            raise InputError(what, where=f"part {self.take!r}", mend="Possess the mesh again.")
+        node_count = np.inf if self.possession is None else len(self.possession.rest)
+        if self.nodes.size and not self.nodes.max() < node_count:
+            problem = f"it plays node {self.nodes.max()} of {node_count} that were solved"
+            raise InputError(problem, where=f"part {self.take!r}", mend="Possess the mesh again.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +147,11 @@ class GraphLayer(Solved):
         self.check_time(where)
         fits = self.nodes.shape == self.own.shape and self.nodes.size > 0 and self.rest.shape[1:] == (3,)
         if not (fits and self.nodes.max() < len(self.rest)):
-            what = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
-            raise InputError(what, where=where, mend="Record it again.")
+            problem = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
+            raise InputError(problem, where=where, mend="Record it again.")
         if not (self.size > 0.0 and 0.0 <= self.weight <= 1.0):
-            what = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
-            raise InputError(what, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
+            problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
+            raise InputError(problem, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
 
     @property
     def id(self) -> str:

@@ -76,18 +76,18 @@ class GraphShape(RigBase):
 
     def with_playing(self, *layers: Playing) -> GraphShape:
         """Returns the shape with other parts and layers."""
-        parts = tuple(one for one in layers if isinstance(one, GraphPart))
-        over = tuple(one for one in layers if isinstance(one, GraphLayer))
-        root = tuple(one for one in layers if isinstance(one, RootLayer))
+        parts = tuple(layer for layer in layers if isinstance(layer, GraphPart))
+        over = tuple(layer for layer in layers if isinstance(layer, GraphLayer))
+        root = tuple(layer for layer in layers if isinstance(layer, RootLayer))
         return self.with_changes(parts=parts, over=over, root_layers=root)
 
     def check(self, held: Mapping[str, Mapping[str, Any]]) -> None:
         """Raises an error if a take does not exist or does not fit."""
         super().check(held)
-        for one in (*self.parts, *self.over):
-            known = held["streams"][one.take].positions.shape[1]
-            if one.nodes.size and not 0 <= one.nodes.min() <= one.nodes.max() < known:
-                raise InputError(f"it plays nodes of {one.take!r} that are not there", where=self.where)
+        for layer in (*self.parts, *self.over):
+            node_count = held["streams"][layer.take].positions.shape[1]
+            if layer.nodes.size and not 0 <= layer.nodes.min() <= layer.nodes.max() < node_count:
+                raise InputError(f"it plays nodes of {layer.take!r} that are not there", where=self.where)
 
     def without_layer(self, number: int) -> GraphShape:
         """Returns the shape without a layer on top of its motion.

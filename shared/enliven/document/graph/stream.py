@@ -79,12 +79,14 @@ def keyed_stream(stream_id: str, rest: Float, follow: Float, keys: Sequence[Moti
     Raises:
         InputError: without a key, or if two are on one frame.
     """
-    made = placed_keys(keys, f"stream {stream_id!r}")
-    values = key_values(made, np.arange(round(made[-1].second / KEY_STEP) + 1) * KEY_STEP)
+    ordered_keys = placed_keys(keys, f"stream {stream_id!r}")
+    values = key_values(ordered_keys, np.arange(round(ordered_keys[-1].second / KEY_STEP) + 1) * KEY_STEP)
     turned = to_matrix(from_rotation_vector(np.radians(values[:, :3]))) - np.eye(3)
     shares, slopes = follow[:, 0], follow[:, 1:]
     arms = rest - rest[int(shares.argmax())]
-    whole = np.einsum("tij,nj->tni", turned, arms) + values[:, None, 3:]
-    gradient = np.eye(3) + shares[:, None, None] * turned[:, None] + whole[..., None] * slopes[:, None, :]
-    positions = rest + shares[:, None] * whole
-    return PoseStream(stream_id, nearest_rotation(gradient), positions, KEY_STEP, made, follow)
+    displacement = np.einsum("tij,nj->tni", turned, arms) + values[:, None, 3:]
+    gradient = (
+        np.eye(3) + shares[:, None, None] * turned[:, None] + displacement[..., None] * slopes[:, None, :]
+    )
+    positions = rest + shares[:, None] * displacement
+    return PoseStream(stream_id, nearest_rotation(gradient), positions, KEY_STEP, ordered_keys, follow)

@@ -212,11 +212,11 @@ class _Fit:
 
     def _better_maps(self) -> None:
         self.maps = Maps(self._rest, self.pivots, self.indices, self.weights, self._settings.rigid)
-        found = self.maps.of(self._wanted)
+        maps = self.maps.of(self._wanted)
         if self._bound:
-            self.maps.find_axes(found)
-            found = self.maps.of(self._wanted)
-        self._found = found
+            self.maps.find_axes(maps)
+            maps = self.maps.of(self._wanted)
+        self._found = maps
 
     def _better_weights(self) -> None:
         smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2

@@ -33,12 +33,12 @@ class SurfaceFrames:
         """Yields (V, 3) metres in the mesh's frame. The first frame is settled. Each other one starts at the
         previous frame."""
         if len(self._known) == len(self.places):
-            for known in self._known:
-                yield known.astype(np.float64)
+            for frame in self._known:
+                yield frame.astype(np.float64)
             return
         puppet, solved = self.puppet, []
-        held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
-        surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+        handles, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
+        surface = PuppetSurface(puppet.mesh, handles, weights, puppet.surface)
         keep = puppet.mesh.vertices.size * 4e-6 * len(self.places) <= self.kept
         for number, places in enumerate(self.places):
             vertices = surface.solve(places) if number else surface.settle(places)

@@ -72,12 +72,12 @@ class Maps:
         right[:, :, 3] += self._pull[None, :, 3, None] * places
         count = right.shape[1]
         flat = right.reshape(frames, 4 * count, 3).transpose(1, 0, 2).reshape(4 * count, 3 * frames)
-        found = (
+        solution = (
             scipy.linalg.cho_solve((self._factor, True), flat, check_finite=False)
             .reshape(4 * count, frames, 3)
             .transpose(1, 0, 2)
         )
-        maps = np.ascontiguousarray(found).reshape(frames, count, 4, 3)
+        maps = np.ascontiguousarray(solution).reshape(frames, count, 4, 3)
         if self.axes is not None:
             separable(self._gram, right, self.axes, _SWEEPS, maps)
         return maps

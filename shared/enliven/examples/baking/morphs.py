@@ -57,11 +57,11 @@ def bake_morphs(
         if not missed.frames or count == settings.targets:
             break
         more = [_seen(mesh, vertices) for vertices in missed.frames]
-        moved = np.concatenate([moved, [one for one, _ in more]])
-        normals = np.concatenate([normals, [other for _, other in more]])
-    known = moved @ shapes.T / spread
-    square = known.T @ known + _RIDGE * len(known) * np.eye(count)
-    bent = np.asarray(np.linalg.solve(square, known.T @ normals), np.float64)
+        moved = np.concatenate([moved, [vertices for vertices, _ in more]])
+        normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
+    moved_weights = moved @ shapes.T / spread
+    square = moved_weights.T @ moved_weights + _RIDGE * len(moved_weights) * np.eye(count)
+    bent = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)
     each = (count, len(mesh.vertices), 3)
     targets = (shapes * spread[:, None]).reshape(each)
     return BakedMorphs(targets, bent.reshape(each), weights / spread, error)

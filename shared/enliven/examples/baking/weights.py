@@ -36,40 +36,40 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
     away = np.empty((most, wanted.shape[1]))
     gram = np.empty((most, most))
     pull = np.empty(most)
-    found = np.empty(most)
+    trial = np.empty(most)
     room = np.empty((most, most + 2))
     free = np.empty(most, np.bool_)
     for v in range(count):
         # Build the Gram matrix D of the candidates' errors over all frames.
-        there = 0
-        while there < most and candidates[v, there] >= 0:
-            there += 1
-        for c in range(there):
+        candidate_count = 0
+        while candidate_count < most and candidates[v, candidate_count] >= 0:
+            candidate_count += 1
+        for c in range(candidate_count):
             k = candidates[v, c]
             _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
             for d in range(c + 1):
                 gram[c, d] = gram[d, c] = _dot(away[c], away[d])
         # Collect the old weights of the candidates, and the cost of changing them.
-        _neighbours(v, candidates, there, near, starts, old_indices, old_weights, pull)
-        for c in range(there):
-            found[c] = 0.0
+        _neighbours(v, candidates, candidate_count, near, starts, old_indices, old_weights, pull)
+        for c in range(candidate_count):
+            trial[c] = 0.0
             for s in range(_MOST):
                 if old_weights[v, s] > 0.0 and old_indices[v, s] == candidates[v, c]:
-                    found[c] += old_weights[v, s]
-        before = _cost(gram, found, pull, smooth, there)
-        whole = 0.0
-        for c in range(there):
-            whole += found[c]
+                    trial[c] += old_weights[v, s]
+        before = _cost(gram, trial, pull, smooth, candidate_count)
+        old_sum = 0.0
+        for c in range(candidate_count):
+            old_sum += trial[c]
         # Solve. Keep the old weights if there is no solution, or no better one.
-        if not solve_bounded(gram, pull, smooth, there, free, room, found):
+        if not solve_bounded(gram, pull, smooth, candidate_count, free, room, trial):
             continue
-        if abs(whole - 1.0) < 1e-6 and _cost(gram, found, pull, smooth, there) >= before:
+        if abs(old_sum - 1.0) < 1e-6 and _cost(gram, trial, pull, smooth, candidate_count) >= before:
             continue
         # Store the positive weights, and clear the remaining slots.
         slot = 0
-        for c in range(there):
-            if found[c] > 0.0:
-                indices[v, slot], weights[v, slot] = candidates[v, c], found[c]
+        for c in range(candidate_count):
+            if trial[c] > 0.0:
+                indices[v, slot], weights[v, slot] = candidates[v, c], trial[c]
                 slot += 1
         for s in range(slot, _MOST):
             indices[v, s], weights[v, s] = 0, 0.0

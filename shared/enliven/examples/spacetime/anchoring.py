@@ -43,12 +43,12 @@ def _anchor(places, feet, stands, before, highest):
     The anchor stays while the performer stands on it. Then it is the lowest standing foot. If ``stands`` is
     unknown, the previous anchor stays while it is not above ``highest``; otherwise it is the lowest foot.
     """
-    known = stands.any()
+    has_standing = stands.any()
     best, height = -1, np.inf
     for k in range(len(feet)):
-        stays = feet[k] == before and (stands[k] if known else places[before, 1] <= highest)
+        stays = feet[k] == before and (stands[k] if has_standing else places[before, 1] <= highest)
         if stays:
             return before
-        if (stands[k] or not known) and places[feet[k], 1] < height:
+        if (stands[k] or not has_standing) and places[feet[k], 1] < height:
             best, height = feet[k], places[feet[k], 1]
     return best

@@ -66,8 +66,8 @@ class Nodes:
             The number of nodes with a new set of weights at bounds, and the sum of the least energies.
         """
         lower = (self.matrix, self.right, self.reach, self.offset, self.slack, self.state)
-        known = (self.still, self.swing, self.base, self.give, self.least)
-        changed, energy = respond(*lower, *known, pull, low, high, places)
+        results = (self.still, self.swing, self.base, self.give, self.least)
+        changed, energy = respond(*lower, *results, pull, low, high, places)
         return int(changed), float(energy)
 
     def arrays_of(self, point: int) -> tuple[tuple[AnyArray, ...], tuple[AnyArray, ...]]:
@@ -87,8 +87,8 @@ def respond(
     work, marks = workspace(most), np.empty(frames, np.bool_)
     for p in range(points):
         node = (matrix[p], right[p], reach[p], offset[p], slack[p], state[p])
-        known = (still[p], swing[p], base[p], give[p], least[p])
-        more, part = answers(node, known, pull[p], np.int64(0), frames, low, high, work, places[p], marks)
+        results = (still[p], swing[p], base[p], give[p], least[p])
+        more, part = answers(node, results, pull[p], np.int64(0), frames, low, high, work, places[p], marks)
         changed += more
         energy += part
     return changed, energy

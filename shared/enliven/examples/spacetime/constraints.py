@@ -55,18 +55,18 @@ def conditions_of(
             another. The message names them.
     """
     middle, size = examples.targets.mean(0), examples.target_size
-    links = [link for one in constraints for link in _links(one, examples, frames, step)]
+    links = [link for constraint in constraints for link in _links(constraint, examples, frames, step)]
     forest, rows = _Forest(), []
-    for one, a, b, value in links:
-        added = forest.join(a, b, value, one, _AGREES * size)
+    for constraint, a, b, value in links:
+        added = forest.join(a, b, value, constraint, _AGREES * size)
         if added and b is not None:
             rows.append((a, b, value))
     held, values = np.zeros((len(middle), frames, 3), np.bool_), np.zeros((len(middle), frames, 3))
     for node in forest.nodes():
-        known = forest.value(node)
-        if known is not None:
+        fixed_value = forest.value(node)
+        if fixed_value is not None:
             held[node] = True
-            values[node] = (known - middle[node[0], node[2]]) / size
+            values[node] = (fixed_value - middle[node[0], node[2]]) / size
     rows = [row for row in rows if not held[row[0]]]
     first = np.array([a for a, _, _ in rows], np.int64).reshape(-1, 3)
     second = np.array([b for _, b, _ in rows], np.int64).reshape(-1, 3)
@@ -126,9 +126,9 @@ class _Forest:
         (root_a, of_a), (root_b, of_b) = self._root(a), self._root(b)
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
-                others = ", ".join(str(one) for one in self._way(a, b)[:4])
+                contradicted = ", ".join(str(constraint) for constraint in self._way(a, b)[:4])
                 mend = "Remove or change one of them."
-                raise InputError(f"{why} contradicts {others}", where=_WHERE, mend=mend)
+                raise InputError(f"{why} contradicts {contradicted}", where=_WHERE, mend=mend)
             return False
         # If one of the roots is the ground (None), keep the ground as the root, so that values remain
         # absolute. ``of_x`` is x minus its root.
@@ -148,15 +148,15 @@ class _Forest:
     def _root(self, node: _Node | None) -> tuple[_Node | None, float]:
         """Returns the root of a coordinate, and the coordinate minus its root. Compresses the path."""
         self._above.setdefault(node, (node, 0.0))
-        way, at = [], node
-        while self._above[at][0] != at:
-            way.append(at)
-            at = self._above[at][0]
+        way, root = [], node
+        while self._above[root][0] != root:
+            way.append(root)
+            root = self._above[root][0]
         total = 0.0
-        for one in reversed(way):
-            total += self._above[one][1]
-            self._above[one] = (at, total)
-        return at, total
+        for passed in reversed(way):
+            total += self._above[passed][1]
+            self._above[passed] = (root, total)
+        return root, total
 
     def _way(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
         """Returns the constraints that connect a to b."""
@@ -164,12 +164,12 @@ class _Forest:
         waiting = [a]
         while waiting:
             node = waiting.pop(0)
-            for other, why in self._beside.get(node, []):
-                if other not in came:
-                    came[other] = (node, why)
-                    waiting.append(other)
-        found, at = [], came.get(b)
-        while at is not None:
-            found.append(at[1])
-            at = came[at[0]]
-        return list(dict.fromkeys(found))
+            for neighbour, why in self._beside.get(node, []):
+                if neighbour not in came:
+                    came[neighbour] = (node, why)
+                    waiting.append(neighbour)
+        constraints, link = [], came.get(b)
+        while link is not None:
+            constraints.append(link[1])
+            link = came[link[0]]
+        return list(dict.fromkeys(constraints))

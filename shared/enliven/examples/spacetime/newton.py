@@ -39,21 +39,25 @@ def solve_point(node, known, weight, low, high, places):
     - ``how``: (lambda, low, high).
     - ``work``: the nodes' workspace.
     - ``marks`` (F,): frames that changed their quadratic piece.
-    - ``band``: arrays for the factor (inverse, one, two), a right-hand side (F - 2, 3, 1) and the pull (F,
-      3).
+    - ``band``: arrays for the factor (inverse, first_blocks, second_blocks), a right-hand side (F - 2, 3, 1)
+      and the pull (F, 3).
     """
     frames = len(places)
     rows = max(frames - 2, 0)
-    y, goal, kept = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
-    one, two, inverse = np.empty((rows, 3, 3)), np.empty((rows, 3, 3)), np.empty((rows, 3, 3))
-    band = (inverse, one, two, np.empty((rows, 3, 1)), np.empty((frames, 3)))
+    y, goal, saved = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+    first_blocks, second_blocks, inverse = (
+        np.empty((rows, 3, 3)),
+        np.empty((rows, 3, 3)),
+        np.empty((rows, 3, 3)),
+    )
+    band = (inverse, first_blocks, second_blocks, np.empty((rows, 3, 1)), np.empty((frames, 3)))
     marks = np.zeros(frames, np.bool_)
     work = workspace(node[1].shape[1])
     how, start, once = (weight, low, high), np.int64(0), np.int64(1)
     _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
     factored = 0
     for _ in range(_MOST_ROUNDS):
-        copy_rows(kept, y)
+        copy_rows(saved, y)
         _step(node, known, y, goal, start, rows, how, band)
         copy_rows(y, goal)
         changed, new = _value(node, known, y, start, rows, how, work, places, marks, band)
@@ -63,7 +67,7 @@ def solve_point(node, known, weight, low, high, places):
         factored += _windows(node, known, y, goal, how, work, places, marks, band)
         _, new = _value(node, known, y, start, rows, how, work, places, marks, band)
         if new > value + _close(value):
-            copy_rows(y, kept)
+            copy_rows(y, saved)
             _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
             new, steps = _range(node, known, y, goal, start, rows, how, work, places, marks, band, once)
             factored += steps * rows
@@ -154,9 +158,9 @@ def _step(node, known, y, goal, a, b, how, band):
     fixed."""
     weight = how[0]
     base, give = known[2], known[3]
-    inverse, one, two, right = band[0][a:b], band[1][a:b], band[2][a:b], band[3][a:b]
+    inverse, first_blocks, second_blocks, right = band[0][a:b], band[1][a:b], band[2][a:b], band[3][a:b]
     rows = len(y)
-    factor(give[a : b + 2], weight, inverse, one, two)
+    factor(give[a : b + 2], weight, inverse, first_blocks, second_blocks)
     for r in range(a, b):
         for i in range(3):
             right[r - a, i, 0] = weight * (base[r, i] - 2.0 * base[r + 1, i] + base[r + 2, i])
@@ -170,7 +174,7 @@ def _step(node, known, y, goal, a, b, how, band):
                 for i in range(3):
                     for j in range(3):
                         right[s - a, i, 0] -= entry * give[f, i, j] * y[r, j]
-    substitute(inverse, one, two, right)
+    substitute(inverse, first_blocks, second_blocks, right)
     for r in range(a, b):
         for i in range(3):
             goal[r, i] = right[r - a, i, 0]

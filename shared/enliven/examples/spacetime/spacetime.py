@@ -119,7 +119,7 @@ def _groups(points: int, conditions: Conditions) -> list[list[int]]:
     group = list(range(points))
     for a, b in zip(conditions.first[:, 0], conditions.second[:, 0], strict=True):
         old, new = group[a], group[b]
-        group = [new if one == old else one for one in group]
+        group = [new if label == old else label for label in group]
     return [[p for p in range(points) if group[p] == label] for label in dict.fromkeys(group)]
 
 

@@ -112,9 +112,9 @@ def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
             exact[same, b] = 0.0
     total = exact.sum(1, keepdims=True)
     exact = np.where(total > 0, exact / np.where(total > 0, total, 1.0), [[1.0, 0.0, 0.0, 0.0]])
-    made = exact.astype(np.float32)
-    indices[made == 0] = 0
-    return indices, made
+    rounded = exact.astype(np.float32)
+    indices[rounded == 0] = 0
+    return indices, rounded
 
 
 def listed(values: Float | Float32) -> list[float]:
@@ -124,6 +124,6 @@ def listed(values: Float | Float32) -> list[float]:
 
 def unit32(quaternions: Float) -> Float32:
     """Normalises quaternions in float32."""
-    made = quaternions.astype(np.float32)
-    length = np.linalg.norm(made.astype(np.float64), axis=-1, keepdims=True)
-    return np.asarray(made / length, np.float32)
+    rounded = quaternions.astype(np.float32)
+    length = np.linalg.norm(rounded.astype(np.float64), axis=-1, keepdims=True)
+    return np.asarray(rounded / length, np.float32)

@@ -65,8 +65,8 @@ class GltfScene(MeshScene):
             primitive.attributes.WEIGHTS_0 = self.blob.add(weights[vertices], array)
             primitives.append(primitive)
         document.meshes.append(pygltflib.Mesh(name=name, primitives=primitives))
-        made = self.node(name=name, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
-        self.put(tree, made)
+        node = self.node(name=name, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
+        self.put(tree, node)
 
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
         """Adds a channel for values that change.

@@ -86,7 +86,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         offsets, turns = local_offsets(skeleton), motion.turns
         offsets[1:] = np.einsum("nba,nb->na", motion.axes[parents[1:]], offsets[1:])
     turned = motion is not None and np.abs(motion.axes - np.eye(3)).max() > _UPRIGHT
-    curves = {} if turned else {(one.bone, one.turns): one for one in performance.cubic}
+    curves = {} if turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
     bones: list[int] = []
     for j, parent in enumerate(parents):
         rest = {"translation": listed(skeleton.positions[0] if j == 0 else offsets[j])}

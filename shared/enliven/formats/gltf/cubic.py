@@ -47,19 +47,21 @@ def with_cubic_keys(
     file, bind = surface.file, surface.bind
     channels = _moving(file, animation)
     stretched = clip.strains is not None or clip.mirrors is not None
-    if stretched or not any(_is_cubic(one) for own in channels.values() for one in own.values()):
+    if stretched or not any(
+        _is_cubic(sampler) for samplers in channels.values() for sampler in samplers.values()
+    ):
         return clip
     local = _local(file, animation)
-    made = list[CubicKeys]()
+    curves = list[CubicKeys]()
     for bone, driver in enumerate(tree.driver):
         above = chosen[tree.driver[clip.skeleton.parents[bone]]] if bone else -1
         keys = _turning(file, channels, local, bind, (above, chosen[driver]))
         if keys is not None and (np.diff(keys[0]) > 0.0).all():
-            made.append(CubicKeys(bone, keys[0] - start, *keys[1:]))
+            curves.append(CubicKeys(bone, keys[0] - start, *keys[1:]))
     keys = _travelling(file, channels, local, chosen[tree.root])
     if keys is not None and (np.diff(keys[0]) > 0.0).all():
-        made.append(CubicKeys(0, keys[0] - start, *keys[1:]))
-    return _checked(clip, made)
+        curves.append(CubicKeys(0, keys[0] - start, *keys[1:]))
+    return _checked(clip, curves)
 
 
 def _is_cubic(sampler: Any) -> bool:
@@ -68,19 +70,19 @@ def _is_cubic(sampler: Any) -> bool:
 
 def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
     """Returns the samplers with changing values, by node and path."""
-    found = file.document.animations[animation]
-    made: dict[int, dict[str, Any]] = {}
-    for channel in found.channels or []:
+    animation_entry = file.document.animations[animation]
+    samplers: dict[int, dict[str, Any]] = {}
+    for channel in animation_entry.channels or []:
         node, path = channel.target.node, channel.target.path
         if node is None or path not in ("translation", "rotation", "scale"):
             continue
-        sampler = found.samplers[channel.sampler]
+        sampler = animation_entry.samplers[channel.sampler]
         values = file.keys(sampler, path)
         points = values[1::3] if _is_cubic(sampler) else values
         changes = np.ptp(points, axis=0).max() > _STILL
         if changes or (_is_cubic(sampler) and len(points) > 1 and np.abs(values[[0, 2]]).max() > _STILL):
-            made.setdefault(node, {})[path] = sampler
-    return made
+            samplers.setdefault(node, {})[path] = sampler
+    return samplers
 
 
 def _local(file: GltfFile, animation: int) -> Float:
@@ -105,13 +107,13 @@ def _turning(
     """
     above, node = ends
     way = _way(file, above, node)
-    turned = [one for one in way if "rotation" in channels.get(one, {})]
-    if len(turned) != 1 or any("scale" in channels.get(one, {}) for one in way):
+    turned = [way_node for way_node in way if "rotation" in channels.get(way_node, {})]
+    if len(turned) != 1 or any("scale" in channels.get(way_node, {}) for way_node in way):
         return None
     (mover,) = turned
     sampler = channels[mover]["rotation"]
-    at = way.index(mover)
-    before, after = _turn(_product(local, way[:at])), _turn(_product(local, way[at + 1 :]))
+    mover_index = way.index(mover)
+    before, after = _turn(_product(local, way[:mover_index])), _turn(_product(local, way[mover_index + 1 :]))
     from_bind, to_bind = _turn(bind.world[node]), _turn(np.eye(4) if above < 0 else bind.world[above])
     if before is None or after is None or from_bind is None or to_bind is None:
         return None
@@ -134,11 +136,11 @@ def _travelling(
     """
     way = _way(file, -1, node)
     sampler = channels.get(node, {}).get("translation")
-    if sampler is None or not _is_cubic(sampler) or any(one in channels for one in way[:-1]):
+    if sampler is None or not _is_cubic(sampler) or any(ancestor in channels for ancestor in way[:-1]):
         return None
-    whole = _product(local, way[:-1])
+    parent_world = _product(local, way[:-1])
     seconds, values, slopes = _keys(file, sampler, "translation")
-    return seconds, values @ whole[:3, :3].T + whole[:3, 3], slopes @ whole[:3, :3].T
+    return seconds, values @ parent_world[:3, :3].T + parent_world[:3, 3], slopes @ parent_world[:3, :3].T
 
 
 def _keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float, Float]:
@@ -158,10 +160,10 @@ def _way(file: GltfFile, above: int, node: int) -> list[int]:
 
 
 def _product(local: Float, nodes: list[int]) -> Float:
-    made = np.eye(4)
+    product = np.eye(4)
     for node in nodes:
-        made = made @ local[node]
-    return made
+        product = product @ local[node]
+    return product
 
 
 def _turn(matrix: Float) -> Float | None:
@@ -178,17 +180,17 @@ def _checked(clip: Clip, made: list[CubicKeys]) -> Clip:
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)
-    kept = list[CubicKeys]()
+    agreeing = list[CubicKeys]()
     size = max(float(clip.skeleton.lengths.sum()), 1e-9)
-    for one in made:
-        at = one.at(seconds)
-        if one.turns:
-            turns = finest.turns[:, one.bone]
-            if one.bone:
-                turns = multiply(conjugate(finest.turns[:, parents[one.bone]]), turns)
-            off = 2.0 * np.arccos(np.clip(np.abs((at * turns).sum(1)), 0.0, 1.0)).max()
+    for curve in made:
+        values = curve.at(seconds)
+        if curve.turns:
+            turns = finest.turns[:, curve.bone]
+            if curve.bone:
+                turns = multiply(conjugate(finest.turns[:, parents[curve.bone]]), turns)
+            off = 2.0 * np.arccos(np.clip(np.abs((values * turns).sum(1)), 0.0, 1.0)).max()
         else:
-            off = np.abs(at - finest.root).max() / size
+            off = np.abs(values - finest.root).max() / size
         if off < _SAME:
-            kept.append(one)
-    return replace(clip, cubic=tuple(kept)) if kept else clip
+            agreeing.append(curve)
+    return replace(clip, cubic=tuple(agreeing)) if agreeing else clip

@@ -227,12 +227,12 @@ def _clip(
 
 def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
     """Returns (K, N) -1 for mirrored bones and 1 for others, or None if no bone is mirrored."""
-    made = np.ones((len(animation.seconds), len(tree.driver)))
+    signs = np.ones((len(animation.seconds), len(tree.driver)))
     for j, driver in enumerate(tree.driver):
         mirrors = bodies[driver].mirrors
         if mirrors is not None:
-            made[:, j] = mirrors[animation.frames]
-    return made if (made < 0).any() else None
+            signs[:, j] = mirrors[animation.frames]
+    return signs if (signs < 0).any() else None
 
 
 def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
@@ -241,5 +241,5 @@ def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
     if not away:
         return []
     name, far = max(away, key=lambda pair: pair[1])
-    what = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
-    return [f"{what}: at most {far:.3g} m ({far / size:.1%} of the size), {name}"]
+    summary = f"animations move {len(away)} joint{'s' * (len(away) > 1)} off their bones; not kept"
+    return [f"{summary}: at most {far:.3g} m ({far / size:.1%} of the size), {name}"]

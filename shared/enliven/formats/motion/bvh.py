@@ -77,22 +77,22 @@ class _Words:
 
     def peek(self) -> str:
         """Returns the next word; empty at the end."""
-        found = _WORD.match(self._text, self._at)
-        return found[1] if found else ""
+        match = _WORD.match(self._text, self._at)
+        return match[1] if match else ""
 
     def next(self, expected: str) -> str:
         """Returns the next word and goes past it; ``expected`` is named if the file ends here."""
-        found = _WORD.match(self._text, self._at)
-        if found is None:
+        match = _WORD.match(self._text, self._at)
+        if match is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
-        self._at = found.end()
-        return found[1]
+        self._at = match.end()
+        return match[1]
 
     def rest_of_name(self) -> str:
         """Returns the words up to a brace or the end of the line."""
-        found = _NAME.match(self._text, self._at)
-        self._at = found.end() if found else self._at
-        return " ".join(found[0].split()) if found else ""
+        match = _NAME.match(self._text, self._at)
+        self._at = match.end() if match else self._at
+        return " ".join(match[0].split()) if match else ""
 
     def until_keyword(self) -> list[str]:
         """Returns the words up to the next keyword or brace."""
@@ -120,8 +120,8 @@ class _Words:
         try:
             values = [float(word) for word in words]
         except ValueError:
-            what = f"{of} has a word that is not a number: {' '.join(words)[:60]}"
-            raise self.wrong(what, line=line) from None
+            problem = f"{of} has a word that is not a number: {' '.join(words)[:60]}"
+            raise self.wrong(problem, line=line) from None
         if len(values) != count:
             raise self.wrong(f"{of} has {len(values)} numbers, expected {count}", line=line)
         if not all(math.isfinite(value) for value in values):
@@ -207,8 +207,8 @@ def _begin(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: i
     if not name:
         raise words.wrong(f"{kind} has no name", line=line)
     if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
-        what = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
-        raise words.wrong(f"there are joints {what}", "No skeleton is like this: export it again.", line)
+        excess = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
+        raise words.wrong(f"there are joints {excess}", "No skeleton is like this: export it again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused(name, tree.taken))
     tree.parents.append(parent)
@@ -231,16 +231,16 @@ def _unused(name: str, taken: dict[str, int]) -> str:
 
 def _channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
     """(kind, axis) of each channel of a joint, from their count and names."""
-    known = {
+    channel_kinds = {
         f"{axis}{kind}".lower(): (kind[0], _AXES[axis]) for axis in _AXES for kind in ("position", "rotation")
     }
     count, kinds = (given[0], given[1:]) if given else ("nothing", [])
-    unknown = [kind for kind in kinds if kind.lower() not in known]
+    unknown = [kind for kind in kinds if kind.lower() not in channel_kinds]
     if unknown:
         raise words.wrong(f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line)
     if not _is_count(count) or int(count) != len(kinds):
         raise words.wrong(f"CHANNELS says {count[:20]} and names {len(kinds)}", line=line)
-    return [known[kind.lower()] for kind in kinds]
+    return [channel_kinds[kind.lower()] for kind in kinds]
 
 
 def _is_count(word: str) -> bool:
@@ -262,11 +262,11 @@ def _read_header(words: _Words) -> tuple[int, float]:
 
 def _after_label(words: _Words, label: str, expected: str) -> str:
     """Returns the word after a label such as "Frame Time:", which may have blanks and any case."""
-    said, value = "", ""
-    while len(said) < len(label) and not value:
+    label_read, value = "", ""
+    while len(label_read) < len(label) and not value:
         word, _, value = words.next(expected).partition(":")
-        said += word.lower()
-    if said != label:
+        label_read += word.lower()
+    if label_read != label:
         raise words.wrong(f"expected {expected}")
     if words.peek() == ":":
         words.next(expected)
@@ -290,20 +290,20 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
             numbers = numbers_in(block)
         except WrongWord as error:
             frame = total // max(width, 1) + 1
-            what = f"near frame {frame}, a word is not a number: {error.what}"
-            raise words.wrong(what, line=before + error.line) from None
-        at = lines_of(block, word_starts(block))
+            problem = f"near frame {frame}, a word is not a number: {error.what}"
+            raise words.wrong(problem, line=before + error.line) from None
+        line_numbers = lines_of(block, word_starts(block))
         if not np.isfinite(numbers).all():
-            line = before + int(at[np.argmin(np.isfinite(numbers))])
+            line = before + int(line_numbers[np.argmin(np.isfinite(numbers))])
             raise words.wrong("a frame has a number that is not finite", line=line)
-        own, many = np.unique(at, return_counts=True)
+        row_lines, row_counts = np.unique(line_numbers, return_counts=True)
         parts.append(numbers)
-        lines.append(own + before)
-        counts.append(many)
+        lines.append(row_lines + before)
+        counts.append(row_counts)
         total += len(numbers)
         if total > most * width:
-            what = f"more than {most} frames of {joints} joints are too many"
-            raise words.wrong(what, "Take it in parts.", line=before)
+            problem = f"more than {most} frames of {joints} joints are too many"
+            raise words.wrong(problem, "Take it in parts.", line=before)
     if total == 0 or width == 0:
         raise words.wrong("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
@@ -325,9 +325,9 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
     starts = np.cumsum(counts) - counts
     if total % width == 0 and np.isin(np.arange(0, total, width), starts).all():
         return
-    at = int(np.argmax(counts != width))
-    what = f"frame {at + 1} has {counts[at]} numbers, expected {width}"
-    raise words.wrong(what, line=int(lines[at]))
+    row = int(np.argmax(counts != width))
+    problem = f"frame {row + 1} has {counts[row]} numbers, expected {width}"
+    raise words.wrong(problem, line=int(lines[row]))
 
 
 def _local(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
@@ -352,9 +352,9 @@ def _local(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
 
 def about(axis: int, angles: Float) -> Float:
     """(F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
-    one, two = (axis + 1) % 3, (axis + 2) % 3
+    second_axis, third_axis = (axis + 1) % 3, (axis + 2) % 3
     turned = np.zeros((len(angles), 3, 3))
     turned[:, axis, axis] = 1.0
-    turned[:, one, one] = turned[:, two, two] = np.cos(angles)
-    turned[:, two, one], turned[:, one, two] = np.sin(angles), -np.sin(angles)
+    turned[:, second_axis, second_axis] = turned[:, third_axis, third_axis] = np.cos(angles)
+    turned[:, third_axis, second_axis], turned[:, second_axis, third_axis] = np.sin(angles), -np.sin(angles)
     return turned

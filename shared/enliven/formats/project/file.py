@@ -121,13 +121,13 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
             arrays, damaged = _arrays(archive)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        what = "it is cut short or damaged: its archive cannot be unpacked"
-        raise InputError(what, where=where, mend="Take an earlier copy.") from None
+        problem = "it is cut short or damaged: its archive cannot be unpacked"
+        raise InputError(problem, where=where, mend="Take an earlier copy.") from None
     try:
         project, lost = with_lost_motion(header["project"], arrays)
         if damaged - lost:
             raise InputError("an array in it is damaged", where="project")
-        made = unpacked(Project, project, arrays, "project")
+        document = unpacked(Project, project, arrays, "project")
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
         if isinstance(error, UnknownFieldError):
@@ -135,10 +135,10 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
-        what = "it is damaged: its parts do not fit together"
-        raise InputError(what, where=where, mend="Take an earlier copy.") from None
-    assert isinstance(made, Project)
-    return made
+        problem = "it is damaged: its parts do not fit together"
+        raise InputError(problem, where=where, mend="Take an earlier copy.") from None
+    assert isinstance(document, Project)
+    return document
 
 
 def _mend_unknown(made_by: Any) -> str:
@@ -164,8 +164,8 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | 
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
-        what = f"its {packed} bytes state that they unpack to {total}, which is too much"
-        raise InputError(what, where=where, mend="Ask for the project again.")
+        problem = f"its {packed} bytes state that they unpack to {total}, which is too much"
+        raise InputError(problem, where=where, mend="Ask for the project again.")
     if any(entry.compress_type not in _METHODS for entry in entries):
         raise InputError("it is packed in a way that is not known here", where=where, mend="Save it again.")
 

@@ -21,20 +21,24 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
         The object, and the names of the arrays of the lost streams.
     """
     streams, characters = _table(_table(project).get("streams")), _table(_table(project).get("characters"))
-    found = dict(streams)
-    made = dict(characters)
+    mended_streams = dict(streams)
+    mended_characters = dict(characters)
     for key, character in characters.items():
         parts = _table(character).get("parts")
         if _table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
-            mended = [_mended(part, streams, found, arrays) for part in parts]
-            made[key] = {**character, "parts": mended}
+            mended = [_mended(part, streams, mended_streams, arrays) for part in parts]
+            mended_characters[key] = {**character, "parts": mended}
     lost = {
         str(_table(streams.get(name, {}).get(each)).get(ARRAY))
-        for name, stream in found.items()
+        for name, stream in mended_streams.items()
         if stream is not streams.get(name)
         for each in ("linear", "positions")
     }
-    return ({**project, "streams": found, "characters": made}, lost) if lost else (project, lost)
+    return (
+        ({**project, "streams": mended_streams, "characters": mended_characters}, lost)
+        if lost
+        else (project, lost)
+    )
 
 
 def _mended(part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]) -> Any:

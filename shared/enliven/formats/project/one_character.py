@@ -23,8 +23,8 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
     Raises:
         InputError: where there is no such character.
     """
-    one = project.character(character)
-    return project_bytes(_alone(one, project, painted=0 < texture_bytes(one) <= textures))
+    rig = project.character(character)
+    return project_bytes(_alone(rig, project, painted=0 < texture_bytes(rig) <= textures))
 
 
 def texture_bytes(one: RigBase) -> int:
@@ -36,10 +36,10 @@ def texture_bytes(one: RigBase) -> int:
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
     """Returns a project of a mesh that is to be possessed: it has one node, until it is put on a stage."""
     vertices = _rounded(mesh.vertices)
-    one = graph_shape_at_rest(
+    shape_and_stream = graph_shape_at_rest(
         name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)
     )
-    return Project().with_streams(one[1]).with_characters(one[0])
+    return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
 def _alone(one: RigBase, project: Project, *, painted: bool) -> Project:

@@ -19,16 +19,16 @@ def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
     characters: dict[str, Any] = {}
     for name, rig in _MAPS.items():
         for key, table in project.get(name, {}).items():
-            made = {"kind": rig.kind, **table}
+            character = {"kind": rig.kind, **table}
             if rig is Shape:
-                made["layers"] = [layers[layer] for layer in _layers_of(table) if layer in layers]
+                character["layers"] = [layers[layer] for layer in _layers_of(table) if layer in layers]
             if rig is GraphShape:
-                made["parts"] = [
+                character["parts"] = [
                     {"take" if key == "stream" else key: value for key, value in part.items()}
                     for part in table["parts"]
                 ]
             new = unused(key, characters)
-            characters[new] = {**made, "id": new}
+            characters[new] = {**character, "id": new}
     return {"characters": characters, **{name: project.get(name, {}) for name in ("takes", "streams")}}
 
 

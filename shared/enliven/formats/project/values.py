@@ -37,8 +37,8 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
         return {ARRAY: name}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field.name for field in dataclasses.fields(value) if field.init]
-        made = {name: packed(getattr(value, name), arrays) for name in fields}
-        return {KIND: value.kind, **made} if isinstance(value, RigBase) else made
+        packed_fields = {name: packed(getattr(value, name), arrays) for name in fields}
+        return {KIND: value.kind, **packed_fields} if isinstance(value, RigBase) else packed_fields
     if isinstance(value, Mapping):
         return {str(key): packed(inner, arrays) for key, inner in value.items()}
     if isinstance(value, (tuple, list)):
@@ -52,9 +52,9 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
 
 def name_of(array: AnyArray) -> str:
     """Returns a name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
-    told = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
-    told.update(np.ascontiguousarray(array).tobytes())
-    return told.hexdigest()
+    digest = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
@@ -108,13 +108,13 @@ def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], wher
     unknown = [key for key in table if key not in fields]
     if unknown:
         raise UnknownFieldError(f"{unknown[0]!r} is not known here", where=where)
-    made = {}
+    arguments = {}
     for name, field in fields.items():
         if name in table:
-            made[name] = unpacked(hints[name], table[name], arrays, f"{where}.{name}")
+            arguments[name] = unpacked(hints[name], table[name], arrays, f"{where}.{name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(f"{name!r} is missing", where=where)
-    return kind(**made)
+    return kind(**arguments)
 
 
 def _tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:

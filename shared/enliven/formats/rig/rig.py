@@ -69,7 +69,7 @@ def _moved(rig: Rig, scale: float, by: Float) -> Rig:
 def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Clip:
     offsets = None if clip.offsets is None else clip.offsets * scale
     fine = None if clip.fine is None else clip.fine.scaled(scale, by)
-    cubic = tuple(one.scaled(scale, by) for one in clip.cubic)
+    cubic = tuple(curve.scaled(scale, by) for curve in clip.cubic)
     root = clip.root * scale + by
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 

@@ -106,8 +106,8 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
         # If several sibling joints each move a little, as on a baked surface, take the joint that moves most
         # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
-    made = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
-    links = min(made, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
+    trees = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
+    links = min(trees, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
     moved = [
         f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
     ]
@@ -210,13 +210,13 @@ def _top(parents: list[int], j: int) -> int:
 
 def _carries(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
     """Returns the bodies that move vertices, and their ancestors."""
-    found: set[int] = set()
+    carriers: set[int] = set()
     for j in inside:
-        at = j
-        while bodies[j].mass > 0 and at >= 0 and at not in found:
-            found.add(at)
-            at = parents[at]
-    return found
+        ancestor = j
+        while bodies[j].mass > 0 and ancestor >= 0 and ancestor not in carriers:
+            carriers.add(ancestor)
+            ancestor = parents[ancestor]
+    return carriers
 
 
 def _unsaid(bodies: list[LinkBody], links: Links, off: Float) -> float:

@@ -98,14 +98,14 @@ def _parts(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
     """Returns each joint that leaves the bone that its vertices follow, and by how many metres."""
-    skeleton, found, at = tree.skeleton, [], joint_tracks(bodies, tree)
+    skeleton, drifts, tracks = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
         lever = body.rest - skeleton.positions[start]
-        expected = at[:, start] + bodies[tree.driver[bone]].moved(lever)
+        expected = tracks[:, start] + bodies[tree.driver[bone]].moved(lever)
         away = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
-        found.append((body.name, float(away)))
-    return found
+        drifts.append((body.name, float(away)))
+    return drifts
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:

@@ -42,17 +42,17 @@ class Bind:
         self._order = moving_nodes(file, parts)
         self.world = self.rest.copy()
         self.inverse: dict[int, dict[int, Float]] = {}
-        known: set[int] = set()
+        bound_nodes: set[int] = set()
         used = {part.skin: part.carrier for part in parts if part.skin >= 0}
         for skin in sorted(used, key=lambda s: -len(file.document.skins[s].joints)):
             self.inverse[skin] = self._inverse_of(skin)
-            placed = self._placed(skin, used[skin], known)
+            placed = self._placed(skin, used[skin], bound_nodes)
             for node, inverse in self.inverse[skin].items():
-                if node not in known:
+                if node not in bound_nodes:
                     self.world[node] = placed @ np.linalg.inv(inverse)
-                    known.add(node)
-        self._follow(known)
-        self._resize(known, parts)
+                    bound_nodes.add(node)
+        self._follow(bound_nodes)
+        self._resize(bound_nodes, parts)
 
     def vertices(self, part: GltfPart) -> Float:
         """Returns the vertices (V, 3) in metres of a part in the bind pose, by its own skinning."""
@@ -77,18 +77,20 @@ class Bind:
 
     def _inverse_of(self, skin: int) -> dict[int, Float]:
         """Returns the inverse bind matrix of each joint of a skin, the identity if it has none."""
-        found = self._file.document.skins[skin]
-        if found.inverseBindMatrices is None:
-            matrices = np.tile(np.eye(4), (len(found.joints), 1, 1))
+        skin_entry = self._file.document.skins[skin]
+        if skin_entry.inverseBindMatrices is None:
+            matrices = np.tile(np.eye(4), (len(skin_entry.joints), 1, 1))
         else:
-            read = np.asarray(self._file.accessor(found.inverseBindMatrices), np.float64)
-            matrices = read.reshape(-1, 4, 4).transpose(0, 2, 1)
-        if len(matrices) < len(found.joints) or not np.isfinite(matrices).all():
+            stored = np.asarray(self._file.accessor(skin_entry.inverseBindMatrices), np.float64)
+            matrices = stored.reshape(-1, 4, 4).transpose(0, 2, 1)
+        if len(matrices) < len(skin_entry.joints) or not np.isfinite(matrices).all():
             raise self._file.wrong(f"skin {skin} has no good inverse bind matrix for each of its joints")
-        flat = [self._file.name(n) for n, m in zip(found.joints, matrices, strict=False) if not _solid(m)]
+        flat = [
+            self._file.name(n) for n, m in zip(skin_entry.joints, matrices, strict=False) if not _solid(m)
+        ]
         if flat:
             raise self._file.wrong(f"the bind matrix of these joints is flat: {', '.join(flat[:5])}")
-        return {int(n): m for n, m in zip(found.joints, matrices, strict=False)}
+        return {int(n): m for n, m in zip(skin_entry.joints, matrices, strict=False)}
 
     def _placed(self, skin: int, carrier: int, known: set[int]) -> Float:
         """Returns (4, 4) world_from_mesh of a skin at the time of binding."""
@@ -116,10 +118,10 @@ class Bind:
 
     def _plain(self, node: int) -> Float:
         """Returns a node's rest transform (4, 4) with a uniform scale. Clips contain the true scale."""
-        made: Float = self.rest[node].copy()
+        transform: Float = self.rest[node].copy()
         size = np.abs(self._scale[node])
-        made[:3, :3] /= size / np.cbrt(size.prod())
-        return made
+        transform[:3, :3] /= size / np.cbrt(size.prod())
+        return transform
 
     def _depth(self, node: int) -> int:
         depth = 0

@@ -39,18 +39,20 @@ class Colours:
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count
         linear = np.tile(_WHITE, (count, 1))
-        own = getattr(primitive.attributes, "COLOR_0", None)
-        if own is not None:
-            linear = linear * np.asarray(file.accessor(own), np.float64)[:, :3]
-        found = None
+        vertex_colours = getattr(primitive.attributes, "COLOR_0", None)
+        if vertex_colours is not None:
+            linear = linear * np.asarray(file.accessor(vertex_colours), np.float64)[:, :3]
+        shading = None
         if primitive.material is not None and 0 <= primitive.material < len(file.document.materials):
-            found = file.document.materials[primitive.material].pbrMetallicRoughness
-        if own is None and (found is None or (found.baseColorFactor is None and not found.baseColorTexture)):
+            shading = file.document.materials[primitive.material].pbrMetallicRoughness
+        if vertex_colours is None and (
+            shading is None or (shading.baseColorFactor is None and not shading.baseColorTexture)
+        ):
             return None
-        if found is not None and found.baseColorFactor is not None:
-            linear = linear * np.array(found.baseColorFactor[:3], np.float64)
-        if found is not None and found.baseColorTexture is not None:
-            linear = linear * self._textured(primitive, found.baseColorTexture, count)
+        if shading is not None and shading.baseColorFactor is not None:
+            linear = linear * np.array(shading.baseColorFactor[:3], np.float64)
+        if shading is not None and shading.baseColorTexture is not None:
+            linear = linear * self._textured(primitive, shading.baseColorTexture, count)
         return srgb_of(linear)
 
     def _textured(self, primitive: Any, texture: Any, count: int) -> Float:

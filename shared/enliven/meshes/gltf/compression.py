@@ -90,8 +90,8 @@ def meshopt_bytes(data: bytes, packed: Entry, where: str = "") -> bytes:
     decoder = _load_decoder("meshopt", where)
     try:
         way = packed.mode, packed.filter or "NONE"
-        made = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
-        unpacked = np.ascontiguousarray(made).tobytes()
+        decoded = decoder.decode_gltf_buffer(data, packed.count, packed.byteStride, *way)
+        unpacked = np.ascontiguousarray(decoded).tobytes()
     except Exception:  # Third-party decoders may raise any exception for damaged data.
         raise InputError("it is damaged") from None
     if len(unpacked) != size:
@@ -110,6 +110,6 @@ def _load_decoder(module: str, where: str) -> Any:
     except ImportError as error:
         is_missing = isinstance(error, ModuleNotFoundError) and error.name == module
         state = "is not installed" if is_missing else "does not load"
-        what = f"it is compressed, and the library {module} that unpacks it {state}"
+        problem = f"it is compressed, and the library {module} that unpacks it {state}"
         mend = 'Install it: pip install "enliven[compressed]" (in a checkout: "./shared[compressed]").'
-        raise ResourceError(what, where=where, mend=mend) from None
+        raise ResourceError(problem, where=where, mend=mend) from None

@@ -69,8 +69,8 @@ def extension_notes(document: Entry) -> list[str]:
     notes = list[str]()
     for name in required:
         if _harmless(name):
-            told = _PICTURES.get(name, "no part of the shape or its motion")
-            notes.append(f"it requires {name}, which is left out: it holds {told}")
+            content = _PICTURES.get(name, "no part of the shape or its motion")
+            notes.append(f"it requires {name}, which is left out: it holds {content}")
     for name in used:
         if name not in required and name not in _READ and not _harmless(name):
             notes.append(f"it uses {name}, which is not supported: its content is left out")
@@ -108,22 +108,24 @@ def _show(document: Entry, pointer: Any) -> None:
     named = _VISIBLE.fullmatch(pointer) if isinstance(pointer, str) else None
     if named is not None and int(named[1]) < len(document.nodes):
         node = document.nodes[int(named[1])]
-        said = getattr(node.extensions, VISIBILITY, None)
-        if isinstance(said, Entry):
-            vars(said)["visible"] = True
+        visibility = getattr(node.extensions, VISIBILITY, None)
+        if isinstance(visibility, Entry):
+            vars(visibility)["visible"] = True
 
 
 def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
     """Returns the nodes that the file hides, with their whole subtrees."""
-    said = [getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes]
-    found = set[int]()
+    visible = [
+        getattr(getattr(node.extensions, VISIBILITY, None), "visible", None) for node in document.nodes
+    ]
+    hidden = set[int]()
     for node in range(len(parents)):
-        at = node
-        while at >= 0 and said[at] is not False:
-            at = parents[at]
-        if at >= 0:
-            found.add(node)
-    return found
+        ancestor = node
+        while ancestor >= 0 and visible[ancestor] is not False:
+            ancestor = parents[ancestor]
+        if ancestor >= 0:
+            hidden.add(node)
+    return hidden
 
 
 def _names(listed: Any) -> list[str]:

@@ -94,7 +94,7 @@ class GltfFile:
     @cached_property
     def scale_keys(self) -> dict[int, dict[int, Float]]:
         """The scales (K, 3) at the keys of each scaled node, by the number of the animation."""
-        found: dict[int, dict[int, Float]] = {}
+        keys_by_node: dict[int, dict[int, Float]] = {}
         for number, animation in enumerate(self.document.animations):
             for channel in animation.channels or []:
                 if channel.target.path != "scale" or channel.target.node is None:
@@ -102,8 +102,8 @@ class GltfFile:
                 sampler = animation.samplers[channel.sampler]
                 values = self.keys(sampler, "scale")
                 points = values[1::3] if sampler.interpolation == "CUBICSPLINE" else values
-                found.setdefault(channel.target.node, {})[number] = points
-        return found
+                keys_by_node.setdefault(channel.target.node, {})[number] = points
+        return keys_by_node
 
     def decompress(self, primitive: Any) -> None:
         """Decodes the accessors of a primitive if Draco compressed them."""
@@ -176,10 +176,10 @@ class GltfFile:
 
     def _strided(self, view: int, offset: int, kind: np.dtype[Any], count: int, width: int) -> AnyArray:
         """Returns (count, width) elements of a buffer view, packed or interleaved."""
-        found = self.document.bufferViews[view]
+        view_entry = self.document.bufferViews[view]
         data = self._view_bytes(view)
         size = kind.itemsize * width
-        stride = found.byteStride or size
+        stride = view_entry.byteStride or size
         if count and offset + (count - 1) * stride + size > len(data):
             raise self.wrong("an accessor reaches beyond its buffer: the file is cut short or damaged")
         if not count:
@@ -188,12 +188,12 @@ class GltfFile:
         return np.ndarray(shape, kind.newbyteorder("<"), data, offset, steps).astype(kind)
 
     def _view_bytes(self, view: int) -> bytes:
-        found = self.document.bufferViews[view]
+        view_entry = self.document.bufferViews[view]
         for extension in MESHOPT:
-            packed = getattr(found.extensions, extension, None)
+            packed = getattr(view_entry.extensions, extension, None)
             if isinstance(packed, Entry):
                 return self._unpack(view, packed, extension)
-        return self._slice(found)
+        return self._slice(view_entry)
 
     def _slice(self, found: Any) -> bytes:
         """Returns the bytes of a buffer view, or of a compressed one, which has the same form."""
@@ -214,8 +214,8 @@ class GltfFile:
             except InputError as error:
                 if error.where == str(self.path):
                     raise
-                what = f"buffer view {view}, compressed by {extension}, cannot be read: {error.what}"
-                raise self.wrong(what) from None
+                problem = f"buffer view {view}, compressed by {extension}, cannot be read: {error.what}"
+                raise self.wrong(problem) from None
         return self._unpacked[view]
 
     def _buffer(self, index: int) -> bytes:
@@ -236,14 +236,14 @@ class GltfFile:
 def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
     """Returns (..., 4, 4) translation after rotation after scale. Rotations (..., 4) are (x, y, z, w)."""
     x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
-    made = np.zeros((*x.shape, 4, 4))
-    made[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
-    made[..., 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1)
-    made[..., 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1)
-    made[..., :3, :3] *= np.asarray(scale, np.float64)[..., None, :]
-    made[..., :3, 3] = translation
-    made[..., 3, 3] = 1.0
-    return made
+    matrices = np.zeros((*x.shape, 4, 4))
+    matrices[..., 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1)
+    matrices[..., 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1)
+    matrices[..., 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1)
+    matrices[..., :3, :3] *= np.asarray(scale, np.float64)[..., None, :]
+    matrices[..., :3, 3] = translation
+    matrices[..., 3, 3] = 1.0
+    return matrices
 
 
 def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
@@ -254,17 +254,17 @@ def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
     if not data:
         raise InputError("the file is empty", where=str(path), mend=_AGAIN)
     try:
-        found = gltf_document(data)
-        version = None if found[0].asset is None else found[0].asset.version
+        parsed = gltf_document(data)
+        version = None if parsed[0].asset is None else parsed[0].asset.version
         if not str(version).startswith("2."):
             raise InputError("it states another version" if version else "it states no version")
     except (InputError, *DAMAGE) as error:
         logging.getLogger(__name__).debug("glTF", exc_info=True)
-        what = f"it cannot be read as glTF 2: {plain_reason(error)}"
+        problem = f"it cannot be read as glTF 2: {plain_reason(error)}"
         raise InputError(
-            what, where=str(path), mend="Check that it is complete and that its ending is right."
+            problem, where=str(path), mend="Check that it is complete and that its ending is right."
         ) from None
-    return found
+    return parsed
 
 
 def _check_references(document: Entry) -> None:

@@ -127,10 +127,10 @@ def _text(data: bytes) -> str:
     """Returns the JSON of a file: all of a glTF, one chunk of a GLB."""
     text = data
     if data[:4] == b"glTF":
-        found = _chunk(data, b"JSON")
-        if found is None:
+        chunk = _chunk(data, b"JSON")
+        if chunk is None:
             raise InputError("it is cut short or damaged: it has no JSON")
-        text = found
+        text = chunk
     return text.decode("utf-8-sig")
 
 

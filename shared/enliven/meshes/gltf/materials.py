@@ -71,16 +71,16 @@ class Materials:
             return None
         sets = max(uvs.shape[1] for _, _, (uvs, _) in parts)
         tinted = any(tint is not None for _, _, (_, tint) in parts)
-        of, places, tints = list[Int32](), list[Float32](), list[Float32]()
+        numbers, places, tints = list[Int32](), list[Float32](), list[Float32]()
         for faces, material, (uvs, tint) in parts:
             wide = np.zeros((len(uvs), sets, 2), np.float32)
             wide[:, : uvs.shape[1]] = uvs
-            of.append(np.full(len(faces), material, np.int32))
+            numbers.append(np.full(len(faces), material, np.int32))
             places.append(wide[faces])
             tints.append((np.ones((len(uvs), 4), np.float32) if tint is None else tint)[faces])
         all_tints = np.concatenate(tints) if tinted else None
-        told = tuple(self.definitions), tuple(self.textures)
-        return MeshMaterials(*told, np.concatenate(of), np.concatenate(places), all_tints)
+        collected = tuple(self.definitions), tuple(self.textures)
+        return MeshMaterials(*collected, np.concatenate(numbers), np.concatenate(places), all_tints)
 
     def _read(self, at: int) -> int:
         """Stores a material and its textures. Returns its number, or -1 if it is damaged."""
@@ -107,19 +107,19 @@ class Materials:
             return [self._kept(inner) for inner in value]
         if not isinstance(value, dict):
             return value
-        made = dict[str, Any]()
+        kept = dict[str, Any]()
         for key, inner in value.items():
-            made[key] = self._kept(inner, key == "extensions")
+            kept[key] = self._kept(inner, key == "extensions")
             if key.endswith("Texture") and isinstance(inner, dict):
                 number = self._textures[inner["index"]]
                 if number is None:
-                    del made[key]
+                    del kept[key]
                 else:
-                    made[key]["index"] = number
+                    kept[key]["index"] = number
             # Drop empty objects, but keep an empty extension, because its mere presence has a meaning.
-            elif not in_extensions and _is_empty(made[key]):
-                del made[key]
-        return made
+            elif not in_extensions and _is_empty(kept[key]):
+                del kept[key]
+        return kept
 
     def _texture(self, number: int) -> int | None:
         """Stores a texture and returns its number, or None with a note."""
@@ -137,14 +137,14 @@ class Materials:
             if self._bytes > _MOST_IMAGES:
                 raise InputError(f"with the others it has more than {_MOST_IMAGES} bytes")
             sampler = texture.sampler
-            told = (
+            sampler_text = (
                 "" if sampler is None else json.dumps(_plain(_entry(self._file.document.samplers, sampler)))
             )
-            made = Texture(np.frombuffer(data, np.uint8), told)
+            kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
             self.notes.append(f"texture {number} is not kept ({plain_reason(error)})")
             return None
-        self.textures.append(made)
+        self.textures.append(kept_texture)
         return len(self.textures) - 1
 
 
@@ -179,7 +179,7 @@ def _rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
     values: Float = np.nan_to_num(np.asarray(file.accessor(accessor), np.float64))
     if len(values) != count:
         raise file.wrong(f"{len(values)} texture coordinates or colours belong to {count} vertices")
-    made = np.ones((count, width), np.float32)
+    rows = np.ones((count, width), np.float32)
     shown = min(width, values.shape[1])
-    made[:, :shown] = values[:, :shown]
-    return made
+    rows[:, :shown] = values[:, :shown]
+    return rows

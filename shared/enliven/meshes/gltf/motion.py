@@ -51,9 +51,9 @@ class Locals:
 
 def rest_locals(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file, F = 1. Scales of 0 are replaced by tiny ones."""
-    made = _stated(file)
-    _open(made, file.scale_keys)
-    return made
+    transforms = _stated(file)
+    _open(transforms, file.scale_keys)
+    return transforms
 
 
 def standing_locals(file: GltfFile, still: bool = False) -> Locals:
@@ -62,21 +62,21 @@ def standing_locals(file: GltfFile, still: bool = False) -> Locals:
     A node with scale 0 in the file gets the scale of its animations, so that objects that pop up have a
     shape. A node that all animations mirror, but not the file, is mirrored, unless ``still`` is set.
     """
-    made, sizes = _stated(file), file.scale_keys
+    transforms, sizes = _stated(file), file.scale_keys
     for node, clips in sizes.items():
-        rest = made.scale[0, node]
+        rest = transforms.scale[0, node]
         keys = np.concatenate(list(clips.values()))
         largest = keys[np.abs(keys).argmax(0), np.arange(3)]
         rest[:] = np.where(np.abs(rest) < _CLOSED * np.abs(largest), largest, rest)
-        signs = [np.sign(own).prod(1) for own in clips.values()]
+        signs = [np.sign(scales).prod(1) for scales in clips.values()]
         if (
             not still
             and len(clips) == len(file.document.animations)
             and all((s == -np.sign(rest.prod())).all() for s in signs)
         ):
             rest[:] = keys[0]
-    _open(made, sizes)
-    return made
+    _open(transforms, sizes)
+    return transforms
 
 
 def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
@@ -97,40 +97,43 @@ def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
 
 def closed_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
-    stated, found = _stated(file), set[int]()
+    stated, closed = _stated(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
         size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
         clips = file.scale_keys.get(node, {})
         if not size.any() and not any(keys.any() for keys in clips.values()):
-            found.add(node)
-    for node in range(len(file.parents)) if found else ():
-        at = node
-        while at >= 0 and at not in found:
-            at = file.parents[at]
-        if at >= 0:
-            found.add(node)
-    return found
+            closed.add(node)
+    for node in range(len(file.parents)) if closed else ():
+        ancestor = node
+        while ancestor >= 0 and ancestor not in closed:
+            ancestor = file.parents[ancestor]
+        if ancestor >= 0:
+            closed.add(node)
+    return closed
 
 
 def _stated(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file, F = 1."""
     nodes = file.document.nodes
     count = len(nodes)
-    made = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
-    made.rotation[..., 3] = 1.0
+    transforms = Locals(np.zeros((1, count, 3)), np.zeros((1, count, 4)), np.ones((1, count, 3)), {})
+    transforms.rotation[..., 3] = 1.0
     for number, node in enumerate(nodes):
         if node.matrix is not None:
-            made.fixed[number] = np.array(node.matrix, np.float64).reshape(4, 4).T
+            transforms.fixed[number] = np.array(node.matrix, np.float64).reshape(4, 4).T
         if node.translation is not None:
-            made.translation[0, number] = node.translation
+            transforms.translation[0, number] = node.translation
         if node.rotation is not None:
-            made.rotation[0, number] = node.rotation
+            transforms.rotation[0, number] = node.rotation
         if node.scale is not None:
-            made.scale[0, number] = node.scale
-    if not all(np.isfinite(values).all() for values in (made.translation, made.rotation, made.scale)):
+            transforms.scale[0, number] = node.scale
+    if not all(
+        np.isfinite(values).all()
+        for values in (transforms.translation, transforms.rotation, transforms.scale)
+    ):
         raise file.wrong("a node's place, turn or size is not finite")
-    return made
+    return transforms
 
 
 def world_matrices(file: GltfFile, locals_: Locals) -> Float:
@@ -187,17 +190,17 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
 
     A jump of a STEP channel gives two times, just before its key and at it.
     """
-    found, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
+    candidates, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
     for sampler in _used_samplers(file, animation):
         keys = _keys(file, sampler.input)
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
             jumps = keys[1:][np.abs(np.diff(values[: len(keys)], axis=0)).max(1) > 0.0]
-            found += [jumps, jumps - JUMP]
+            candidates += [jumps, jumps - JUMP]
         else:
-            found.append(keys)
-    found += _growing(file, animation)
-    seconds = np.unique(np.concatenate([np.zeros(0), *found]))
+            candidates.append(keys)
+    candidates += _growing(file, animation)
+    seconds = np.unique(np.concatenate([np.zeros(0), *candidates]))
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
     seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
@@ -210,53 +213,53 @@ def _growing(file: GltfFile, animation: int) -> list[Float]:
 
     Between frames a clip interpolates the logarithm of a scale, but the file interpolates the scale itself.
     """
-    found = file.document.animations[animation]
-    made = list[Float]()
-    for channel in found.channels or []:
-        sampler = found.samplers[channel.sampler]
+    animation_entry = file.document.animations[animation]
+    times = list[Float]()
+    for channel in animation_entry.channels or []:
+        sampler = animation_entry.samplers[channel.sampler]
         if channel.target.path != "scale" or channel.target.node is None or sampler.interpolation == "STEP":
             continue
         keys, sizes = _keys(file, sampler.input), file.scale_keys[channel.target.node][animation]
         logs = np.log(np.maximum(np.abs(sizes), _CLOSED))
         for k in np.flatnonzero(np.abs(np.diff(logs, axis=0)).max(1, initial=0.0) > _MUCH_GROWTH):
             count = min(int((keys[k + 1] - keys[k]) / _GROWTH_STEP) + 1, _MOST_GROWTH)
-            made.append(np.linspace(keys[k], keys[k + 1], count + 1))
-    return made
+            times.append(np.linspace(keys[k], keys[k + 1], count + 1))
+    return times
 
 
 def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
     """Returns the samplers of the channels that move nodes."""
-    found = file.document.animations[animation]
+    animation_entry = file.document.animations[animation]
     used = {
         channel.sampler
-        for channel in found.channels or []
+        for channel in animation_entry.channels or []
         if channel.target.node is not None and channel.target.path in ("translation", "rotation", "scale")
     }
-    return [found.samplers[number] for number in sorted(used)]
+    return [animation_entry.samplers[number] for number in sorted(used)]
 
 
 def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
     """Samples every channel of an animation at ``times`` (F,) seconds."""
     rest = _stated(file)
     count = len(times)
-    made = Locals(
+    transforms = Locals(
         np.repeat(rest.translation, count, 0),
         np.repeat(rest.rotation, count, 0),
         np.repeat(rest.scale, count, 0),
         dict(rest.fixed),
     )
-    found = file.document.animations[animation]
-    for channel in found.channels:
+    animation_entry = file.document.animations[animation]
+    for channel in animation_entry.channels:
         node, path = channel.target.node, channel.target.path
         if node is None or path not in ("translation", "rotation", "scale"):
             continue
-        sampler = found.samplers[channel.sampler]
+        sampler = animation_entry.samplers[channel.sampler]
         values = file.keys(sampler, path)
-        at = sampled(_keys(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times)
-        getattr(made, path)[:, node] = at
-        made.fixed.pop(node, None)
-    _open(made, file.scale_keys)
-    return made
+        samples = sampled(_keys(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times)
+        getattr(transforms, path)[:, node] = samples
+        transforms.fixed.pop(node, None)
+    _open(transforms, file.scale_keys)
+    return transforms
 
 
 def _keys(file: GltfFile, accessor: int) -> Float:
@@ -286,8 +289,8 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
     if interpolation == "STEP":
         return np.asarray(points[np.where(share >= 1.0, before + 1, before)])
     if cubic:
-        made = _hermite(values, before, span[:, None], share[:, None])
-        return unit(made) if path == "rotation" else made
+        curve = _hermite(values, before, span[:, None], share[:, None])
+        return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the components, if both quaternions use the same order.
         a, b = unit(points[before]), unit(points[before + 1])

@@ -94,27 +94,27 @@ def shown_nodes(file: GltfFile) -> list[int]:
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     """Returns the visible nodes of the scene, then the joint trees outside of it, parents first."""
-    found = shown_nodes(file)
-    known, roots = set(found), list[int]()
+    shown = shown_nodes(file)
+    listed, roots = set(shown), list[int]()
     for skin in dict.fromkeys(part.skin for part in parts if part.skin >= 0):
-        for at in file.document.skins[skin].joints:
-            while at not in known and file.parents[at] >= 0:
-                at = file.parents[at]
-            if at not in known:
-                known.add(at)
-                roots.append(at)
-    return found + _below(file, roots)
+        for node in file.document.skins[skin].joints:
+            while node not in listed and file.parents[node] >= 0:
+                node = file.parents[node]
+            if node not in listed:
+                listed.add(node)
+                roots.append(node)
+    return shown + _below(file, roots)
 
 
 def _below(file: GltfFile, roots: list[int]) -> list[int]:
     """Returns nodes with their whole subtrees, parents first."""
     document = file.document
-    found, waiting = list[int](), roots[::-1]
+    nodes, waiting = list[int](), roots[::-1]
     while waiting:
-        at = waiting.pop()
-        found.append(at)
-        waiting.extend(reversed(document.nodes[at].children or []))
-    return found
+        node = waiting.pop()
+        nodes.append(node)
+        waiting.extend(reversed(document.nodes[node].children or []))
+    return nodes
 
 
 def _part(
@@ -176,15 +176,19 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
             vertices or corners exceed the reader's limits.
     """
     accessors = file.document.accessors
-    most = max((accessors[at].count for name, at in table.items() if name in _COLUMNS), default=1)
+    most = max((accessors[accessor].count for name, accessor in table.items() if name in _COLUMNS), default=1)
     if most * max(size, 1) > MOST_ELEMENTS:
         raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
     columns = {
-        name: np.asarray(file.accessor(at), np.float64) for name, at in table.items() if name in _COLUMNS
+        name: np.asarray(file.accessor(accessor), np.float64)
+        for name, accessor in table.items()
+        if name in _COLUMNS
     }
     count = max((len(values) for values in columns.values()), default=1)
     filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _COLUMNS.items()]
-    fits = all(one.shape == (count, len(usual)) for one, usual in zip(filled, _COLUMNS.values(), strict=True))
+    fits = all(
+        column.shape == (count, len(usual)) for column, usual in zip(filled, _COLUMNS.values(), strict=True)
+    )
     if not fits or not all(np.isfinite(values).all() for values in filled):
         raise file.wrong("the places of its instances do not fit together")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)

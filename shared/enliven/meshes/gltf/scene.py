@@ -72,13 +72,13 @@ class MeshScene:
             if number < 0 and mesh.colours is not None:
                 attributes.COLOR_0 = blob.add(linear16(mesh.colours[vertices]), array, normalised=True)
             stored = faces.astype(np.uint16 if len(vertices) < 65535 else np.uint32)
-            made = pygltflib.Primitive(
+            primitive = pygltflib.Primitive(
                 attributes=attributes,
                 indices=blob.add(stored.reshape(-1), pygltflib.ELEMENT_ARRAY_BUFFER),
                 material=self._materials.plain(name) if number < 0 else numbers[number],
                 mode=pygltflib.TRIANGLES,
             )
-            yield made, vertices
+            yield primitive, vertices
 
 
 def mesh_glb(mesh: Mesh) -> bytes:

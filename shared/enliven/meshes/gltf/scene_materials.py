@@ -32,24 +32,26 @@ class SceneMaterials:
     def plain(self, name: str) -> int:
         """Adds a plain white material, which shows a mesh's colours. Returns its number."""
         rough = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH}
-        told = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
-        return self._number(told)
+        definition = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
+        return self._number(definition)
 
     def added(self, materials: MeshMaterials) -> list[int]:
         """Adds the materials of a mesh with their textures. Returns their numbers in the file."""
         textures = list[int]()
         for texture in materials.textures:
             image = self._image(texture.image, texture.kind)
-            told = texture.sampler
-            sampler = self._samplers.setdefault(told, len(self._samplers)) if told else None
+            sampler_text = texture.sampler
+            sampler = self._samplers.setdefault(sampler_text, len(self._samplers)) if sampler_text else None
             textures.append(self._textures.setdefault((image, sampler), len(self._textures)))
-        return [self._number(renumbered(told, textures.__getitem__)) for told in materials.definitions]
+        return [
+            self._number(renumbered(definition, textures.__getitem__)) for definition in materials.definitions
+        ]
 
     def put_into(self, document: pygltflib.GLTF2) -> None:
         """Writes all added materials into the document."""
         document.materials = self._materials
         document.images = [image for _, image in self._images.values()]
-        document.samplers = [json.loads(told) for told in self._samplers]
+        document.samplers = [json.loads(sampler_text) for sampler_text in self._samplers]
         for image, sampler in self._textures:
             document.textures.append(pygltflib.Texture(source=image, sampler=sampler))
         used = {name for material in self._materials for name in extensions_in(material)}
@@ -71,13 +73,13 @@ class SceneMaterials:
 
 def extensions_in(value: Any) -> set[str]:
     """Returns the names of all extensions that a JSON value uses."""
-    found = set[str]()
+    names = set[str]()
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
         if key == "extensions" and isinstance(inner, dict):
-            found |= set(inner)
+            names |= set(inner)
         if isinstance(inner, (dict, list)):
-            found |= extensions_in(inner)
-    return found
+            names |= extensions_in(inner)
+    return names
 
 
 def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Float32]]]:

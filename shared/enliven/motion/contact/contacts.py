@@ -77,13 +77,13 @@ def _steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, 
     """Returns the parts of a run of frames; a foot that drifts over the ground by more than ``far`` takes
     a step.
     """
-    found, begin = list[tuple[int, int]](), first
+    parts, begin = list[tuple[int, int]](), first
     for frame in range(first, last + 1):
         way = places[frame, [0, 2]] - places[begin, [0, 2]]
         if way @ way > far * far:
-            found.append((begin, frame - 1))
+            parts.append((begin, frame - 1))
             begin = frame
-    return [*found, (begin, last)]
+    return [*parts, (begin, last)]
 
 
 def runs_of(down: Bool) -> list[tuple[int, int]]:

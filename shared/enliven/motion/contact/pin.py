@@ -86,8 +86,10 @@ def pin_feet(
         hip = _two_up(skeleton, foot) if start is None else _number(skeleton, start)
         chain = skeleton.path(hip, foot) if hip >= 0 else ()
         if len(chain) < 3 or hip not in chain[:1] or min(chain) != hip:
-            what = f"no limb of two bones ends in {skeleton.names[foot]!r}"
-            raise InputError(what, where=f"shape {shape_id!r}", mend="Name the joint where the limb begins.")
+            problem = f"no limb of two bones ends in {skeleton.names[foot]!r}"
+            raise InputError(
+                problem, where=f"shape {shape_id!r}", mend="Name the joint where the limb begins."
+            )
         name = skeleton.names[foot]
         pins[name] = Pin(name, skeleton.names[hip], settings or ContactSettings())
     return project.with_characters(shape.with_changes(pins=tuple(pins.values())))
@@ -103,7 +105,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
 
 def held_pins(shape: Shape) -> list[HeldPin]:
     """Returns the pins of a shape with existing limbs."""
-    skeleton, made = shape.skeleton, []
+    skeleton, pins = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:
             continue
@@ -111,7 +113,7 @@ def held_pins(shape: Shape) -> list[HeldPin]:
         if len(chain) < 3 or min(chain) != chain[0]:
             continue
         middle, side = bend_of(skeleton, chain)
-        kept = skeleton.parents == chain[-1]
+        keeps_turn = skeleton.parents == chain[-1]
         size = float(skeleton.lengths[list(chain[1:])].sum())
         below = np.array([j for j in range(len(skeleton)) if chain[-1] in skeleton.path(0, j)], np.int32)
         ground = skeleton.positions[:, 1].min()
@@ -119,9 +121,9 @@ def held_pins(shape: Shape) -> list[HeldPin]:
             ground = min(ground, shape.mesh.vertices[:, 1].min())
         sole = float(skeleton.positions[below, 1].min() - ground)
         stance = float(skeleton.positions[chain[-1], 1] - ground)
-        limb = (np.array(chain, np.int32), middle, side, size, kept)
-        made.append(HeldPin(*limb, pin.settings, below, sole, float(ground + shape.place[1]), stance))
-    return made
+        limb = (np.array(chain, np.int32), middle, side, size, keeps_turn)
+        pins.append(HeldPin(*limb, pin.settings, below, sole, float(ground + shape.place[1]), stance))
+    return pins
 
 
 def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:

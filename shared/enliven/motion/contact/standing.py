@@ -118,24 +118,26 @@ def standing_of(
     step = (window.end - window.start) / max(count - 1, 1)
     times: Float = window.start + np.arange(count, dtype=np.float64) * step
     _, joints = free(times)
-    made, drops, grounds = [], np.zeros(count), []
-    asked = None if modes is None else modes(times)
+    contacts, drops, grounds = [], np.zeros(count), []
+    foot_modes = None if modes is None else modes(times)
     for number, pin in enumerate(pins):
         mode, most = None, np.full(count, pin.settings.drop)
-        if asked is not None:
-            mode = asked[number]
+        if foot_modes is not None:
+            mode = foot_modes[number]
             # A foot that is always held must be reached, however deep the knees bend.
             most[mode == ALWAYS] = 1.0
             grounds.append(_while(mode == GROUND, times))
-        seen = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
-        seen = replace(seen, starts=seen.starts + window.start, ends=seen.ends + window.start)
+        foot_contacts = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
+        foot_contacts = replace(
+            foot_contacts, starts=foot_contacts.starts + window.start, ends=foot_contacts.ends + window.start
+        )
         if pin.settings.above:
-            seen.places[:, 1] = np.maximum(seen.places[:, 1], pin.ground + pin.stance)
-        made.append((pin, seen))
-        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, seen, times), most))
+            foot_contacts.places[:, 1] = np.maximum(foot_contacts.places[:, 1], pin.ground + pin.stance)
+        contacts.append((pin, foot_contacts))
+        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, foot_contacts, times), most))
     wide = max((pin.settings.blend for pin in pins), default=0.0)
     return Standing(
-        tuple(made),
+        tuple(contacts),
         window,
         times,
         _even(drops, round(wide / step) if step else 0, window.looped),

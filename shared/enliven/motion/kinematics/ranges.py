@@ -124,21 +124,31 @@ def limit_turns_towards(
     if swings is None or twists is None:
         swings, twists = _swing_and_twist(joint.bone, joint.axes, turns)
     nearest, off = _known_swings(joint, swings)
-    known = np.clip(twists, *joint.twists)
-    made, about, kept, none = swings, twists, np.ones(len(turns)), np.zeros(len(turns))
+    nearest_twists = np.clip(twists, *joint.twists)
+    limited_swings, limited_twists, kept_share, none = (
+        swings,
+        twists,
+        np.ones(len(turns)),
+        np.zeros(len(turns)),
+    )
     swing_off = np.linalg.norm(off, axis=1) if joint.swing_reach < _UNLIMITED else none
     if joint.swing_reach < _UNLIMITED:
         around = _off_around(twists, *joint.twists) if joint.twist_reach < _UNLIMITED else none
-        made = nearest + _factor(joint, swing_off, around)[:, None] * off
-        kept = 1.0 - _rise(np.linalg.norm(swings, axis=1), max(float(_FOLD), joint.swing_reach))
-        made = kept[:, None] * made + (1.0 - kept)[:, None] * far
+        limited_swings = nearest + _factor(joint, swing_off, around)[:, None] * off
+        kept_share = 1.0 - _rise(np.linalg.norm(swings, axis=1), max(float(_FOLD), joint.swing_reach))
+        limited_swings = kept_share[:, None] * limited_swings + (1.0 - kept_share)[:, None] * far
     if joint.twist_reach < _UNLIMITED:
-        about = known + _factor(joint, swing_off, np.abs(twists - known)) * (twists - known)
+        limited_twists = nearest_twists + _factor(joint, swing_off, np.abs(twists - nearest_twists)) * (
+            twists - nearest_twists
+        )
         # Near a swing of 180 degrees, the twist is undefined too, so fade it out.
-        about = about * kept * (1.0 - _rise(np.abs(twists), max(float(_FOLD), joint.twist_reach)))
-    changed = (np.abs(made - swings).max(1) > _SAME) | (np.abs(about - twists) > _SAME)
+        limited_twists = (
+            limited_twists * kept_share * (1.0 - _rise(np.abs(twists), max(float(_FOLD), joint.twist_reach)))
+        )
+    changed = (np.abs(limited_swings - swings).max(1) > _SAME) | (np.abs(limited_twists - twists) > _SAME)
     limited = multiply(
-        from_rotation_vector(made @ joint.axes), from_rotation_vector(about[:, None] * joint.bone)
+        from_rotation_vector(limited_swings @ joint.axes),
+        from_rotation_vector(limited_twists[:, None] * joint.bone),
     )
     return np.where(changed[:, None], limited, turns)
 
@@ -224,8 +234,8 @@ def _convex_hull(points: Float) -> Float:
 
 def _is_right_turn(a: Float, b: Float, c: Float) -> bool:
     """Returns True if the path (2,) from a over b to c does not turn left."""
-    one, other = b - a, c - a
-    return bool(one[0] * other[1] - one[1] * other[0] <= 0.0)
+    to_b, to_c = b - a, c - a
+    return bool(to_b[0] * to_c[1] - to_b[1] * to_c[0] <= 0.0)
 
 
 def _nearest_in_hull(hull: Float, points: Float) -> Float:

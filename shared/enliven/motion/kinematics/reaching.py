@@ -87,7 +87,7 @@ def unbend(points, goal, far, sizes):
     Then points the chain at the goal. This is used if the halves are too bent to reach the goal.
     """
     count = len(points)
-    bends, made = np.empty((count - 1, 4)), points.copy()
+    bends, unbent = np.empty((count - 1, 4)), points.copy()
     for i in range(count - 2):
         a, b = minus(row(points, i + 1), row(points, i)), minus(row(points, i + 2), row(points, i + 1))
         store(bends, i + 1, swing_to(a, b))
@@ -105,14 +105,14 @@ def unbend(points, goal, far, sizes):
                 q = mul(mul(swing_to(old, link), q), conj(swing_to(old, link)))
                 link = turn(q, link[0], link[1], link[2])
             for axis in range(3):
-                made[i + 1, axis] = made[i, axis] + sizes[i] * link[axis]
-        if length(minus(row(made, count - 1), row(made, 0))) < far:
+                unbent[i + 1, axis] = unbent[i, axis] + sizes[i] * link[axis]
+        if length(minus(row(unbent, count - 1), row(unbent, 0))) < far:
             high = part
         else:
             low = part
-    q = swing_to(minus(row(made, count - 1), row(made, 0)), minus(goal, row(made, 0)))
+    q = swing_to(minus(row(unbent, count - 1), row(unbent, 0)), minus(goal, row(unbent, 0)))
     for i in range(1, count):
-        way = minus(row(made, i), row(made, 0))
+        way = minus(row(unbent, i), row(unbent, 0))
         x, y, z = turn(q, way[0], way[1], way[2])
         points[i, 0], points[i, 1], points[i, 2] = points[0, 0] + x, points[0, 1] + y, points[0, 2] + z
 

@@ -59,15 +59,15 @@ def basis_between(
         source_up: (3,) its up.
     """
     view, up = _unit(view, "view"), _unit(up, "up")
-    seen = view if source_view is None else _unit(source_view, "source view")
-    above = up if source_up is None else _unit(source_up, "source up")
-    one, sure_one = _basis(_unit(source, "first bone of the source"), seen, above)
-    other, sure_other = _basis(_unit(target, "first bone of the target"), view, up)
-    made = multiply(other, conjugate(one))
-    turned = multiply(multiply(other, HALF_TURN), conjugate(one))
-    if not (sure_one and sure_other) and abs(turned[0]) > abs(made[0]) + 1e-9:
-        made, turned = turned, made
-    return canonical(turned if flip else made)
+    own_view = view if source_view is None else _unit(source_view, "source view")
+    own_up = up if source_up is None else _unit(source_up, "source up")
+    source_basis, is_source_sure = _basis(_unit(source, "first bone of the source"), own_view, own_up)
+    target_basis, is_target_sure = _basis(_unit(target, "first bone of the target"), view, up)
+    basis = multiply(target_basis, conjugate(source_basis))
+    turned = multiply(multiply(target_basis, HALF_TURN), conjugate(source_basis))
+    if not (is_source_sure and is_target_sure) and abs(turned[0]) > abs(basis[0]) + 1e-9:
+        basis, turned = turned, basis
+    return canonical(turned if flip else basis)
 
 
 def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:

@@ -81,11 +81,11 @@ _Piece = tuple[float, float, tuple[Ref, ...]]
 
 def _pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
     """Returns the spans of a chain's bones, in sequence, with their intervals on the chain."""
-    made: list[_Piece] = []
+    pieces: list[_Piece] = []
     for bone, (start, end) in _places(shape, chain):
         for a, b, span in _laid_out(shape.spans[bone]):
-            made.append((start + (end - start) * a, start + (end - start) * b, span.refs))
-    return made
+            pieces.append((start + (end - start) * a, start + (end - start) * b, span.refs))
+    return pieces
 
 
 def _places(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
@@ -119,23 +119,25 @@ def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]
     """Returns the spans of a bone combined with the parts of the pieces on [0, 1]; pieces may extend
     beyond.
     """
-    own = _laid_out(spans)
-    bounds = [x for a, b, _ in own for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
+    own_spans = _laid_out(spans)
+    bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
     cuts = _apart([min(max(x, 0.0), 1.0) for x in bounds])
-    made: list[Span] = []
+    overlaid: list[Span] = []
     for i, low in enumerate(cuts):
         # Copy the pieces without length at this end. A piece without length lies at the joint itself, and a
         # piece at the end of a bone belongs to the next bone.
-        made += [replace(span, share=0.0) for a, b, span in own if b - a <= _SLIVER and _near(a, low)]
+        overlaid += [
+            replace(span, share=0.0) for a, b, span in own_spans if b - a <= _SLIVER and _near(a, low)
+        ]
         if i == len(cuts) - 1:
             break
-        made += [Span(0.0, refs) for a, b, refs in pieces if b - a <= _SLIVER and _near(a, low)]
+        overlaid += [Span(0.0, refs) for a, b, refs in pieces if b - a <= _SLIVER and _near(a, low)]
         high, middle = cuts[i + 1], (low + cuts[i + 1]) / 2
-        a, b, span = next(piece for piece in own if piece[0] < middle < piece[1])
+        a, b, span = next(piece for piece in own_spans if piece[0] < middle < piece[1])
         refs = [_part_of(ref, a, b, low, high) for ref in span.refs]
         refs += [_part_of(r, c, d, low, high) for c, d, some in pieces if c < middle < d for r in some]
-        made.append(Span(high - low, tuple(refs), span.before if _near(a, low) else STILL[0].before))
-    return tuple(made)
+        overlaid.append(Span(high - low, tuple(refs), span.before if _near(a, low) else STILL[0].before))
+    return tuple(overlaid)
 
 
 def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:

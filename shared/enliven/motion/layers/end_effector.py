@@ -61,14 +61,14 @@ def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
     """
     if layer.mode != "end" or len(layer.chain) < 2:
         return []
-    at = line.clip.skeleton.positions[list(layer.chain)]
+    positions = line.clip.skeleton.positions[list(layer.chain)]
     if layer.mirrored:
-        at = at * [-1.0, 1.0, 1.0]
-    links = rotate(layer.basis, np.diff(at, axis=0))
+        positions = positions * [-1.0, 1.0, 1.0]
+    links = rotate(layer.basis, np.diff(positions, axis=0))
     return [
-        made
+        led
         for chain, start, end in _chains(shape, layer.id)
-        if (made := _led(shape, chain, start, end, links, line.knots, layer.weight)) is not None
+        if (led := _led(shape, chain, start, end, links, line.knots, layer.weight)) is not None
     ]
 
 
@@ -96,10 +96,10 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
         refs = [ref for span in spans for ref in span.refs if ref.layer == layer]
         if refs and bone > 0:
             intervals[bone] = refs[0].start, refs[-1].end
-    taken: set[int] = set()
-    made = []
+    used: set[int] = set()
+    chains = []
     for bone in sorted(intervals):
-        if bone in taken:
+        if bone in used:
             continue
         chain = [int(shape.skeleton.parents[bone]), bone]
         end = intervals[bone][1]
@@ -108,15 +108,15 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
             after = [
                 c
                 for c in shape.skeleton.children[chain[-1]]
-                if c in intervals and c not in taken and abs(intervals[c][0] - end) < _SLIVER
+                if c in intervals and c not in used and abs(intervals[c][0] - end) < _SLIVER
             ]
             if not after:
                 break
             chain.append(after[0])
             end = intervals[after[0]][1]
-        taken.update(chain[1:])
-        made.append((chain, intervals[bone][0], end))
-    return made
+        used.update(chain[1:])
+        chains.append((chain, intervals[bone][0], end))
+    return chains
 
 
 def lead_at(
@@ -150,7 +150,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         joints: (T, N, 3) metres, changed in place.
     """
     count = len(chain)
-    local, made = np.empty((len(parents), 4)), np.empty((count - 1, 4))
+    local, bone_turns = np.empty((len(parents), 4)), np.empty((count - 1, 4))
     points = np.empty((count, 3))
     fixed = np.zeros(len(parents), np.bool_)
     for t in range(len(turns)):
@@ -161,20 +161,20 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         a, b = curve(links, knots[t], ends[0], parts[0]), curve(links, knots[t], ends[1], parts[1])
         way = turn(q, (b[0] - a[0]) * scale, (b[1] - a[1]) * scale, (b[2] - a[2]) * scale)
         way = turn(load(turns[t], chain[0]), way[0], way[1], way[2])
-        start, at = row(joints[t], chain[0]), row(joints[t], chain[count - 1])
+        start, end = row(joints[t], chain[0]), row(joints[t], chain[count - 1])
         goal = (
-            at[0] + weight * (start[0] + way[0] - at[0]),
-            at[1] + weight * (start[1] + way[1] - at[1]),
-            at[2] + weight * (start[2] + way[2] - at[2]),
+            end[0] + weight * (start[0] + way[0] - end[0]),
+            end[1] + weight * (start[1] + way[1] - end[1]),
+            end[2] + weight * (start[2] + way[2] - end[2]),
         )
         for i in range(count):
             points[i, 0], points[i, 1], points[i, 2] = row(joints[t], chain[i])
         bulge = turn(load(turns[t], chain[0]), side[0], side[1], side[2])
-        reach(points, goal, bulge, made)
+        reach(points, goal, bulge, bone_turns)
         local_turns(parents, turns[t], local)
         for i in range(1, count):
             fixed[chain[i]] = True
-            store(turns[t], chain[i], mul(load(made, i - 1), load(turns[t], chain[i])))
+            store(turns[t], chain[i], mul(load(bone_turns, i - 1), load(turns[t], chain[i])))
         way = vectors[min(t, len(vectors) - 1)]
         rebuild(parents, way, fixed, local, chain[0], turns[t], joints[t])
 

@@ -186,9 +186,9 @@ class Player:
         Raises:
             InputError: if the take does not exist, or the rotations do not match its skeleton.
         """
-        known = self.project.takes.get(take)
+        clip = self.project.takes.get(take)
         turns, root = np.array(turns, np.float64)[None], np.array(root, np.float64)[None]
-        if known is None or turns.shape != (1, len(known.skeleton), 4) or root.shape != (1, 3):
+        if clip is None or turns.shape != (1, len(clip.skeleton), 4) or root.shape != (1, 3):
             raise InputError(f"turns {turns.shape[1:]} cannot be played", where=f"take {take!r}")
         # The arrays of a clip are read-only. Make these arrays read-only too, so that numba compiles the
         # kernels only once.

@@ -27,21 +27,23 @@ _HEARD = 0.5
 
 def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:
     """Returns a function of times (T,) for the mode of each pinned foot; None if all layers are "auto"."""
-    spoken = [one for one in shape.layers if one.feet != "auto" and not one.muted and one.weight > 0.0]
+    spoken = [
+        layer for layer in shape.layers if layer.feet != "auto" and not layer.muted and layer.weight > 0.0
+    ]
     if not spoken or not pins:
         return None
-    clocks = Clocks.of(spoken, [project.takes[one.take] for one in spoken])
-    mine = [[_speaks(shape, one, pin) for one in spoken] for pin in pins]
+    clocks = Clocks.of(spoken, [project.takes[layer.take] for layer in spoken])
+    mine = [[_speaks(shape, layer, pin) for layer in spoken] for pin in pins]
     order = sorted(range(len(spoken)), key=lambda k: spoken[k].id != shape.travel)
 
     def modes(times: Float) -> Int:
         heard = clocks.played(times).weight * clocks.curves(times) > _HEARD
-        found = np.zeros((len(pins), len(times)), np.int64)
-        for row, legs in zip(found, mine, strict=True):
+        chosen_modes = np.zeros((len(pins), len(times)), np.int64)
+        for row, legs in zip(chosen_modes, mine, strict=True):
             for k in order:
                 if legs[k]:
                     row[heard[:, k]] = FEET.index(spoken[k].feet)
-        return found
+        return chosen_modes
 
     return modes
 

@@ -83,8 +83,8 @@ def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
         elif skeleton.parents[a] == b:
             bones.append(a)
         else:
-            what = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are not neighbours"
-            raise InputError(what, where=where, mend="Skeleton.path gives the joints between two ends.")
+            problem = f"joints {skeleton.names[a]!r} and {skeleton.names[b]!r} are not neighbours"
+            raise InputError(problem, where=where, mend="Skeleton.path gives the joints between two ends.")
     return bones
 
 
@@ -152,19 +152,19 @@ def knot_turns(turns, bones, first, bases, at, weights, basis, mirrored, begin, 
 @njit(cache=True, nogil=True)
 def row_turns(turns, bones, base, frame, part, weight, basis, mirrored, out):
     """Computes the knots (K, 4) of one polyline, at fraction ``part`` from ``frame`` to the next."""
-    one = (1.0, 0.0, 0.0, 0.0)
+    identity = (1.0, 0.0, 0.0, 0.0)
     turned = (basis[0], basis[1], basis[2], basis[3])
     plain = turned[1] == 0.0 and turned[2] == 0.0 and turned[3] == 0.0
-    start = conj(turn_at(turns, frame, part, base)) if base >= 0 else one
-    total, last, before = one, one, one
-    store(out, 0, one)
+    start = conj(turn_at(turns, frame, part, base)) if base >= 0 else identity
+    total, last, before = identity, identity, identity
+    store(out, 0, identity)
     for k in range(len(bones)):
-        whole = mul(start, turn_at(turns, frame, part, bones[k]))
+        full_turn = mul(start, turn_at(turns, frame, part, bones[k]))
         if weight == 1.0:
-            total = whole
+            total = full_turn
         else:
-            total = mul(total, between(one, mul(conj(last), whole), weight))
-            last = whole
+            total = mul(total, between(identity, mul(conj(last), full_turn), weight))
+            last = full_turn
         knot = total
         if mirrored:
             knot = (knot[0], knot[1], -knot[2], -knot[3])
@@ -183,14 +183,14 @@ def blend_knots(others, share, weight, first, begin, out):
 
     ``first`` and ``begin`` have the same meaning as in :func:`knot_turns`.
     """
-    one = (1.0, 0.0, 0.0, 0.0)
+    identity = (1.0, 0.0, 0.0, 0.0)
     for t in range(len(out)):
         for i in range(share.shape[1]):
             if share[t, i] == 0.0 and weight[t, i] == 1.0:
                 continue
             for k in range(begin + first[i] + i, begin + first[i + 1] + i + 1):
                 mixed = between(load(out[t], k), load(others[t], k), share[t, i])
-                store(out[t], k, between(one, mixed, weight[t, i]))
+                store(out[t], k, between(identity, mixed, weight[t, i]))
 
 
 @njit(cache=True, nogil=True)

@@ -182,10 +182,10 @@ def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
 
 def _laid(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
     """Returns the spans of a bone with [start, end] of an additional layer, each with its part."""
-    made, done = [], 0.0
+    laid, done = [], 0.0
     for i, span in enumerate(spans):
         a = start + done * (end - start)
         done = 1.0 if i == len(spans) - 1 else done + span.share
         b = end if i == len(spans) - 1 else start + done * (end - start)
-        made.append(replace(span, refs=(*span.refs, Ref(layer, a, b))))
-    return tuple(made)
+        laid.append(replace(span, refs=(*span.refs, Ref(layer, a, b))))
+    return tuple(laid)

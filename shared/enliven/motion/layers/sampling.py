@@ -34,7 +34,7 @@ class Sampler:
     def __init__(self, project: Project, shape: Shape) -> None:
         self.layers: list[Layer] = sorted(active_layers(shape), key=_played_by)
         takes = [smoothed(project.takes[layer.take], layer.smooth) for layer in self.layers]
-        self.lines = [Polyline.of(take, one.chain) for take, one in zip(takes, self.layers, strict=True)]
+        self.lines = [Polyline.of(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)]
         ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
         self._takes = [

@@ -55,12 +55,14 @@ class _Stretched:
         played = self.clock.played(times)
         weight = played.weight[:, 0] * self.layer.weight
         finest = self.clip.finest
-        made = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
-        for out, track in zip(made, (finest.offsets, finest.strains), strict=True):
+        totals = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
+        for out, track in zip(totals, (finest.offsets, finest.strains), strict=True):
             if track is not None:
-                one, other = (_between(track[:, self.bones], at[:, 0]) for at in (played.frame, played.other))
-                out += weight[:, None, None] * (one + played.share[:, :1, None] * (other - one))
-        offsets, strains = made[0] * self.signs[:, None], made[1]
+                current, other = (
+                    _between(track[:, self.bones], frames[:, 0]) for frames in (played.frame, played.other)
+                )
+                out += weight[:, None, None] * (current + played.share[:, :1, None] * (other - current))
+        offsets, strains = totals[0] * self.signs[:, None], totals[1]
         if self.layer.mirrored:
             offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _REFLECTED
         offsets, strains = rotate(self.layer.basis, offsets), turned_strain(self.layer.basis, strains)
@@ -95,29 +97,33 @@ class Stretching:
         both = zip(sampler.layers, sampler.lines, strict=True)
         heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
         ratios = [_ratios(layer, line, shape) for layer, line in heard]
-        known = [ratio[np.isfinite(ratio)] for ratio in ratios]
-        usual = float(np.median(np.concatenate(known))) if any(len(some) for some in known) else 1.0
-        found = [
+        finite_ratios = [ratio[np.isfinite(ratio)] for ratio in ratios]
+        usual = (
+            float(np.median(np.concatenate(finite_ratios)))
+            if any(len(some) for some in finite_ratios)
+            else 1.0
+        )
+        stretched = [
             _stretched(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
             for (layer, line), ratio in zip(heard, ratios, strict=True)
         ]
-        return Stretching(found) if found else None
+        return Stretching(stretched) if stretched else None
 
     def at(self, times: Float) -> tuple[Float, Float]:
         """Returns (T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains in the form of a clip."""
-        made = [layer.at(times) for layer in self._layers]
-        return sum(offsets for offsets, _ in made), sum(strains for _, strains in made)  # type: ignore[return-value]
+        sampled = [layer.at(times) for layer in self._layers]
+        return sum(offsets for offsets, _ in sampled), sum(strains for _, strains in sampled)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:
         """Returns (T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None for the
         identity.
         """
-        made = stretch_of(strains) if strains.any() else None
+        matrices = stretch_of(strains) if strains.any() else None
         for layer in self._layers:
             mirrors = layer.mirrors(times)
             if mirrors is not None and (mirrors < 0.0).any():
-                made = (np.eye(3) if made is None else made) * mirrors[..., None, None]
-        return made
+                matrices = (np.eye(3) if matrices is None else matrices) * mirrors[..., None, None]
+        return matrices
 
 
 def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _Stretched:

@@ -96,8 +96,8 @@ class Clocks:
 
 
 def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
-    one = lane[number]
-    return (one.begin, one.end, one.first, one.speed, *run_of(lane, number))
+    segment = lane[number]
+    return (segment.begin, segment.end, segment.first, segment.speed, *run_of(lane, number))
 
 
 @njit(cache=True, nogil=True)
