@@ -45,8 +45,8 @@ def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBes
     """
     if quality.beyond == 0.0:
         return None
-    found = [NextBest(how, plan, _measured(made, shape, plan)) for how, plan in _others(made, shape)]
-    best = min(found, key=lambda one: one.quality.faults)
+    alternatives = [NextBest(how, plan, _measured(made, shape, plan)) for how, plan in _others(made, shape)]
+    best = min(alternatives, key=lambda one: one.quality.faults)
     return best if best.quality.faults < _BETTER * quality.faults else None
 
 

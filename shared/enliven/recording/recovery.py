@@ -87,7 +87,7 @@ def recover(path: Path, output: Path) -> Recovery:
     if container.profile not in (PROFILE, ""):
         raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
     check_version(container)
-    found = Recovery(cut=not container.complete)
+    recovery = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidates(container, file)
         for _, records in _whole(file, refs):
@@ -98,8 +98,8 @@ def recover(path: Path, output: Path) -> Recovery:
         recorder = Recorder(output, sync_seconds=math.inf)
         try:
             with recorder:
-                _copy(container, file, refs, recorder, found)
-            if not found.kept:
+                _copy(container, file, refs, recorder, recovery)
+            if not recovery.kept:
                 raise InputError(
                     "it contains no whole message", where=str(path), mend="It cannot be recovered."
                 )
@@ -107,8 +107,8 @@ def recover(path: Path, output: Path) -> Recovery:
             output.unlink(missing_ok=True)
             raise
     if container.complete:
-        found.lost = _stated(container) - found.kept
-    return found
+        recovery.lost = _stated(container) - recovery.kept
+    return recovery
 
 
 def _container_of(path: Path) -> Container:
