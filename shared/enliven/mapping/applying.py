@@ -363,13 +363,13 @@ def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stri
     return set_travel(project, shape_id, name, scale)
 
 
-def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:
+def _way(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
     """Returns the joints of a chain that is given by its ends or by all of its joints."""
     if not names:
-        raise InputError(f"a chain of {what} names no joint", where="mapping", mend=_known(skeleton))
+        raise InputError(f"a chain of {owner} names no joint", where="mapping", mend=_known(skeleton))
     unknown = [name for name in names if name not in skeleton.names]
     if unknown:
-        raise InputError(f"{what} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
+        raise InputError(f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
     joints = [skeleton.names.index(name) for name in names]
     way = [joints[0]]
     for joint in joints[1:]:

@@ -81,12 +81,12 @@ def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterabl
     return source_of(skeleton.positions, links, root, joints)
 
 
-def _renamed(branch: Branch, kept: Sequence[int]) -> Branch:
+def _renamed(branch: Branch, joints: Sequence[int]) -> Branch:
     """Returns the branch with the joint numbers of the whole skeleton."""
     return Branch(
-        tuple(kept[j] for j in branch.chain),
-        tuple(kept[j] for j in branch.extended),
-        {kept[j]: weight for j, weight in branch.weights.items()},
+        tuple(joints[j] for j in branch.chain),
+        tuple(joints[j] for j in branch.extended),
+        {joints[j]: weight for j, weight in branch.weights.items()},
         branch.length,
         branch.reach,
     )

@@ -129,10 +129,10 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
     return container
 
 
-def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> None:
+def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -> None:
     """Registers one record of the summary."""
     if isinstance(record, records.ChunkIndex):
-        found.chunks.append(
+        container.chunks.append(
             ChunkRef(
                 record.chunk_start_offset,
                 record.chunk_length,
@@ -141,14 +141,14 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
             )
         )
     elif isinstance(record, records.Statistics):
-        found.counts.update(record.channel_message_counts)
+        container.counts.update(record.channel_message_counts)
     elif isinstance(record, records.MetadataIndex):
         if record.offset > size:
             raise Damage("the index names words that are not there")
         file.seek(record.offset)
-        found.add(_read_record(file, size))
+        container.add(_read_record(file, size))
     else:
-        found.add(record)
+        container.add(record)
 
 
 def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
@@ -175,21 +175,21 @@ def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
     return container
 
 
-def _add_walked(found: Container, file: BinaryIO, offset: int, length: int) -> None:
+def _add_walked(container: Container, file: BinaryIO, offset: int, length: int) -> None:
     """Registers a chunk and the schemas, channels and counts inside."""
     try:
         inside = read_chunk(file, ChunkRef(offset, length, 0, 0))
     except Damage:
-        found.damaged_chunks += 1
+        container.damaged_chunks += 1
         return
     times = [record.log_time for record in inside if isinstance(record, records.Message)]
     for record in inside:
         if isinstance(record, records.Message):
-            found.counts[record.channel_id] += 1
+            container.counts[record.channel_id] += 1
         else:
-            found.add(record)
+            container.add(record)
     if times:
-        found.chunks.append(ChunkRef(offset, length, min(times), max(times)))
+        container.chunks.append(ChunkRef(offset, length, min(times), max(times)))
 
 
 def _read_record(file: BinaryIO, size: int) -> Any:

@@ -186,9 +186,9 @@ def _values(table: UInt8, levels: int) -> UInt16:
     return values.astype(np.uint16)
 
 
-def _damaged(what: str) -> InputError:
+def _damaged(damage: str) -> InputError:
     return InputError(
-        f"the depth image is damaged: {what}",
+        f"the depth image is damaged: {damage}",
         where="depth payload",
         mend="Record or import it again; the other frames can still be read.",
     )

@@ -48,10 +48,12 @@ def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
     return Mesh(vertices, faces, "scan", _filled(vertices, colours, has_colour) if len(volume.hue) else None)
 
 
-def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
+def _filled(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
     """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
-    if told.any() and not told.all():
-        colours[~told] = colours[told][cKDTree(vertices[told]).query(vertices[~told])[1]]
+    if has_colour.any() and not has_colour.all():
+        colours[~has_colour] = colours[has_colour][
+            cKDTree(vertices[has_colour]).query(vertices[~has_colour])[1]
+        ]
     return colours
 
 

@@ -310,28 +310,28 @@ class Scanner:
         self._state = ScanState.FOUND
         return ScanStep(ScanState.FOUND, self._pose, alignment)
 
-    def _judged(self, found: Alignment) -> ScanState:
+    def _judged(self, alignment: Alignment) -> ScanState:
         """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
-        if found.overlap < s.overlap or found.agreeing < s.agreeing:
+        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return ScanState.LOST
-        return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
+        return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
-    def _too_far(self, found: Alignment, time_ns: int) -> bool:
+    def _too_far(self, alignment: Alignment, time_ns: int) -> bool:
         """Returns whether the camera would have moved faster than a handheld camera can since the last
         image.
         """
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _FRAME)
-        way = float(np.linalg.norm(found.world_from_camera[:3, 3] - self._pose[:3, 3]))
+        way = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
         return way > self.settings.tracking.fastest * passed + _SLACK
 
     def _fuse(
-        self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None, up: Float | None
+        self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
     ) -> ScanStep:
         """Fuses an image at a pose."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
         if self.full:
-            return ScanStep(ScanState.SCANNING, pose, found, room=False)
+            return ScanStep(ScanState.SCANNING, pose, alignment, room=False)
         self.full = not all([volume.integrate(view, pose).room for volume in self.volumes])
         self.history.add(len(self.poses), frame)
         self.poses.append((frame.time_ns, pose))
@@ -340,7 +340,7 @@ class Scanner:
         if len(self.poses) % _CLEANED == 0:
             for volume in self.volumes:
                 volume.clean()
-        return ScanStep(ScanState.SCANNING, pose, found, not self.full)
+        return ScanStep(ScanState.SCANNING, pose, alignment, not self.full)
 
 
 def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
@@ -350,6 +350,6 @@ def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
     return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))
 
 
-def _fit(found: Alignment) -> float:
+def _fit(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
-    return found.agreeing * found.overlap
+    return alignment.agreeing * alignment.overlap

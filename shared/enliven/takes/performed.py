@@ -172,15 +172,15 @@ def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punc
 
 
 def _keeps(
-    project: Project, one: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
+    project: Project, shape: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
 ) -> bool:
     """Returns whether a possessed mesh continues to play some of its earlier motion."""
-    if not plays(project, one):
+    if not plays(project, shape):
         return False
     punch = _punch(project, performed, key, begin)
     # Muted alternatives may be enabled again, so they must be kept.
-    has_muted = any(layer.muted for layer in one.playing)
-    return not replaces or has_muted or punch.leaves(project, one.playing)
+    has_muted = any(layer.muted for layer in shape.playing)
+    return not replaces or has_muted or punch.leaves(project, shape.playing)
 
 
 def _moves(poses: Sequence[Pose]) -> bool:
@@ -272,11 +272,15 @@ def _played_by(
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
-def _is_bare(one: RigBase | None) -> bool:
+def _is_bare(character: RigBase | None) -> bool:
     """Returns whether a character is a mesh without motion, which a stage treats as a mesh to be
     possessed.
     """
-    return isinstance(one, Puppet) and one.mesh is not None and len(one.poses) < _FEWEST_EXAMPLES
+    return (
+        isinstance(character, Puppet)
+        and character.mesh is not None
+        and len(character.poses) < _FEWEST_EXAMPLES
+    )
 
 
 def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:

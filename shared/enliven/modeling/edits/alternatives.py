@@ -127,19 +127,21 @@ def _is(layer: Playing, alternatives: str, recorded: str) -> bool:
     return layer.alternatives == alternatives and layer.recorded == recorded
 
 
-def _without(project: Project, one: RigBase, alternatives: str, recorded: str) -> Project:
+def _without(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
     """Removes the layers of a recording from a character."""
-    for number in reversed(range(len(one.playing))):
-        layer = one.playing[number]
+    for number in reversed(range(len(character.playing))):
+        layer = character.playing[number]
         if not _is(layer, alternatives, recorded):
             continue
         if isinstance(layer, GraphPart):
             still, stream = _still(project, layer)
-            one = one.with_playing(*one.playing[:number], still, *one.playing[number + 1 :])
+            character = character.with_playing(
+                *character.playing[:number], still, *character.playing[number + 1 :]
+            )
             project = project.with_streams(stream)
         else:
-            one = one.without_layer(number)
-    return project.with_characters(one)
+            character = character.without_layer(number)
+    return project.with_characters(character)
 
 
 def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:

@@ -94,24 +94,24 @@ def give_performance(
     return new_project.without(name).with_characters(new.with_changes(id=called)), called
 
 
-def _known(target: RigBase, seen: Float) -> tuple[Float | None, Float | None]:
+def _known(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
     """Returns the known ends and joints of a mesh, in its pose."""
     if not isinstance(target, GraphShape):
         return None, None
     rest = target.mesh.vertices
     ends, joints = (
-        as_moved(points, rest, seen) if len(points) else None for points in (target.ends, target.joints)
+        as_moved(points, rest, posed) if len(points) else None for points in (target.ends, target.joints)
     )
     return ends, joints
 
 
-def _as_it_stood(project: Project, name: str, seen: Float) -> Project:
+def _as_it_stood(project: Project, name: str, posed: Float) -> Project:
     """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
     grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
-    project = scale_character(project, name, _height(seen) / grown)
-    return move_character(project, name, foot_of(seen) - foot_of(vertices_of(project, name, 0.0)))
+    project = scale_character(project, name, _height(posed) / grown)
+    return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
 
 
 def _height(vertices: Float) -> float:
@@ -119,7 +119,7 @@ def _height(vertices: Float) -> float:
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 
 
-def _is_plain(project: Project, one: RigBase) -> bool:
+def _is_plain(project: Project, character: RigBase) -> bool:
     """Returns True if a character is a mesh without motion: as opened, sketched or scanned."""
-    plain = isinstance(one, GraphShape) or (isinstance(one, Puppet) and len(one.poses) < 2)
-    return plain and not any(project.length_of(layer) > 0.0 for layer in one.playing)
+    plain = isinstance(character, GraphShape) or (isinstance(character, Puppet) and len(character.poses) < 2)
+    return plain and not any(project.length_of(layer) > 0.0 for layer in character.playing)

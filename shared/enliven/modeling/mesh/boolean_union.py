@@ -196,18 +196,18 @@ class UnionBuilder:
         at[side.old[traced]] = number[traced]
         return np.asarray(at[side.solid.mesh.faces[order]])
 
-    def _skin(self, k: int, kept: Int | Int32, bones: int) -> SkinWeights:
+    def _skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole interpolate the skin of its
         border."""
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
-            return skins.taken(skin, kept)
+            return skins.taken(skin, kept_vertices)
         full = skins.dense(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
-        old = skins.taken(skin, kept[kept < given_count])
-        return skins.stacked([old, skins.sparse(full[kept[kept >= given_count]])])
+        old = skins.taken(skin, kept_vertices[kept_vertices < given_count])
+        return skins.stacked([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
     def _at_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each

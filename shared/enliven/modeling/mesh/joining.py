@@ -90,10 +90,10 @@ def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     return np.asarray(np.linalg.solve(blend[:, :, :3], (seen - blend[:, :, 3])[..., None])[..., 0])
 
 
-def _kept_rest(whole: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
+def _kept_rest(union: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """Returns (V, 3) rest positions of vertices from either mesh. New vertices keep their posed positions."""
-    rest = whole.mesh.vertices.copy()
-    ours, theirs = whole.first >= 0, (whole.second >= 0) & (whole.first < 0)
-    rest[ours] = first.mesh.vertices[whole.first[ours]]
-    rest[theirs] = second.mesh.vertices[whole.second[theirs]]
+    rest = union.mesh.vertices.copy()
+    ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
+    rest[ours] = first.mesh.vertices[union.first[ours]]
+    rest[theirs] = second.mesh.vertices[union.second[theirs]]
     return rest

@@ -139,16 +139,16 @@ def _mirrored(points: Float, normal: Float, offset: float) -> Float:
     return np.asarray(points - 2 * (points @ normal - offset)[:, None] * normal)
 
 
-def _different(found: list[_Found]) -> list[_Found]:
+def _different(planes: list[_Found]) -> list[_Found]:
     """Returns the best few planes that differ from one another."""
     distinct: list[_Found] = []
-    for plane in found:
+    for plane in planes:
         if all(abs(plane.normal @ other.normal) < _ALIKE for other in distinct):
             distinct.append(plane)
     return distinct[:_KEPT]
 
 
-def _breadth(points: Float, found: _Found) -> float:
+def _breadth(points: Float, plane: _Found) -> float:
     """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
     extents tie."""
-    return float(np.round(np.ptp(points @ found.normal), 1))
+    return float(np.round(np.ptp(points @ plane.normal), 1))

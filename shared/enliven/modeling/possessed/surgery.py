@@ -130,10 +130,10 @@ def _starting(shape: GraphShape) -> list[tuple[GraphPart, int]]:
     return list(zip(shape.parts, shape.starts, strict=False))
 
 
-def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
+def _part_with(part: GraphPart, is_kept: Bool, number: Int) -> GraphPart:
     """Returns a part with a subset of its nodes, and its ride with the node's new number."""
     ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
-    return replace(part, nodes=part.nodes[kept], ride=ride)
+    return replace(part, nodes=part.nodes[is_kept], ride=ride)
 
 
 def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:

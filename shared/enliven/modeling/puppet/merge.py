@@ -195,7 +195,9 @@ class _Merge:
             notes.append(f"Hard constraints of {graft.id!r} were left out.")
         return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
 
-    def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
+    def _moved(
+        self, puppet: Puppet, of: Int, used_names: set[str], notes: list[str]
+    ) -> dict[str, ControlPoint]:
         """Returns the control points on the united mesh by their old names. New points come last.
 
         If the union removed a point's vertex, the point moves to the nearest remaining vertex.
@@ -216,11 +218,11 @@ class _Merge:
                 notes.append(f"{point.name!r} was inside of the other: it sits on the nearest vertex now.")
             used.add(vertex)
             out[point.name] = replace(point, vertex=vertex)
-        return out if not taken else self._renamed(out, taken)
+        return out if not used_names else self._renamed(out, used_names)
 
-    def _renamed(self, points: dict[str, ControlPoint], taken: set[str]) -> dict[str, ControlPoint]:
+    def _renamed(self, points: dict[str, ControlPoint], used_names: set[str]) -> dict[str, ControlPoint]:
         """Renames control points with taken names. Returns them by their old names."""
-        names = dict.fromkeys(taken)
+        names = dict.fromkeys(used_names)
         for old, point in points.items():
             points[old] = replace(point, name=unused(old, names))
             names[points[old].name] = None
@@ -312,12 +314,12 @@ def _meeting(ours: Float, theirs: Float) -> Float:
     return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
 
 
-def _around(seen: Float, middle: Float, puppet: Puppet) -> Int:
+def _around(points: Float, middle: Float, puppet: Puppet) -> Int:
     """Returns the vertices around a point, by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
-    away = np.linalg.norm(seen - middle, axis=1)
+    away = np.linalg.norm(points - middle, axis=1)
     order = np.argsort(away, kind="stable")
-    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(seen)))
+    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(points)))
     return order[:count]
 
 

@@ -154,18 +154,22 @@ def _one_surface(
     merged: Shape,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
-    then: ShapePose | None,
+    merged_pose: ShapePose | None,
     loose: bool,
     seam: SeamSettings,
     notes: list[str],
 ) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns the mesh and skin of the merged shape. ``then`` is its pose at the merge, with None for the
-    rest pose."""
+    """Returns the mesh and skin of the merged shape. ``merged_pose`` is its pose at the merge, with None for
+    the rest pose."""
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)
-    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then.joints)
-    maps = no_maps(merged) if then is None else bone_maps(merged, then.linear, then.joints)
+    skeleton = (
+        merged.skeleton if merged_pose is None else replace(merged.skeleton, positions=merged_pose.joints)
+    )
+    maps = (
+        no_maps(merged) if merged_pose is None else bone_maps(merged, merged_pose.linear, merged_pose.joints)
+    )
 
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
         return healed(mesh, skin, skeleton, where, seam)

@@ -80,15 +80,15 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     return np.array(places), np.array(widths), links
 
 
-def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
+def _spaced(points: Float, radii: Float, chosen: list[int]) -> list[int]:
     """Removes joints that are too close to the previous one: nearer than the thickness of a knee."""
-    out = [kept[0]]
-    for k in kept[1:-1]:
+    out = [chosen[0]]
+    for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
-        home = float(np.linalg.norm(points[k] - points[kept[-1]]))
+        home = float(np.linalg.norm(points[k] - points[chosen[-1]]))
         if min(far, home) > _APART * radii[k]:
             out.append(k)
-    return [*out, kept[-1]]
+    return [*out, chosen[-1]]
 
 
 def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:

@@ -161,20 +161,20 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
     return heads, np.column_stack([head, ends[:, 2:]])[~clash]
 
 
-def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
+def _left_out(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
     """Returns (K,) the cost of limbs that belong to none of the chosen ends, (K, 6)."""
-    near = between < _LIMB * found.longest
+    near = between < _LIMB * extremities.longest
     is_near_chosen = near[chosen].any(1)
-    length = np.minimum(found.prominence / found.longest, _LONG)
-    level = found.points[:, 1] - found.points[:, 1].min()
-    leg = (level[found.ends] < _FEET * level.max()) & (length > _LEG)
+    length = np.minimum(extremities.prominence / extremities.longest, _LONG)
+    level = extremities.points[:, 1] - extremities.points[:, 1].min()
+    leg = (level[extremities.ends] < _FEET * level.max()) & (length > _LEG)
     return np.asarray(~is_near_chosen @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
 
 
-def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
+def _unlikely_heights(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
     """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
-    level = found.points[:, 1] - found.points[:, 1].min()
-    at = level[found.ends] / max(float(level.max()), 1e-12)
+    level = extremities.points[:, 1] - extremities.points[:, 1].min()
+    at = level[extremities.ends] / max(float(level.max()), 1e-12)
     head = at[heads].mean(1)[chosen[:, 0]]
     hands, feet = at[chosen[:, 1:3]], at[chosen[:, 3:]]
     rise = (head + hands.mean(1)) / 2 - feet.mean(1)
@@ -183,15 +183,17 @@ def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
 
 
 def _looked_at(
-    found: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
+    extremities: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
     """Returns a choice with its chest and pelvis, and the cost of its trunk and head."""
     first, second = head
-    of_head = (ways[first] + ways[second] - ways[first, found.ends[second]]) / 2
+    of_head = (ways[first] + ways[second] - ways[first, extremities.ends[second]]) / 2
     rows = np.vstack([of_head, ways[others]])
-    at = found.points[found.ends[others]]
-    crown = found.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
-    chest, pelvis = (weighted_place(found.points, rows, want) for want in (tree.from_chest, tree.from_pelvis))
+    at = extremities.points[extremities.ends[others]]
+    crown = extremities.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
+    chest, pelvis = (
+        weighted_place(extremities.points, rows, want) for want in (tree.from_chest, tree.from_pelvis)
+    )
     up, along = unit(chest - pelvis), unit(crown - chest)
     more = _HEAD_ALONG * (1.0 - float(along @ up)) + _UPRIGHT * (1.0 - float(up[1]))
     return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
@@ -212,9 +214,9 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
     return replace(best, cost=least, margin=margin)
 
 
-def _pairs(apart: Float) -> Float:
+def _pairs(distances: Float) -> Float:
     """Returns (K,) the distance of the farther end of a pair from another pair, (K, 2, 2), under the
     better assignment.
     """
-    straight, crossed = apart[:, [0, 1], [0, 1]], apart[:, [0, 1], [1, 0]]
+    straight, crossed = distances[:, [0, 1], [0, 1]], distances[:, [0, 1], [1, 0]]
     return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))

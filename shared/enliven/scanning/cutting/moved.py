@@ -144,14 +144,14 @@ def cut_what_is_new(
     return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
-def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
+def _islands(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
 
     Args:
-        left: (F,) the faces that were excluded.
+        excluded: (F,) the faces that were excluded.
         free: (V,) whether no surface was observed before.
     """
-    faces = mesh.faces[left]
+    faces = mesh.faces[excluded]
     label = np.asarray(shells(faces, len(mesh.vertices)))
     low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
     np.minimum.at(low, label[faces.ravel()], mesh.vertices[faces.ravel()])
@@ -159,7 +159,7 @@ def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
     small = np.asarray(((high - low) < _PATCH).all(1), np.bool_)
     small[label[faces[~free[faces].all(1)].ravel()]] = False
     is_island = np.zeros(len(mesh.faces), np.bool_)
-    is_island[left] = small[label[faces[:, 0]]]
+    is_island[excluded] = small[label[faces[:, 0]]]
     return is_island
 
 
@@ -173,14 +173,14 @@ def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
     return submesh(mesh, large[label])
 
 
-def _smoothed(faces: Int32, told: Int32) -> Int32:
+def _smoothed(faces: Int32, states: Int32) -> Int32:
     """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
     for _ in range(_TOLD):
-        votes, of_face = np.zeros(len(told)), told[faces].sum(1)
+        votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):
-            votes += np.bincount(faces[:, corner], of_face, len(told))
-        told = np.sign(votes).astype(np.int32)
-    return told
+            votes += np.bincount(faces[:, corner], of_face, len(states))
+        states = np.sign(votes).astype(np.int32)
+    return states
 
 
 def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Ground:

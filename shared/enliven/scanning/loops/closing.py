@@ -209,13 +209,13 @@ def _laid(
     return alignment if _good(alignment, settings) else None
 
 
-def _good(found: Alignment, settings: ScanSettings) -> bool:
+def _good(alignment: Alignment, settings: ScanSettings) -> bool:
     """Returns whether an alignment is good enough for a link."""
     s = settings.loops
     return (
-        found.agreeing > s.agreeing
-        and found.overlap > settings.tracking.overlap
-        and found.deviation < settings.tracking.unsure
+        alignment.agreeing > s.agreeing
+        and alignment.overlap > settings.tracking.overlap
+        and alignment.deviation < settings.tracking.unsure
     )
 
 

@@ -202,18 +202,18 @@ class ObjectFollower:
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
         return tracker.align(only(view, near), start, coarsest=coarsest)
 
-    def _holds(self, found: Alignment) -> bool:
+    def _holds(self, alignment: Alignment) -> bool:
         """Returns whether an alignment determines the object's pose reliably."""
         s = self.settings.tracking
-        if found.overlap < s.overlap or found.agreeing < s.agreeing:
+        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return False
-        if found.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
+        if alignment.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
             return False
         # Compute the motion of the object relative to the camera, about the centre of the object.
-        step = inverse(found.world_from_camera) @ self._pose
+        step = inverse(alignment.world_from_camera) @ self._pose
         cosine = (np.trace(step[:3, :3]) - 1.0) / 2.0
         middle = np.append(self._model.middle, 1.0)
-        way = inverse(found.world_from_camera) @ middle - inverse(self._pose) @ middle
+        way = inverse(alignment.world_from_camera) @ middle - inverse(self._pose) @ middle
         images = 1 + self.missed
         return bool(cosine > np.cos(min(_TURNED * images, np.pi)) and np.linalg.norm(way) < _MOVED * images)
 
@@ -234,6 +234,6 @@ class ObjectFollower:
         return np.asarray((np.abs(distance) < _ROOM) & ~self._rest.held(view, room_from_camera))
 
 
-def _fit(found: Alignment) -> float:
+def _fit(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
-    return found.agreeing * found.overlap
+    return alignment.agreeing * alignment.overlap

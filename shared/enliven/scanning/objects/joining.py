@@ -63,10 +63,10 @@ def joined_object(
     return largest(surface_of(volume))
 
 
-def _bettered(rest: ObjectRest, pose: Float, whole: Mesh) -> Float:
+def _bettered(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
-    grid = nearest_grid(sampled(largest(whole), _POINTS), _CELL, _REACH)
+    grid = nearest_grid(sampled(largest(earlier), _POINTS), _CELL, _REACH)
     poses, _ = laid(grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _STEPS, _NEAR, _WIDTHS)
     return np.asarray(poses[0])
