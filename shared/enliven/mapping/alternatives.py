@@ -45,19 +45,19 @@ def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBes
     """
     if quality.beyond == 0.0:
         return None
-    found = [NextBest(how, plan, _measured(made, shape, plan)) for how, plan in _others(made, shape)]
-    best = min(found, key=lambda one: one.quality.faults)
+    alternatives = [NextBest(how, plan, _measured(made, shape, plan)) for how, plan in _others(made, shape)]
+    best = min(alternatives, key=lambda one: one.quality.faults)
     return best if best.quality.faults < _BETTER * quality.faults else None
 
 
-def _measured(made: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
-    other = retarget(shape, made.clip, plan, clips=made.clips)
-    return quality_of(other.project, other.shape_id, made.clip, other.duration, other.plan)
+def _measured(retargeted: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
+    other = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
+    return quality_of(other.project, other.shape_id, retargeted.clip, other.duration, other.plan)
 
 
-def _others(made: Retargeted, shape: Shape) -> Iterator[tuple[str, Plan]]:
+def _others(retargeted: Retargeted, shape: Shape) -> Iterator[tuple[str, Plan]]:
     """Yields each mapping that differs from the current one in one choice, after a description of how."""
-    plan, clip = made.plan, made.clip
+    plan, clip = retargeted.plan, retargeted.clip
     soft = softened(plan, clip, shape)
     if soft != plan:
         yield "moved less where it stretches", soft

@@ -186,8 +186,8 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     pairs, single = _paired(limbs, at, skeleton.names)
     head, tail = _ends(single, at)
     if not any(limb.chain[0] == trunk[-1] for limb in single):
-        trunk, pairs, found = _with_head(trunk, pairs, at)
-        head = found or head
+        trunk, pairs, split_head = _with_head(trunk, pairs, at)
+        head = split_head or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
 
@@ -239,12 +239,12 @@ def _evened(at: Float) -> Float:
 
     So decisions that depend on lengths are the same on both sides.
     """
-    seen = at * [-1.0, 1.0, 1.0]
-    apart = np.linalg.norm(at[:, None] - seen, axis=2)
-    partner = apart.argmin(1)
+    mirrored = at * [-1.0, 1.0, 1.0]
+    distances = np.linalg.norm(at[:, None] - mirrored, axis=2)
+    partner = distances.argmin(1)
     mutual = partner[partner] == np.arange(len(at))
-    near = apart.min(1) < _SAME_PLACE * np.ptp(at, axis=0).max()
-    return np.where((mutual & near)[:, None], (at + seen[partner]) / 2.0, at)
+    near = distances.min(1) < _SAME_PLACE * np.ptp(at, axis=0).max()
+    return np.where((mutual & near)[:, None], (at + mirrored[partner]) / 2.0, at)
 
 
 def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
@@ -261,17 +261,17 @@ def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
         way[j] = way[parents[j]] + lengths[j]
     below: list[list[int]] = []
     for j, children in enumerate(skeleton.children):
-        kept = []
+        branches = []
         for c in children:
             long = reach[c] + lengths[c]
             aside = abs(at[end[c], 0] - at[j, 0]) > _TWIG * long
             least = max(_SHORT * reach[0], (_SIDE_TWIG if aside else _TWIG) * way[j])
             if (long >= least and not named[c]) or len(children) == 1:
-                kept.append(c)
+                branches.append(c)
         if j > 0 and children and abs(at[j, 0]) > _ASIDE * reach[0]:
-            kept = [max(children, key=lambda c: reach[c] + lengths[c])]
-        over = j > 0 and ((named[j] and lengths[j] > _PALM * reach[0]) or len(kept) >= _MANY)
-        below.append([] if over else kept)
+            branches = [max(children, key=lambda c: reach[c] + lengths[c])]
+        over = j > 0 and ((named[j] and lengths[j] > _PALM * reach[0]) or len(branches) >= _MANY)
+        below.append([] if over else branches)
     return below
 
 
@@ -323,8 +323,8 @@ def _with_head(
     if not forks or max(forks) != len(trunk) - 1 or min(forks) == len(trunk) - 1:
         return trunk, pairs, None
     neck = max(fork for fork in forks if fork < len(trunk) - 1)
-    kept = [pair for pair in pairs if pair[0].chain[0] != trunk[-1]]
-    return trunk[: neck + 1], kept, _limb(trunk[neck:], at)
+    other_pairs = [pair for pair in pairs if pair[0].chain[0] != trunk[-1]]
+    return trunk[: neck + 1], other_pairs, _limb(trunk[neck:], at)
 
 
 def _length(chain: tuple[int, ...], at: Float) -> float:
@@ -385,10 +385,12 @@ def _paired(
         for b, right in enumerate(limbs):
             if a == b or not _on_sides(left, right, at, names):
                 continue
-            one, other = _length(left.chain, at), _length(right.chain, at)
-            differ = abs(one - other) / max(one, other, 1e-9)
+            left_length, right_length = _length(left.chain, at), _length(right.chain, at)
+            differ = abs(left_length - right_length) / max(left_length, right_length, 1e-9)
             if differ < _ALIKE:
-                costs.append((differ + 0.3 * _off_mirror(left, right, at) / max(one, other, 1e-9), a, b))
+                costs.append(
+                    (differ + 0.3 * _off_mirror(left, right, at) / max(left_length, right_length, 1e-9), a, b)
+                )
     pairs, used = list[Pair](), set[int]()
     for _, a, b in sorted(costs):
         if not {a, b} & used:
@@ -403,8 +405,8 @@ def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[s
     sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
         return sides == [1, -1]
-    apart = float(at[list(left.chain), 0].mean() - at[list(right.chain), 0].mean())
-    return apart > _APART * max(_length(left.chain, at), _length(right.chain, at))
+    separation = float(at[list(left.chain), 0].mean() - at[list(right.chain), 0].mean())
+    return separation > _APART * max(_length(left.chain, at), _length(right.chain, at))
 
 
 def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:

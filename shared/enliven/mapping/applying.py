@@ -146,10 +146,10 @@ def _rests(
     """
     plain = _rest(clip, rest)
     since, claimed = plain.copy(), set[int]()
-    group, apart = list[_Line](), list[_Line]()
+    group, conflicting = list[_Line](), list[_Line]()
     for line in sorted(lines, key=lambda line: line.plan.mode != "pose"):
         if claimed & line.bones:
-            apart.append(line)
+            conflicting.append(line)
             continue
         group.append(line)
         if line.plan.mode == "pose":
@@ -166,22 +166,24 @@ def _rests(
             # The hand keeps its rotation relative to the forearm from the take's rest pose.
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
-    made = [(since, [line for line in lines if line in group])]
-    for line in apart:
+    rests = [(since, [line for line in lines if line in group])]
+    for line in conflicting:
         other = since.copy()
         if line.plan.mode == "pose":
             _pose_like(other, clip, line, [line], target, turns)
         else:
             other[list(line.bones)] = plain[list(line.bones)]
-        made.append((other, [line]))
-    return made
+        rests.append((other, [line]))
+    return rests
 
 
 def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
     way = source.path(0, line.mine[0])
     above = [
-        one.mine[-1] for one in lines if one.plan.mode == "pose" and one.mine[-1] in way and one is not line
+        candidate.mine[-1]
+        for candidate in lines
+        if candidate.plan.mode == "pose" and candidate.mine[-1] in way and candidate is not line
     ]
     return max(above, key=way.index, default=None)
 
@@ -265,7 +267,10 @@ def _pose_like(
     if middle:
         ways[:], bones[:] = ways.sum(0), bones.sum(0)
     goes_on = any(
-        one.plan.mode == "pose" and one.plan.role == line.plan.role and _follows(one, line) for one in lines
+        other_line.plan.mode == "pose"
+        and other_line.plan.role == line.plan.role
+        and _follows(other_line, line)
+        for other_line in lines
     )
     before = since[line.mine[0]] if goes_on and not middle else heading
     for joint, way, bone in zip(line.mine[1:], ways, bones, strict=True):
@@ -296,8 +301,8 @@ def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, 
 
 def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
     """Returns True if a chain of mode "pose" continues this one, as a limb continues its girdle."""
-    after = [one for one in lines if _follows(line, one)]
-    return any(one.plan.mode == "pose" or _leads_to_posed(lines, one) for one in after)
+    after = [follower for follower in lines if _follows(line, follower)]
+    return any(follower.plan.mode == "pose" or _leads_to_posed(lines, follower) for follower in after)
 
 
 def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -307,11 +312,11 @@ def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int,
     directions at rest.
     """
     role = line.plan.role
-    alike = [one for one in lines if one.plan.role == role and one.plan.mode == "move"]
+    same_limb = [piece for piece in lines if piece.plan.role == role and piece.plan.mode == "move"]
     first = last = line
-    while role and (before := [one for one in alike if _follows(one, first)]):
+    while role and (before := [piece for piece in same_limb if _follows(piece, first)]):
         first = before[0]
-    while role and (after := [one for one in alike if _follows(last, one)]):
+    while role and (after := [piece for piece in same_limb if _follows(last, piece)]):
         last = after[0]
     return (first.mine[0], last.mine[-1]), (first.theirs[0], last.theirs[-1])
 
@@ -358,13 +363,13 @@ def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stri
     return set_travel(project, shape_id, name, scale)
 
 
-def _way(skeleton: Skeleton, names: tuple[str, ...], what: str) -> tuple[int, ...]:
+def _way(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
     """Returns the joints of a chain that is given by its ends or by all of its joints."""
     if not names:
-        raise InputError(f"a chain of {what} names no joint", where="mapping", mend=_known(skeleton))
+        raise InputError(f"a chain of {owner} names no joint", where="mapping", mend=_known(skeleton))
     unknown = [name for name in names if name not in skeleton.names]
     if unknown:
-        raise InputError(f"{what} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
+        raise InputError(f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
     joints = [skeleton.names.index(name) for name in names]
     way = [joints[0]]
     for joint in joints[1:]:

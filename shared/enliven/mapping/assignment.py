@@ -67,7 +67,7 @@ def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
 
 def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
     """Returns (target pair, source pair, role) for every pair of the target that can be driven."""
-    made: list[tuple[Pair, Pair, str]] = []
+    driven_pairs: list[tuple[Pair, Pair, str]] = []
     arms = source.arms or lent
     legs = source.legs or source.arms
     standing = list(target.legs)
@@ -75,19 +75,19 @@ def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tup
         own = min(len(standing), len(legs))
         hind = zip(standing[len(standing) - own :], legs[len(legs) - own :], strict=True)
         for number, (pair, by) in enumerate(hind, 1):
-            made.append((pair, by, "leg" if own == 1 else f"leg {number}"))
+            driven_pairs.append((pair, by, "leg" if own == 1 else f"leg {number}"))
         rest = standing[: len(standing) - own]
         if rest and source.arms:
-            made.append((rest[0], source.arms[0], "foreleg"))
+            driven_pairs.append((rest[0], source.arms[0], "foreleg"))
             rest = rest[1:]
         for number, pair in enumerate(reversed(rest), 1):
-            made.append((pair, _exchanged(legs[0], number), f"leg {own + number}"))
+            driven_pairs.append((pair, _exchanged(legs[0], number), f"leg {own + number}"))
     for number, pair in enumerate(target.arms):
         if not arms:
             break
         by = arms[number] if number < len(arms) else _exchanged(arms[-1], number - len(arms) + 1)
-        made.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
-    return made
+        driven_pairs.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
+    return driven_pairs
 
 
 def _exchanged(pair: Pair, times: int) -> Pair:
@@ -131,8 +131,8 @@ def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
                 Drive(source.trunk, target.trunk, "trunk"),
                 Drive(head, target.head.chain, "head", knots=knots),
             ]
-        whole = head or source.trunk
-        return [Drive(whole, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
+        source_chain = head or source.trunk
+        return [Drive(source_chain, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
     upright = _joined(source.trunk, head)
     drives = []
     if len(target.trunk) > 1:
@@ -210,16 +210,16 @@ def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list
     rows, columns = len(one) - 2, len(other) - 2
     best: dict[tuple[int, int], tuple[float, tuple[tuple[int, int], ...]]] = {}
 
-    def found(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
+    def best_pairs(i: int, j: int) -> tuple[float, tuple[tuple[int, int], ...]]:
         if i == 0 or j == 0:
             return 0.0, ()
         if (i, j) not in best:
-            options = [found(i - 1, j), found(i, j - 1)]
-            apart = abs(one[i] - other[j])
-            if apart <= near:
-                score, pairs = found(i - 1, j - 1)
-                options.append((score + 1.0 - apart, (*pairs, (i, j))))
+            options = [best_pairs(i - 1, j), best_pairs(i, j - 1)]
+            difference = abs(one[i] - other[j])
+            if difference <= near:
+                score, pairs = best_pairs(i - 1, j - 1)
+                options.append((score + 1.0 - difference, (*pairs, (i, j))))
             best[i, j] = max(options, key=lambda option: option[0])
         return best[i, j]
 
-    return list(found(rows, columns)[1])
+    return list(best_pairs(rows, columns)[1])

@@ -112,7 +112,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
 
     Other fingers follow the hand.
     """
-    made, source = list[ChainPlan](), clip.skeleton
+    chains, source = list[ChainPlan](), clip.skeleton
     for side, by, limb in _named_arms(theirs, ours):
         wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
@@ -123,8 +123,8 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
                 # The first bone of a finger lies in the palm, which keeps the model's own rest rotation.
                 how: Mode = "pose" if number else "move"
                 names = _named(source, mine), _named(target, other)
-                made.append(ChainPlan(*names, f"{side} {finger}", how))
-    return made
+                chains.append(ChainPlan(*names, f"{side} {finger}", how))
+    return chains
 
 
 def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
@@ -140,8 +140,8 @@ def _bends(clip: Clip, finger: Sequence[int]) -> bool:
     if len(finger) < 3:
         return False
     local = multiply(conjugate(clip.turns[:, finger[1]]), clip.turns[:, finger[2]])
-    apart = np.abs(np.sum(local * mean_turn(local), axis=1)).min()
-    return bool(2.0 * np.arccos(min(float(apart), 1.0)) > _BENDS)
+    cosine = np.abs(np.sum(local * mean_turn(local), axis=1)).min()
+    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _BENDS)
 
 
 def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
@@ -178,8 +178,8 @@ def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) ->
     a, b = _upright(source, theirs), _upright(target, ours)
     # All upright people stand alike. Animals on four legs differ in the beginning and slope of their spines.
     # Copying the directions of bones would crush the model, unless the skeletons are identical.
-    alike = min(a[1], b[1]) > np.cos(_STANDS) or _twins(source, target)
-    return "pose" if same and alike and float(a @ b) > np.cos(_ALIKE) else "move"
+    same_stance = min(a[1], b[1]) > np.cos(_STANDS) or _twins(source, target)
+    return "pose" if same and same_stance and float(a @ b) > np.cos(_ALIKE) else "move"
 
 
 def _twins(source: Skeleton, target: Skeleton) -> bool:
@@ -187,7 +187,7 @@ def _twins(source: Skeleton, target: Skeleton) -> bool:
     if source.names != target.names or (source.parents != target.parents).any():
         return False
     a, b = (np.linalg.norm(s.positions[:, None] - s.positions, axis=2) for s in (source, target))
-    a, b = (apart / max(float(apart.max()), 1e-9) for apart in (a, b))
+    a, b = (distances / max(float(distances.max()), 1e-9) for distances in (a, b))
     return bool(np.abs(a - b).max() < _TWINS)
 
 
@@ -248,10 +248,10 @@ def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleto
     """Returns a limb cut at corresponding joints, the same on both sides. A spine stays whole."""
     if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
-    there = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
-    role = " ".join([there, *drive.role.split()[1:]])
-    pair = [drive, *(one for one in drives if one.role == role)]
-    arcs = [(arc_of(source, one.source), arc_of(target, one.target)) for one in pair]
+    other_side = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
+    role = " ".join([other_side, *drive.role.split()[1:]])
+    pair = [drive, *(limb for limb in drives if limb.role == role)]
+    arcs = [(arc_of(source, limb.source), arc_of(target, limb.target)) for limb in pair]
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))

@@ -86,7 +86,7 @@ def _mirrored_left(skeleton: Skeleton) -> Float:
     costs = [_off_mirror(at, angle) for angle in angles]
     best = angles[int(np.argmin(costs))]
     finer = best + np.arange(-4.0, 4.5, 0.5)
-    angle = finer[int(np.argmin([_off_mirror(at, one) for one in finer]))]
+    angle = finer[int(np.argmin([_off_mirror(at, candidate) for candidate in finer]))]
     # In glTF the left is at +X, so another plane must be clearly better.
     if costs[0] <= 1.2 * min(costs) + 1e-3 * _size(skeleton):
         angle = 0.0
@@ -103,9 +103,9 @@ def _off_mirror(at: Float, degrees: float) -> float:
     The mirror plane is vertical and contains the origin. Its normal is +X rotated by ``degrees`` about +Y.
     """
     across = np.array([np.cos(np.radians(degrees)), 0.0, -np.sin(np.radians(degrees))])
-    seen = at - 2.0 * (at @ across)[:, None] * across
-    apart = np.linalg.norm(seen[:, None] - at[None], axis=2)
-    return float(apart.min(1).mean())
+    mirrored = at - 2.0 * (at @ across)[:, None] * across
+    distances = np.linalg.norm(mirrored[:, None] - at[None], axis=2)
+    return float(distances.min(1).mean())
 
 
 def _toes(skeleton: Skeleton, left: Float) -> Float:

@@ -127,7 +127,7 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
     ours, theirs = anatomy_of(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
         return []
-    driven, made = _driven(shape.skeleton, plan, "move"), list[LegStep]()
+    driven, steps = _driven(shape.skeleton, plan, "move"), list[LegStep]()
     posed = _driven(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
     for number, pair in enumerate(reversed(ours.legs)):
         fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
@@ -135,10 +135,10 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
         for limb, by, arm in zip(pair, _legs_of(theirs, number), arms, strict=True):
             leg, bones = _posed_leg(limb, posed), set(leg_of(limb)[1:])
             if len(leg) > 2:
-                made.append(LegStep(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
+                steps.append(LegStep(limb, by, arm, True, leg, _performed_leg(shape, clip, plan, leg, by)))
             elif len(bones) > 1 and bones <= driven:
-                made.append(LegStep(limb, by, arm, False, leg_of(limb), leg_of(by)))
-    return made
+                steps.append(LegStep(limb, by, arm, False, leg_of(limb), leg_of(by)))
+    return steps
 
 
 def _posed_leg(limb: SkeletonLimb, posed: Collection[int]) -> tuple[int, ...]:
@@ -168,14 +168,14 @@ def _performed_leg(
 
 def _driven(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
     """Returns the bones that chains of a mode move at the take's own speed."""
-    found = set[int]()
+    bones = set[int]()
     for chain in plan.chains:
         plain = (chain.mode, chain.offset, chain.speed) == (mode, 0.0, 1.0)
         plain = plain and not (chain.loop or chain.flip)
         ends = [skeleton.names.index(name) for name in chain.target if name in skeleton.names]
         if plain and ends and chain.weight > 0.0:
-            found |= set(skeleton.path(ends[0], ends[-1])[1:])
-    return found
+            bones |= set(skeleton.path(ends[0], ends[-1])[1:])
+    return bones
 
 
 def _legs_of(theirs: Anatomy, number: int) -> Pair:

@@ -219,6 +219,6 @@ def levelled(clip: Clip, chest: int) -> Clip:
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     sure = np.hypot(turns[:, 0], turns[:, 2]) > _UPSIDE
     last = np.maximum.accumulate(np.where(sure, np.arange(len(turns)), 0))
-    made = clip.turns.copy()
-    made[:, 0] = heading_of(turns[last])
-    return replace(clip, turns=made, fine=None)
+    level_turns = clip.turns.copy()
+    level_turns[:, 0] = heading_of(turns[last])
+    return replace(clip, turns=level_turns, fine=None)

@@ -115,13 +115,13 @@ def human_joints(skeleton: Skeleton) -> HumanJoints | None:
 
 def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
     """Returns the joints of each named finger of a hand, from the wrist to its end; "little" is "pinky"."""
-    found = dict[str, tuple[int, ...]]()
+    fingers = dict[str, tuple[int, ...]]()
     for joint in skeleton.below(wrist)[1:]:
         finger = _finger(_words_of(skeleton.names[joint])[1])
         path = skeleton.path(wrist, joint)
-        if finger and len(path) > len(found.get(finger, ())):
-            found[finger] = path
-    return found
+        if finger and len(path) > len(fingers.get(finger, ())):
+            fingers[finger] = path
+    return fingers
 
 
 def names_object(name: str) -> bool:
@@ -143,7 +143,7 @@ def _words_of(name: str) -> tuple[int, str]:
     Helper joints get an empty word, since they never belong to a limb.
     """
     bare = re.sub(r"^.*[:|]", "", name)
-    side, kept = 0, list[str]()
+    side, other_words = 0, list[str]()
     parts = [part.lower() for part in _WORDS.findall(bare)]
     if _HELPERS.search(" ".join(parts)):
         return 0, ""
@@ -151,8 +151,8 @@ def _words_of(name: str) -> tuple[int, str]:
         if part in _SIDES:
             side = _SIDES[part]
         elif part not in _FILLERS:
-            kept.append(part)
-    word = "".join(kept)
+            other_words.append(part)
+    word = "".join(other_words)
     if not side and word[:1] in ("l", "r") and word[1:] in _LIMB_WORDS:
         return _SIDES[word[0]], word[1:]
     return side, word

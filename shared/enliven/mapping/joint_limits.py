@@ -63,16 +63,18 @@ def limited(
         return project, ()
     times = moments_of(clip.duration, min(_RATE, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
     turns, joints = Player(project, shape_id).sample(times)
-    own = [one for one in clips if is_own_take(one, shape)]
+    own = [candidate for candidate in clips if is_own_take(candidate, shape)]
     ranges, followers = joint_ranges(shape.skeleton, own, shares), _followers(shape, shares)
-    made, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
+    limited_turns, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
     if not beyond:
         return project, ()
     step = float(times[1]) if len(times) > 1 else clip.step
-    take = Clip(unused(f"{clip.id}: limits", project.takes), shape.skeleton, made, joints[:, 0], step)
+    take = Clip(
+        unused(f"{clip.id}: limits", project.takes), shape.skeleton, limited_turns, joints[:, 0], step
+    )
     project = project.with_takes(take)
     moved = {*shares, *followers}
-    for chain in _chains(shape.skeleton, {j for j in moved if _differ(made[:, j], turns[:, j])}):
+    for chain in _chains(shape.skeleton, {j for j in moved if _differ(limited_turns[:, j], turns[:, j])}):
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
@@ -92,18 +94,18 @@ def joint_ranges(
         clips: takes of the same skeleton.
         shares: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
     """
-    known = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
-    local = _local(skeleton, np.concatenate(known)) if known else None
+    sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
+    local = _local(skeleton, np.concatenate(sampled)) if sampled else None
     size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _partners(skeleton)
-    facing, made = anatomy_of(skeleton).facing, dict[int, JointRange]()
+    facing, ranges = anatomy_of(skeleton).facing, dict[int, JointRange]()
     for j, share in shares.items():
         if skeleton.lengths[j] <= _POINT * size:
             continue
         turns = None if local is None else local[:, j]
         if local is not None and j in partners:
             turns = np.concatenate([local[:, j], _mirrored(local[:, partners[j]], facing)])
-        made[j] = joint_range(skeleton.vectors[j], turns, max(share, _LEAST_SHARE))
-    return made
+        ranges[j] = joint_range(skeleton.vectors[j], turns, max(share, _LEAST_SHARE))
+    return ranges
 
 
 def limit_pose(
@@ -119,19 +121,19 @@ def limit_pose(
         ranges: the range of each bone.
         followers: by bone that copies another bone's rotation, that other bone.
     """
-    local, made, beyond = _local(skeleton, turns), turns.copy(), set[int]()
+    local, limited_turns, beyond = _local(skeleton, turns), turns.copy(), set[int]()
     for j, joint in ranges.items():
-        kept = limit_turns(joint, local[:, j])
-        if _differ(kept, local[:, j]):
-            local[:, j] = kept
+        in_range = limit_turns(joint, local[:, j])
+        if _differ(in_range, local[:, j]):
+            local[:, j] = in_range
             beyond.add(j)
     for j, other in followers.items():
         local[:, j] = local[:, other]
     for j in range(1, len(skeleton)):
         up = int(skeleton.parents[j])
-        if followers.get(j, j) in beyond or _differ(made[:, up], turns[:, up]):
-            made[:, j] = multiply(made[:, up], local[:, j])
-    return made, beyond
+        if followers.get(j, j) in beyond or _differ(limited_turns[:, up], turns[:, up]):
+            limited_turns[:, j] = multiply(limited_turns[:, up], local[:, j])
+    return limited_turns, beyond
 
 
 def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
@@ -151,9 +153,9 @@ def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int,
         if len(ends) < 2:
             continue
         path = skeleton.path(ends[0], ends[-1])[1:]
-        whole = max(float(skeleton.lengths[list(path)].sum()), 1e-9)
+        chain_length = max(float(skeleton.lengths[list(path)].sum()), 1e-9)
         for j in path:
-            shares[j] = max(shares.get(j, 0.0), float(skeleton.lengths[j]) / whole)
+            shares[j] = max(shares.get(j, 0.0), float(skeleton.lengths[j]) / chain_length)
     layers = {layer.id: layer for layer in shape.layers}
     moving = {j: [layers[ref.layer] for span in shape.spans[j] for ref in span.refs] for j in shares}
     return {j: shares[j] for j in sorted(shares) if j > 0 and moving[j] and all(map(_is_plain, moving[j]))}
@@ -174,22 +176,22 @@ def _followers(shape: Shape, bones: Collection[int]) -> dict[int, int]:
 
     Each is mapped to the bone that it copies.
     """
-    made, parents = dict[int, int](), shape.skeleton.parents
+    followers, parents = dict[int, int](), shape.skeleton.parents
     for j in bones:
         for other in shape.skeleton.children[int(parents[j])]:
             if other not in bones and shape.spans[other] == shape.spans[j]:
-                made.setdefault(other, j)
-    return made
+                followers.setdefault(other, j)
+    return followers
 
 
 def _partners(skeleton: Skeleton) -> dict[int, int]:
     """Returns the bone on the other side for each bone of a pair of limbs."""
-    made = dict[int, int]()
+    partners = dict[int, int]()
     for left, right in anatomy_of(skeleton).pairs:
         if len(left.chain) == len(right.chain):
-            made |= dict(zip(left.chain[1:], right.chain[1:], strict=True))
-            made |= dict(zip(right.chain[1:], left.chain[1:], strict=True))
-    return made
+            partners |= dict(zip(left.chain[1:], right.chain[1:], strict=True))
+            partners |= dict(zip(right.chain[1:], left.chain[1:], strict=True))
+    return partners
 
 
 def _mirrored(turns: Float, facing: float) -> Float:
@@ -201,9 +203,9 @@ def _mirrored(turns: Float, facing: float) -> Float:
 def _local(skeleton: Skeleton, turns: Float) -> Float:
     """Returns rotations (T, N, 4) of bones relative to their parents, from world rotations (T, N, 4)."""
     above = turns[:, np.maximum(skeleton.parents, 0)]
-    made = multiply(conjugate(above), turns)
-    made[:, 0] = turns[:, 0]
-    return np.asarray(made)
+    local = multiply(conjugate(above), turns)
+    local[:, 0] = turns[:, 0]
+    return np.asarray(local)
 
 
 def _differ(one: Float, other: Float) -> bool:
@@ -214,11 +216,11 @@ def _differ(one: Float, other: Float) -> bool:
 
 def _chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
     """Returns bones joined to chains of joints, each beginning with the joint that stays in place."""
-    made, left = list[tuple[int, ...]](), sorted(bones)
-    while left:
-        chain = [int(skeleton.parents[left[0]]), left[0]]
-        while following := [j for j in skeleton.children[chain[-1]] if j in left]:
+    chains, remaining = list[tuple[int, ...]](), sorted(bones)
+    while remaining:
+        chain = [int(skeleton.parents[remaining[0]]), remaining[0]]
+        while following := [j for j in skeleton.children[chain[-1]] if j in remaining]:
             chain.append(following[0])
-        left = [j for j in left if j not in chain[1:]]
-        made.append(tuple(chain))
-    return made
+        remaining = [j for j in remaining if j not in chain[1:]]
+        chains.append(tuple(chain))
+    return chains

@@ -37,8 +37,8 @@ def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
         return True
     if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
         return False
-    apart = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
-    return bool(apart < _SAME * float(np.ptp(theirs.positions, axis=0).max()))
+    offset = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
+    return bool(offset < _SAME * float(np.ptp(theirs.positions, axis=0).max()))
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
@@ -92,9 +92,9 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
         InputError: if the take does not exist, or has another skeleton.
     """
     shape = project.shape(shape_id)
-    known, played = own_clips(project, shape), _joint_layers(project, shape)
-    if name is not None and name not in known:
-        mend = f"Known: {', '.join(known) or 'none'}."
+    clips, played = own_clips(project, shape), _joint_layers(project, shape)
+    if name is not None and name not in clips:
+        mend = f"Known: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", mend=mend)
     if played:
         return _relabelled(project, shape, played, name)
@@ -109,12 +109,12 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
 def _relabelled(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
     """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
     others = [layer for layer in shape.layers if layer not in played]
-    made = [replace(layer, muted=True) for layer in played]
+    new_layers = [replace(layer, muted=True) for layer in played]
     if name is not None:
         clip = project.takes[name]
         how = {"take": name, "muted": False, "loop": is_looping(clip), "stretch": bool(clip.tracks)}
-        made = [replace(layer.timeless(), **how) for layer in played]
-    return project.with_characters(shape.with_changes(layers=(*made, *others)))
+        new_layers = [replace(layer.timeless(), **how) for layer in played]
+    return project.with_characters(shape.with_changes(layers=(*new_layers, *others)))
 
 
 def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
@@ -134,19 +134,21 @@ def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
 def stilled(project: Project, shape_id: str) -> Project:
     """Returns a project in which no take moves a shape. Keys are kept."""
     shape = project.shape(shape_id)
-    kept = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
+    key_layers = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
     spans = tuple(
-        tuple(replace(span, refs=tuple(ref for ref in span.refs if ref.layer in kept)) for span in some)
+        tuple(replace(span, refs=tuple(ref for ref in span.refs if ref.layer in key_layers)) for span in some)
         for some in shape.spans
     )
-    travel = {} if shape.travel in kept else {"travel": None, "travel_scale": None}
+    travel = {} if shape.travel in key_layers else {"travel": None, "travel_scale": None}
     return project.with_characters(shape.with_changes(spans=spans, **travel))
 
 
 def looped(project: Project, shape_id: str) -> Project:
     """Returns a project in which every take that moves a shape loops. Keys do not loop."""
     shape = project.shape(shape_id)
-    layers = (one if project.takes[one.take].keys else replace(one, loop=True) for one in shape.layers)
+    layers = (
+        layer if project.takes[layer.take].keys else replace(layer, loop=True) for layer in shape.layers
+    )
     return project.with_characters(shape.with_changes(layers=tuple(layers)))
 
 

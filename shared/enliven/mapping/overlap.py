@@ -48,11 +48,11 @@ class Overlap:
         """Returns the fraction of the surface inside other parts, in all and by (bone, bone around it)."""
         inside, hit = self._inside(vertices)
         new = np.flatnonzero(inside & ~self._rest)
-        whole = max(float(self.area.sum()), 1e-300)
+        total_area = max(float(self.area.sum()), 1e-300)
         parts: dict[tuple[int, int], float] = {}
         for k in new:
             pair = int(self.bone[self.looked[k]]), int(self.bone[hit[k]])
-            parts[pair] = parts.get(pair, 0.0) + float(self.area[k]) / whole
+            parts[pair] = parts.get(pair, 0.0) + float(self.area[k]) / total_area
         return sum(parts.values()), parts
 
     def _inside(self, vertices: Float) -> tuple[Bool, Int]:
@@ -115,19 +115,19 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
             if that face is nearer than ``ways``.
         ways: (P,) metres, the distances to ``exits``. They are updated together.
     """
-    one, two = (axis + 1) % 3, (axis + 2) % 3
+    u_axis, v_axis = (axis + 1) % 3, (axis + 2) % 3
     # Build the grid across the axis: the first pass counts the faces of each cell, the second stores them.
     low, high = np.empty(2), np.empty(2)
     for k in range(2):
-        side = one if k == 0 else two
+        side = u_axis if k == 0 else v_axis
         low[k], high[k] = corners[:, :, side].min(), corners[:, :, side].max()
     per = cells / np.maximum(high - low, 1e-300)
     first = np.zeros(cells * cells + 1, np.int64)
-    held = np.empty(0, np.int64)
+    cell_faces = np.empty(0, np.int64)
     for fill in range(2):
         for f in range(len(corners)):
-            ua, ub = _span(corners[f, :, one], low[0], per[0], cells)
-            va, vb = _span(corners[f, :, two], low[1], per[1], cells)
+            ua, ub = _span(corners[f, :, u_axis], low[0], per[0], cells)
+            va, vb = _span(corners[f, :, v_axis], low[1], per[1], cells)
             for u in range(ua, ub + 1):
                 for v in range(va, vb + 1):
                     cell = u * cells + v
@@ -135,10 +135,10 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                         first[cell + 1] += 1
                     else:
                         first[cell] -= 1
-                        held[first[cell]] = f
+                        cell_faces[first[cell]] = f
         if fill == 0:
             first = np.cumsum(first)
-            held = np.empty(first[-1], np.int64)
+            cell_faces = np.empty(first[-1], np.int64)
             # Each cell is filled from its end, so that its index counts down to its beginning.
             first[:-1] = first[1:]
     most = np.diff(first).max()
@@ -146,20 +146,20 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
     entered = np.empty(most, np.int64)
     for p in range(len(points)):
         numbers[p] = 0
-        x, y, z = points[p, one], points[p, two], points[p, axis]
+        x, y, z = points[p, u_axis], points[p, v_axis], points[p, axis]
         if x < low[0] or x > high[0] or y < low[1] or y > high[1]:
             continue
         # Intersect the ray with the faces of its cell, and sort the hits along the axis.
         cell = min(int((x - low[0]) * per[0]), cells - 1) * cells + min(int((y - low[1]) * per[1]), cells - 1)
         count = 0
         for i in range(first[cell], first[cell + 1]):
-            side, at = _met(corners[held[i]], x, y, one, two, axis)
+            side, at = _met(corners[cell_faces[i]], x, y, u_axis, v_axis, axis)
             if side != 0:
                 k = count
                 while k > 0 and met[k - 1] > at:
                     met[k], sides[k], faces[k] = met[k - 1], sides[k - 1], faces[k - 1]
                     k -= 1
-                met[k], sides[k], faces[k] = at, side, held[i]
+                met[k], sides[k], faces[k] = at, side, cell_faces[i]
                 count += 1
         # The winding number is the sum of the sides of all hits beyond the point.
         above = 0
@@ -172,13 +172,13 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
             # which it leaves a part that it did not enter belongs to the part around the point.
             count_in, k = 0, above if way > 0 else above - 1
             while 0 <= k < count:
-                part, again = bones[faces[k]], -1
+                part, entry = bones[faces[k]], -1
                 for e in range(count_in):
-                    again = e if entered[e] == part else again
+                    entry = e if entered[e] == part else entry
                 if way * sides[k] < 0:
                     entered[count_in], count_in = part, count_in + 1
-                elif again >= 0:
-                    entered[again], count_in = entered[count_in - 1], count_in - 1
+                elif entry >= 0:
+                    entered[entry], count_in = entered[count_in - 1], count_in - 1
                 else:
                     # A ray that reaches this face first is more reliable than one that met other parts.
                     far = way * (met[k] - z) + (0.0 if k == (above if way > 0 else above - 1) else _DOUBT)

@@ -40,13 +40,13 @@ def read_plan(path: Path | str) -> Plan:
         InputError: if the file is unreadable or a key is wrong. The message names the chain and the key.
     """
     path = Path(path)
-    found = read_toml(path)
-    listed = found.pop("chain", [])
-    if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
+    document = read_toml(path)
+    listed = document.pop("chain", [])
+    if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
         raise InputError("chain must be tables: [[chain]]", where=str(path))
-    if "chains" in found:
+    if "chains" in document:
         raise InputError("unknown key chains", where=str(path), mend="Did you mean [[chain]]?")
-    plan = load_settings(Plan, found, where=str(path))
+    plan = load_settings(Plan, document, where=str(path))
     chains = []
     for number, table in enumerate(listed, 1):
         where = f"{path}, chain {number}"

@@ -169,12 +169,12 @@ class Sole:
 
     def points(self, turns: Float, joints: Float) -> Float:
         """Returns the points (T, P, 3) in metres for turns (T, N, 4) and joints (T, N, 3)."""
-        made = np.zeros((len(turns), *self._points.shape))
+        positions = np.zeros((len(turns), *self._points.shape))
         for bone in np.unique(self._bones[self._weights > 0.0]):
             weight = np.where(self._bones == bone, self._weights, 0.0).sum(1)
             ways = rotate(turns[:, bone, None], self._points - self._skeleton.positions[bone])
-            made += weight[:, None] * (ways + joints[:, bone, None])
-        return made
+            positions += weight[:, None] * (ways + joints[:, bone, None])
+        return positions
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
         """Returns :func:`rolling` of the points, for joints (T, N, 3) in metres relative to the root."""
@@ -248,10 +248,10 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
-        held = float(np.median(spin[first : last + 1]))
+        standing_heading = float(np.median(spin[first : last + 1]))
         for t in range(first, last + 1):
-            held = float(np.clip(held, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
-            turns[t] = held - spin[t]
+            standing_heading = float(np.clip(standing_heading, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
+            turns[t] = standing_heading - spin[t]
         before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
         into, out = _fading(before)[::-1] * turns[first], _fading(after) * turns[last]
         turns[max(first - len(into), 0) : first] += into[len(into) - min(len(into), first) :]
@@ -361,13 +361,13 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
     ends = [-1, *(b for _, b in leg.spans)]
     starts = [*(a for a, _ in leg.spans), count]
     for number, (first, last) in enumerate(leg.spans):
-        held = np.median(foot[first : last + 1], axis=0) - foot[first : last + 1]
-        held[:, 1] = -above[first : last + 1]
-        offsets[first : last + 1] = held
+        correction = np.median(foot[first : last + 1], axis=0) - foot[first : last + 1]
+        correction[:, 1] = -above[first : last + 1]
+        offsets[first : last + 1] = correction
         before = min(blend, first - ends[number])
         after = min(blend, starts[number + 1] - last)
-        offsets[first - before + 1 : first] += _fading(before)[::-1, None] * held[0]
-        offsets[last + 1 : last + after] += _fading(after)[:, None] * held[-1]
+        offsets[first - before + 1 : first] += _fading(before)[::-1, None] * correction[0]
+        offsets[last + 1 : last + after] += _fading(after)[:, None] * correction[-1]
     clear = (1.0 - _while_standing(leg.spans, count)) * _clearance(leg, flies)
     offsets[:, 1] = np.maximum(offsets[:, 1], clear - above)
     return offsets
@@ -385,5 +385,5 @@ def _clearance(leg: PosedLeg, flies: Float) -> Float:
 
 def _fading(count: int) -> Float:
     """Returns (count - 1,) weights that fall smoothly from nearly 1 to nearly 0."""
-    left = 1.0 - np.arange(1, count) / max(count, 1)
-    return np.asarray(left * left * (3.0 - 2.0 * left))
+    remaining = 1.0 - np.arange(1, count) / max(count, 1)
+    return np.asarray(remaining * remaining * (3.0 - 2.0 * remaining))

@@ -70,13 +70,13 @@ def limb_errors(
     last = min(round(duration / clip.step), len(clip.turns) - 1)
     times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MOMENTS, last + 1))))
     joints = Player(project, shape_id).sample(times)[1]
-    made = list[LimbError]()
+    errors = list[LimbError]()
     starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
     for name, layer, chain in _driven_segments(asked, shape, clip, stepping):
         wanted = _expected(asked.takes[layer.take], layer, starts, shape, chain, times)
         angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], wanted)
-        made.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
-    return tuple(made)
+        errors.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
+    return tuple(errors)
 
 
 def _driven_segments(
@@ -115,13 +115,13 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
 
 def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
     """Returns for each bone of a chain the layer of the take that alone moves it, or None."""
-    made = list[Layer | None]()
+    sole_layers = list[Layer | None]()
     for bone in chain[1:]:
         named = {ref.layer for span in shape.spans[bone] for ref in span.refs}
         layers = [shape.layer(name) for name in named]
         plain = [layer for layer in layers if _plays_plainly(project, layer, clip)]
-        made.append(plain[0] if len(layers) == len(plain) == 1 else None)
-    return made
+        sole_layers.append(plain[0] if len(layers) == len(plain) == 1 else None)
+    return sole_layers
 
 
 def _plays_plainly(project: Project, layer: Layer, clip: Clip) -> bool:

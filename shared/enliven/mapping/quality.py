@@ -124,26 +124,26 @@ class MotionQuality:
         return pose, stretch, off / LEVEL, (self.slide or 0.0) / SLIDE, self.through / THROUGH
 
     def __str__(self) -> str:
-        told = list[str]()
+        phrases = list[str]()
         if self.limbs:
             median, p90 = (
                 max(values) for values in zip(*((v.median, v.p90) for v in self.limbs), strict=True)
             )
-            told.append(
+            phrases.append(
                 f"every limb points within {median:.0f}\u00b0 of the performer's (median; 90 % of the time "
                 f"within {p90:.0f}\u00b0)"
             )
-        told.append(
+        phrases.append(
             f"edges stretch {self.stretch:.2f} at the 99th percentile, {self.stretch_most:.1f} at most"
         )
         if self.sunk is not None and self.afloat is not None:
-            told.append(
+            phrases.append(
                 f"the lowest point is at most {self.sunk:.1%} of the height below the floor, "
                 f"{self.afloat:.1%} above it while the performer stands"
             )
         if self.slide is not None:
-            told.append(f"feet slide {self.slide:.1f} cm/s")
-        return "; ".join([*told, f"{self.through:.1%} of the surface goes through another part at most"])
+            phrases.append(f"feet slide {self.slide:.1f} cm/s")
+        return "; ".join([*phrases, f"{self.through:.1%} of the surface goes through another part at most"])
 
 
 def edges_of(shape: Shape) -> tuple[Int32, Float]:
@@ -157,8 +157,8 @@ def edges_of(shape: Shape) -> tuple[Int32, Float]:
     faces = shape.mesh.faces[_is_seen(shape.mesh.faces, at)]
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = _lengths(at, edges)
-    kept = lengths > _SLIVER * np.linalg.norm(np.ptp(at, axis=0))
-    return edges[kept], lengths[kept]
+    is_long = lengths > _SLIVER * np.linalg.norm(np.ptp(at, axis=0))
+    return edges[is_long], lengths[is_long]
 
 
 def _is_seen(faces: Int32, at: Float) -> Bool:
@@ -175,9 +175,9 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
     pairs = place[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
     graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(place.max() + 1,) * 2)
     part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][place[faces[:, 0]]]
-    whole = np.bincount(part, doubled)[part] >= _CRUMB * doubled.sum()
-    seen = wide & whole
-    return np.asarray(seen if seen.any() else np.ones(len(faces), bool))
+    is_large = np.bincount(part, doubled)[part] >= _CRUMB * doubled.sum()
+    is_visible = wide & is_large
+    return np.asarray(is_visible if is_visible.any() else np.ones(len(faces), bool))
 
 
 def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
@@ -236,11 +236,11 @@ def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, 
     overlap = Overlap(shape)
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
     names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
-    told: dict[str, float] = {}
+    share_by_pair: dict[str, float] = {}
     for (a, b), share in parts.items():
         name = f"{names[above[a]]} in {names[above[b]]}"
-        told[name] = told.get(name, 0.0) + share
-    return through, tuple(sorted(told, key=lambda name: -told[name])[:_NAMED])
+        share_by_pair[name] = share_by_pair.get(name, 0.0) + share
+    return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_NAMED])
 
 
 def _lengths(at: Float, edges: Int32) -> Float:
@@ -277,11 +277,13 @@ def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     floor, body, speeds = floor_of(shape), body_points(shape), []
     before = surfaces(project, shape.id, times[:-1])
     after = surfaces(project, shape.id, times[:-1] + _APART)
-    for one, other in ((one[body], other[body]) for one, other in zip(before, after, strict=True)):
-        lands = min(one[:, 1].min(), other[:, 1].min()) < floor + _IN_AIR * tall
-        touching = (one[:, 1] < floor + _TOUCH * tall) & (other[:, 1] < floor + _TOUCH * tall)
+    for earlier, later in (
+        (earlier[body], later[body]) for earlier, later in zip(before, after, strict=True)
+    ):
+        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _IN_AIR * tall
+        touching = (earlier[:, 1] < floor + _TOUCH * tall) & (later[:, 1] < floor + _TOUCH * tall)
         if lands and touching.any():
-            moved = np.linalg.norm((other - one)[touching][:, [0, 2]], axis=1)
+            moved = np.linalg.norm((later - earlier)[touching][:, [0, 2]], axis=1)
             speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0

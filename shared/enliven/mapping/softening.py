@@ -44,11 +44,13 @@ def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
         if at < least:
             best, least = replace(plan, chains=bare.chains, stride=bare.stride), at
         blame = _blame(bare, shape, edges, stretch > _AIM * BOUND)
-        blame = {role: much for role, much in blame.items() if _weight(bare, role) * _LESS >= _LEAST}
+        blame = {
+            role: edge_count for role, edge_count in blame.items() if _weight(bare, role) * _LESS >= _LEAST
+        }
         if at <= _AIM * BOUND or not blame:
             break
         most = max(blame.values())
-        chosen = {role for role, much in blame.items() if much >= _BLAMED * most}
+        chosen = {role for role, edge_count in blame.items() if edge_count >= _BLAMED * most}
         bare = replace(bare, chains=tuple(_lessened(chain, chosen) for chain in bare.chains))
         if chosen & striding:
             bare = replace(bare, stride=bare.stride * _LESS)
@@ -91,7 +93,7 @@ def _blame(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> dict[str, floa
     blame: dict[str, float] = {}
     for k in range(skin.indices.shape[1]):
         share = np.bincount(skin.indices[:, k], count * skin.weights[:, k], len(skeleton))
-        for limb, much in zip(limbs, share, strict=True):
-            if limb and much > 0.0:
-                blame[limb] = blame.get(limb, 0.0) + float(much)
+        for limb, edge_count in zip(limbs, share, strict=True):
+            if limb and edge_count > 0.0:
+                blame[limb] = blame.get(limb, 0.0) + float(edge_count)
     return blame

@@ -245,12 +245,12 @@ def _goals(shape: Shape, step: LegStep, performer: PerformerGait, turns: Float, 
 def _out_of_reach(skeleton: Skeleton, step: LegStep, goals: Float, joints: Float) -> Float:
     """Returns the distance (T,) in metres to lower the body so that a leg reaches its goals (T, 3)."""
     chain = step.leg
-    hip, whole = joints[:, chain[0]], leg_length(skeleton, chain)
-    far = np.maximum(np.linalg.norm(joints[:, chain[-1]] - hip, axis=1), _STRETCHED * whole)
+    hip, full_length = joints[:, chain[0]], leg_length(skeleton, chain)
+    far = np.maximum(np.linalg.norm(joints[:, chain[-1]] - hip, axis=1), _STRETCHED * full_length)
     way = goals - hip
     level = np.hypot(way[:, 0], way[:, 2])
     reach = -np.sqrt(np.maximum(far**2 - level**2, 0.0))
-    return np.asarray(np.clip(reach - way[:, 1], 0.0, _LOWERED * whole))
+    return np.asarray(np.clip(reach - way[:, 1], 0.0, _LOWERED * full_length))
 
 
 def _bend(
@@ -275,8 +275,11 @@ def _reach(
     Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. The foot keeps its orientation.
     """
     middle, side = bend_of(skeleton, chain)
-    kept, none = skeleton.parents == chain[-1], np.zeros(len(turns))
-    tree, bones = (skeleton.parents, skeleton.vectors[None]), (np.array(chain, np.int32), middle, side, kept)
+    below_end, none = skeleton.parents == chain[-1], np.zeros(len(turns))
+    tree, bones = (
+        (skeleton.parents, skeleton.vectors[None]),
+        (np.array(chain, np.int32), middle, side, below_end),
+    )
     pin_limb(*tree, *bones, 0.0, 0.0, weights, goals, none, turns, joints)
 
 

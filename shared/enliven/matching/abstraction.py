@@ -90,7 +90,7 @@ def _reduced(positions: Float, beside: list[list[int]], root: int | None) -> Abs
             leaves.append(fork)
         for fork in leaves:
             work.collapse(fork)
-    found = work.nearest_to_mass(beside, leaves[0] if leaves else 0)
+    central = work.nearest_to_mass(beside, leaves[0] if leaves else 0)
     if not candidates and len(beside) > 1:
-        return _reduced(positions, beside, found)
-    return Abstraction(found, tuple(candidates))
+        return _reduced(positions, beside, central)
+    return Abstraction(central, tuple(candidates))

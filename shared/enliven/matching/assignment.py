@@ -47,33 +47,33 @@ def all_choices(gain, count, scores, picks):
     members = np.empty(m, np.int64)
     for k in range(1, m + 1):
         size = int(count[n, k])
-        now = np.empty(size)
+        current = np.empty(size)
         for i in range(k):
             members[i] = i
         for place in range(size):
-            now[place] = -np.inf
+            current[place] = -np.inf
             without = place - _own(count, members, 0, k)
             for p in range(k):
                 value = before[without] + gain[k - 1, members[p]]
-                if value > now[place]:
-                    now[place] = value
+                if value > current[place]:
+                    current[place] = value
                     last[start[k] + place] = members[p]
                 if p + 1 < k:
                     # Leave out the previous member instead. The next member then moves from rank p + 1 down
                     # to p, or back up.
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
             _next(members, k)
-        before = now
+        before = current
     copy_row(scores, before)
     for i in range(m):
         members[i] = i
-    left = np.empty(m, np.int64)
+    remaining = np.empty(m, np.int64)
     for place in range(len(scores)):
-        copy_row(left, members)
+        copy_row(remaining, members)
         for k in range(m, 0, -1):
-            column = last[start[k] + _rank(count, left, k)]
+            column = last[start[k] + _rank(count, remaining, k)]
             picks[place, k - 1] = column
-            _drop(left, k, column)
+            _drop(remaining, k, column)
         _next(members, m)
 
 
@@ -131,9 +131,9 @@ def least_cost(cost: Float) -> tuple[Int, Int]:
         columns, rows = least_cost(cost.T)
         order = np.argsort(rows)
         return rows[order], columns[order]
-    found = np.empty(len(cost), np.int32)
-    assign(np.ascontiguousarray(-cost, np.float64), np.zeros(cost.shape[1], np.int8), found)
-    return np.arange(len(cost)), found.astype(np.int64)
+    assigned = np.empty(len(cost), np.int32)
+    assign(np.ascontiguousarray(-cost, np.float64), np.zeros(cost.shape[1], np.int8), assigned)
+    return np.arange(len(cost)), assigned.astype(np.int64)
 
 
 @njit(cache=True, nogil=True)

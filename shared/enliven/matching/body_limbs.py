@@ -38,8 +38,8 @@ def limb_number(chain: Sequence[int]) -> int:
 
 def joints_of_limb(number: int) -> tuple[int, ...]:
     """Returns the joints at the outer ends of a limb's bones, or none for an unknown number."""
-    known = 0 <= number < len(_CHAINS)
-    return tuple(int(joint) for joint in _CHAINS[number][1:]) if known else ()
+    is_known = 0 <= number < len(_CHAINS)
+    return tuple(int(joint) for joint in _CHAINS[number][1:]) if is_known else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,11 +37,11 @@ class LimbShapes:
         """
         least = shortest * float(self.reach[1:].max(initial=0.0))
         for joint, children in enumerate(self.skeleton.children):
-            left = [child for child in children if self.reach[child] > least]
-            while left:
-                first = left[0]
-                like = [other for other in left if self._could_equal(joint, first, other, tolerance)]
-                left = [other for other in left if other not in like]
+            remaining = [child for child in children if self.reach[child] > least]
+            while remaining:
+                first = remaining[0]
+                like = [other for other in remaining if self._could_equal(joint, first, other, tolerance)]
+                remaining = [other for other in remaining if other not in like]
                 if len(like) > 1:
                     yield joint, like
 
@@ -60,13 +60,13 @@ class LimbShapes:
         centre = self.at[joint]
         pairs, squares, waiting = [], 0.0, [(a, b)]
         while waiting:
-            one, other = waiting.pop()
-            off = float(np.linalg.norm(centre + linear @ (self.at[one] - centre) - self.at[other]))
-            mine, theirs = self.skeleton.children[one], list(self.skeleton.children[other])
+            first, second = waiting.pop()
+            off = float(np.linalg.norm(centre + linear @ (self.at[first] - centre) - self.at[second]))
+            mine, theirs = self.skeleton.children[first], list(self.skeleton.children[second])
             if off > 2 * slack or len(mine) != len(theirs):
                 return None
             squares += off * off
-            pairs.append((one, other))
+            pairs.append((first, second))
             for child in mine:
                 goal = centre + linear @ (self.middle[child] - centre)
                 nearest = min(theirs, key=lambda k: float(np.linalg.norm(self.middle[k] - goal)))

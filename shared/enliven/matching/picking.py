@@ -104,10 +104,10 @@ class Picker:
             return Pick(None, -1)
         before = self._shown
         self._follow(ranking, seconds)
-        held = self._hold(points, seconds, before == self._shown)
-        if self.settings.by_holding and held >= 1.0:
+        progress = self._hold(points, seconds, before == self._shown)
+        if self.settings.by_holding and progress >= 1.0:
             self.accept()
-        return self.now(held)
+        return self.now(progress)
 
     def now(self, held: float = 0.0) -> Pick:
         """Returns the match to show, also between frames (after a key press)."""

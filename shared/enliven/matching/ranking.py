@@ -107,13 +107,13 @@ class Matcher:
         """
         settings = self.settings
         points = self._rest if positions is None else self._points(np.asarray(positions, np.float64))
-        given = np.ascontiguousarray(source, np.float64)
-        one = np.array([0, len(given) - 1])
-        plan = _plan(self._sizes, len(given) - 1, settings.exhaustive, settings.most)
+        source_points = np.ascontiguousarray(source, np.float64)
+        source_first = np.array([0, len(source_points) - 1])
+        plan = _plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
         which, columns, scores = rank_rows(
             self._seen(points, self._first, view),
             self._first,
-            self._seen(given, one, source_view or view),
+            self._seen(source_points, source_first, source_view or view),
             plan.first,
             plan.whole,
             settings.missing,
@@ -126,8 +126,10 @@ class Matcher:
         """Returns (B, 2) normalized branches on the screen."""
         eye = _NOWHERE if view.eye is None else view.eye
         dots = self.settings.measure == "dot"
-        seen = seen_branches(points, first, view.frame, eye, view.eye is not None, self.settings.blur, dots)
-        return np.asarray(seen)
+        branches = seen_branches(
+            points, first, view.frame, eye, view.eye is not None, self.settings.blur, dots
+        )
+        return np.asarray(branches)
 
     def _points(self, positions: Float) -> Float:
         """Returns (C + B, 3) the candidates' roots, and all their branches."""
@@ -151,15 +153,15 @@ class _Plan:
 
 @lru_cache(maxsize=64)
 def _plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
-    rows, whole, total = [0], [], 0
+    rows, takes_all, total = [0], [], 0
     for n in sizes:
         few, many = min(m, n), max(m, n)
         choices = comb(many, few)
         all_ = sum(comb(many, k) for k in range(few + 1)) <= exhaustive
         rows.append(choices if all_ else min(choices, most))
-        whole.append(all_)
+        takes_all.append(all_)
         total += choices
-    return _Plan(np.cumsum(rows), np.array(whole, np.int64), total)
+    return _Plan(np.cumsum(rows), np.array(takes_all, np.int64), total)
 
 
 def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
@@ -177,7 +179,7 @@ def _best(scores: Float, most: int, tie: float) -> Int:
     rounded = np.round(scores / tie) if tie > 0.0 else scores
     if len(rounded) > most:
         least = np.partition(rounded, len(rounded) - most)[len(rounded) - most]
-        kept = np.flatnonzero(rounded >= least)
+        chosen = np.flatnonzero(rounded >= least)
     else:
-        kept = np.arange(len(rounded))
-    return np.asarray(kept[np.argsort(-rounded[kept], kind="stable")[:most]])
+        chosen = np.arange(len(rounded))
+    return np.asarray(chosen[np.argsort(-rounded[chosen], kind="stable")[:most]])

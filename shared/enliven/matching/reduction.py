@@ -51,8 +51,8 @@ class Reduction:
         """Steps 1 and 2: turns the leaf with its chain into a branch of the returned branch node."""
         chain, node = [leaf], self.beside[leaf][0]
         while node not in self.forks:
-            one, other = self.beside[node]
-            chain, node = [*chain, node], other if one == chain[-1] else one
+            first, second = self.beside[node]
+            chain, node = [*chain, node], second if first == chain[-1] else first
         self.beside[node].remove(chain[-1])
         self._done[node].append(self._branch((node, *reversed(chain)), self._leaf[leaf]))
         return node
@@ -62,8 +62,10 @@ class Reduction:
         lengths = np.linalg.norm(np.diff(at, axis=0), axis=1)
         removed = dict(zip(chain[1:-1], lengths[1:], strict=True))
         weights = _shared(removed) if removed else leaf.weights
-        whole = float(lengths.sum())
-        return Branch(chain, (*chain[:-1], *leaf.tail), weights, leaf.length + whole, leaf.reach + whole)
+        total_length = float(lengths.sum())
+        return Branch(
+            chain, (*chain[:-1], *leaf.tail), weights, leaf.length + total_length, leaf.reach + total_length
+        )
 
     def is_ready(self, fork: int) -> bool:
         """Step 3: returns True if a sub-tree has its root here."""

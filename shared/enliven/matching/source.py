@@ -57,22 +57,22 @@ def source_of(
         InputError: if the joints are not connected, or form no bone.
     """
     at = np.array(positions, np.float64).reshape(-1, 3)
-    kept = sorted(set(joints)) or list(range(len(at)))
-    number = {joint: i for i, joint in enumerate(kept)}
+    used_joints = sorted(set(joints)) or list(range(len(at)))
+    number = {joint: i for i, joint in enumerate(used_joints)}
     if root is not None and root not in number:
         raise InputError(f"joint {root} does not play", where="source", mend="Take a root among its joints.")
     pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
-    names = [f"joint {joint}" for joint in kept]
-    found = abstract(at[kept], pairs, None if root is None else number[root], names)
+    names = [f"joint {joint}" for joint in used_joints]
+    abstraction = abstract(at[used_joints], pairs, None if root is None else number[root], names)
     if root is None:
-        found = abstract(at[kept], pairs, found.root, names)
-    if not found.candidates:
+        abstraction = abstract(at[used_joints], pairs, abstraction.root, names)
+    if not abstraction.candidates:
         raise InputError("it has no bone", where="source", mend="Take two joints or more.")
-    branches = tuple(_renamed(branch, kept) for branch in found.candidates[-1].branches)
+    branches = tuple(_renamed(branch, used_joints) for branch in abstraction.candidates[-1].branches)
     weights = np.zeros((len(branches), len(at)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
-    return MatchSource(kept[found.root], branches, weights)
+    return MatchSource(used_joints[abstraction.root], branches, weights)
 
 
 def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterable[int] = ()) -> MatchSource:
@@ -81,12 +81,12 @@ def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterabl
     return source_of(skeleton.positions, links, root, joints)
 
 
-def _renamed(branch: Branch, kept: Sequence[int]) -> Branch:
+def _renamed(branch: Branch, joints: Sequence[int]) -> Branch:
     """Returns the branch with the joint numbers of the whole skeleton."""
     return Branch(
-        tuple(kept[j] for j in branch.chain),
-        tuple(kept[j] for j in branch.extended),
-        {kept[j]: weight for j, weight in branch.weights.items()},
+        tuple(joints[j] for j in branch.chain),
+        tuple(joints[j] for j in branch.extended),
+        {joints[j]: weight for j, weight in branch.weights.items()},
         branch.length,
         branch.reach,
     )

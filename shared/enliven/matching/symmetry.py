@@ -100,9 +100,9 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
-    alike = list(body.alike(settings.tolerance, settings.shortest))
-    turned = [group for joint, like in alike for group in _turned(body, joint, like, settings)]
-    mirrored = [group for joint, like in alike for group in _mirrored(body, joint, like, settings)]
+    similar = list(body.alike(settings.tolerance, settings.shortest))
+    turned = [group for joint, like in similar for group in _turned(body, joint, like, settings)]
+    mirrored = [group for joint, like in similar for group in _mirrored(body, joint, like, settings)]
     paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
     turned = [
         g for g in turned if len(g.limbs) > 2 or frozenset(limb.joints[0] for limb in g.limbs) not in paired
@@ -112,14 +112,14 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
 
 def _turned(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
     """Finds the group of most of the similar limbs that are equal under rotation."""
-    found: EqualLimbs | None = None
+    largest: EqualLimbs | None = None
     for axis in _axes(body, joint, like):
-        made = _around(body, joint, like, axis, settings)
-        if made is not None and (found is None or len(made.limbs) > len(found.limbs)):
-            found = made
-        if found is not None and len(found.limbs) == len(like):
+        group = _around(body, joint, like, axis, settings)
+        if group is not None and (largest is None or len(group.limbs) > len(largest.limbs)):
+            largest = group
+        if largest is not None and len(largest.limbs) == len(like):
             break
-    return [found] if found is not None and len(found.limbs) >= _MOST * len(like) else []
+    return [largest] if largest is not None and len(largest.limbs) >= _MOST * len(like) else []
 
 
 def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
@@ -146,18 +146,18 @@ def _around(
         axis = -axis
     best: list[EqualLimb] = []
     for first in limbs[: max(1, len(limbs) - 2)]:
-        made = []
+        members = []
         for other in limbs:
             angle = _angle(body.middle[first] - body.at[joint], body.middle[other] - body.at[joint], axis)
             linear = to_matrix(from_rotation_vector(angle * axis))
             matched = body.matched(joint, first, other, linear, settings.tolerance)
             if matched is not None:
-                made.append((angle % (2 * np.pi - 1e-9), matched, linear))
-        if len(made) > len(best):
-            order = [pair[0] for pair in made[0][1].pairs]
+                members.append((angle % (2 * np.pi - 1e-9), matched, linear))
+        if len(members) > len(best):
+            order = [pair[0] for pair in members[0][1].pairs]
             best = [
                 EqualLimb(tuple(dict(matched.pairs)[j] for j in order), linear, matched.error)
-                for _, matched, linear in sorted(made, key=lambda entry: entry[0])
+                for _, matched, linear in sorted(members, key=lambda entry: entry[0])
             ]
         if len(best) == len(limbs):
             break
@@ -183,7 +183,7 @@ def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetryS
         matched = body.matched(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
-                EqualLimb(tuple(one for one, _ in matched.pairs), np.eye(3), 0.0),
+                EqualLimb(tuple(own for own, _ in matched.pairs), np.eye(3), 0.0),
                 EqualLimb(tuple(other for _, other in matched.pairs), linear, matched.error),
             )
             groups.append(EqualLimbs("mirror", joint, across, limbs))
@@ -196,13 +196,13 @@ def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
     axes = np.array([group.axis for group in groups]).reshape(-1, 3)
     weights = np.array([body.length[group.limbs[0].joints[0]] for group in groups])
     agree = (np.abs(axes @ axes.T) > 0.98) @ weights
-    kept, taken = [], set[int]()
+    chosen, used = [], set[int]()
     for i in sorted(range(len(groups)), key=lambda i: (-round(float(agree[i]), 9), groups[i].joint)):
         ends = {limb.joints[0] for limb in groups[i].limbs}
-        if not ends & taken:
-            kept.append(groups[i])
-            taken |= ends
-    return kept
+        if not ends & used:
+            chosen.append(groups[i])
+            used |= ends
+    return chosen
 
 
 def _unit(vector: Float) -> Float | None:

@@ -80,9 +80,9 @@ def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
     Args:
         share: minimum visible fraction of a vector's length.
     """
-    seen = np.linalg.norm(vectors @ view.axes.T, axis=1)
+    projected = np.linalg.norm(vectors @ view.axes.T, axis=1)
     lengths = np.linalg.norm(vectors, axis=1)
-    return np.asarray((seen < share * lengths) & (lengths > 0.0))
+    return np.asarray((projected < share * lengths) & (lengths > 0.0))
 
 
 def projected_length(vectors: Float, direction: Float) -> float:
@@ -114,8 +114,8 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     if not len(vectors):
         return view
     starts = [view.direction, *np.linalg.eigh(vectors.T @ vectors)[1].T]
-    found = [_raised(vectors, start, view.direction, most_turn, steps) for start in starts]
-    best = max(found, key=lambda d: round(projected_length(vectors, d), 9))
+    directions = [_raised(vectors, start, view.direction, most_turn, steps) for start in starts]
+    best = max(directions, key=lambda d: round(projected_length(vectors, d), 9))
     return _towards(best, view)
 
 
@@ -125,10 +125,10 @@ def _raised(vectors: Float, start: Float, current: Float, most_turn: float, step
     direction = _within(start, current, most_turn)
     value = projected_length(vectors, direction)
     for _ in range(steps):
-        seen = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
+        projected = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
         # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
         # Maximise this bound.
-        scatter = vectors.T @ (vectors / seen[:, None])
+        scatter = vectors.T @ (vectors / projected[:, None])
         wanted = _within(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
         moved, better = _best_between(vectors, direction, wanted, current, most_turn)
         if better <= value * (1.0 + 1e-12):

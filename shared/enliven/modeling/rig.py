@@ -157,7 +157,7 @@ class RigEdits(ABC):
 
 def check_names(changes: dict[str, Any], kind: Any, where: str) -> None:
     """Raises an error for names that are not attributes of the dataclass ``kind``."""
-    known = [field.name for field in fields(kind)]
+    names = [field.name for field in fields(kind)]
     for name in changes:
-        if name not in known:
-            raise InputError(f"it has no {name!r}", where=where, mend=f"Known: {', '.join(known)}.")
+        if name not in names:
+            raise InputError(f"it has no {name!r}", where=where, mend=f"Known: {', '.join(names)}.")

@@ -33,9 +33,11 @@ def export(
     """
     exporter, title = exporter_of(path), Path(path).stem
     if isinstance(what, Clip):
-        made = [performance_of_clip(what)]
+        performances = [performance_of_clip(what)]
     else:
         chosen = characters or [*what.shapes, *what.graphs, *what.puppets]
         keyed = exporter.keyed
-        made = [performance_of(what, one, start, end, rate, keyed=keyed) for one in chosen]
-    exporter.write(Path(path), made, title)
+        performances = [
+            performance_of(what, character, start, end, rate, keyed=keyed) for character in chosen
+        ]
+    exporter.write(Path(path), performances, title)

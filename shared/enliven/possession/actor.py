@@ -149,5 +149,5 @@ class Actor:
         """
         if body is not None and all(hold.body != body for hold in self.holds):
             who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            what, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {who}."
-            raise InputError(what, where=f"releasing {self.character.id!r}", mend=mend)
+            problem, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {who}."
+            raise InputError(problem, where=f"releasing {self.character.id!r}", mend=mend)

@@ -78,10 +78,10 @@ class Growth:
         """
         first = np.full(J, np.inf)
         np.minimum.at(first, bone, nearest)
-        whole = len(np.unique(bone)) >= J - 1
+        has_all_bones = len(np.unique(bone)) >= J - 1
         out = np.full(len(bone), self._grown(reach, first[np.unique(bone)]))
         for limb in np.unique(_LIMBS[bone]):
-            if not (whole and limb in _ARMS):
+            if not (has_all_bones and limb in _ARMS):
                 own = _LIMBS[bone] == limb
                 out[own] = self._grown(reach, first[np.unique(bone[own])])
         return out
@@ -128,8 +128,8 @@ class Attachment:
         if not len(self):
             return np.empty(0, np.int64), np.empty(0)
         total = np.bincount(self.node_indices.reshape(-1), self.node_weights.reshape(-1))
-        held = np.flatnonzero(total > 0)
-        return held, total[held] / total.max()
+        held_nodes = np.flatnonzero(total > 0)
+        return held_nodes, total[held_nodes] / total.max()
 
     def only(self, kept: Bool) -> Attachment:
         """Returns the attachment with only the points of a (L,) mask."""
@@ -232,15 +232,21 @@ def attach(
     cosine = math.cos(settings.normal_angle)
     indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
     reach = grow.reaches(settings.reach, bone, lengths[:, 0])
-    held = lengths[:, 0] < reach
-    weights = np.maximum(1.0 - lengths[held] / reach[held, None], 0.0) if held.any() else np.empty((0, 4))
+    is_attached = lengths[:, 0] < reach
+    weights = (
+        np.maximum(1.0 - lengths[is_attached] / reach[is_attached, None], 0.0)
+        if is_attached.any()
+        else np.empty((0, 4))
+    )
     weights /= weights.sum(1, keepdims=True)
-    indices = np.where(weights > 0, indices[held], 0).astype(np.int32)
-    points = points[held]
+    indices = np.where(weights > 0, indices[is_attached], 0).astype(np.int32)
+    points = points[is_attached]
     if deformed is not None:
         linear, positions = (np.ascontiguousarray(a, np.float64) for a in deformed)
         points = to_rest_space(points, indices, weights, graph.positions, linear, positions)
-    return Attachment(points, indices, weights, bone[held], along[held], radial[held], joints)
+    return Attachment(
+        points, indices, weights, bone[is_attached], along[is_attached], radial[is_attached], joints
+    )
 
 
 def _samples(

@@ -76,16 +76,16 @@ def known_bones(joints: Float) -> Bool:
 def filled_joints(joints: Float, rest: Float) -> Float:
     """Returns (20, 3) joints; one that is not finite is placed at its offset from its parent in ``rest``."""
     out = np.array(joints, np.float64)
-    known = np.asarray(np.isfinite(out).all(1))
-    if known.all():
+    is_known = np.asarray(np.isfinite(out).all(1))
+    if is_known.all():
         return out
     offsets = np.nan_to_num(rest - rest[_PARENT], nan=0.0, posinf=0.0, neginf=0.0)
-    if not known[0]:
+    if not is_known[0]:
         # The root is unknown, so move it by the displacement of the first known joint.
-        moved = (out - rest + rest[0])[known]
+        moved = (out - rest + rest[0])[is_known]
         moved = moved[np.isfinite(moved).all(1)]
-        out[0] = moved[0] if len(moved) else (out[known][0] if known.any() else 0.0)
-    for j in np.flatnonzero(~known):
+        out[0] = moved[0] if len(moved) else (out[is_known][0] if is_known.any() else 0.0)
+    for j in np.flatnonzero(~is_known):
         if j > 0:
             out[j] = out[PARENTS[j]] + offsets[j]
     return out

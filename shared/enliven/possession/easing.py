@@ -96,8 +96,8 @@ class Easing:
         if self._gap is None or not 0.0 <= share < 1.0:
             self._gap, self.shown = None, (linear, positions)
         else:
-            left = 1.0 - share * share * (3 - 2 * share)
-            self.shown = _apart(self._gap, left, linear, positions)
+            remaining = 1.0 - share * share * (3 - 2 * share)
+            self.shown = _apart(self._gap, remaining, linear, positions)
         return self.shown
 
 

@@ -117,14 +117,14 @@ class EmbeddedActor(Actor):
             raise out_of_reach(self.character.id, self.settings, body, grip, nodes, comes=comes)
         new = EmbeddedHold(body.id, [grip], self._time_ns, depth=depth_of(body))
         hold = new if own is None else own.with_grip(grip)
-        kept = others or own is not None or self._stays
-        start = self._solver.state() if kept and self._solver is not None else None
+        continues = others or own is not None or self._stays
+        start = self._solver.state() if continues and self._solver is not None else None
         if self._meeting is not None:
             start = start or self._meeting.state
             if self._meeting.body == body.id and isinstance(grip.carrying, Mapped):
                 grip.carrying.goes_on(self._meeting.carrying)
         self._meeting, self._free = None, False
-        if not kept:
+        if not continues:
             self._placement = self._grown(self._rules.at_performer(body))
         self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
@@ -138,9 +138,9 @@ class EmbeddedActor(Actor):
             InputError: if that performer does not hold this mesh.
         """
         self._need_holder(body, ("hold", "held"))
-        left = [hold for hold in self.holds if body is not None and hold.body != body]
-        if left:
-            self._hold(left, self._solver.state() if self._solver is not None else None)
+        remaining = [hold for hold in self.holds if body is not None and hold.body != body]
+        if remaining:
+            self._hold(remaining, self._solver.state() if self._solver is not None else None)
         elif self.holds:
             if self._easing.shown is not None:
                 shown = self._easing.shown[1]
@@ -204,12 +204,12 @@ class EmbeddedActor(Actor):
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         count = len(self.graph.positions)
-        held = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
+        held_strengths = [(hold.body, hold.strengths(count)) for hold in self.holds if hold.active]
         preview = None
         if body is not None and self._placed:
             others = [hold for hold in self.holds if hold.body != body.id]
             preview = body.id, EmbeddedHold(body.id, [self._grip(body, parts, others)]).strengths(count)
-        return cues_of(held, preview)
+        return cues_of(held_strengths, preview)
 
     def warm_up(self) -> None:
         """Possesses a copy for a few frames, so that no frame waits for compilation."""
@@ -225,8 +225,8 @@ class EmbeddedActor(Actor):
             return
         for i in range(3):
             moved = Body(0, body.joints + 0.01 * i, body.confidence * (1 - 0.1 * i))
-            seen = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
-            rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: seen})
+            observed = ObservedPoints(moved.joints, np.tile([0.0, 0.0, 1.0], (J, 1)))
+            rehearsal.perform([moved], (i + 1) * _STEP_NS, {0: observed})
             if rehearsal._solver is not None:
                 rehearsal._solver.renew()
 
@@ -290,11 +290,11 @@ class EmbeddedActor(Actor):
         self._seen = any(hold.body in present for hold in self.holds)
         self._turned = 0.0
         for hold in self.holds if self._seen else []:
-            gone = hold.away(time_ns) > self.settings.patience
+            is_lost = hold.away(time_ns) > self.settings.patience
             body = present.get(hold.body)
-            if gone and (body is not None or hold.active):
+            if is_lost and (body is not None or hold.active):
                 self._easing.restart_fade()
-            hold.active = body is not None or not gone
+            hold.active = body is not None or not is_lost
             if body is not None:
                 was_seen = hold.seen_ns == self._time_ns
                 hold.see(body, time_ns)

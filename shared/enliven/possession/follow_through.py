@@ -27,8 +27,8 @@ def stiffness_of(
     """Returns (N,) the stiffness factor of each node (N, 3) at rest: its paint times the spots. None means 1
     everywhere.
     """
-    painted, told = painted_stiffness(character), stiffness_at(nodes, spots)
-    return painted if told is None else told if painted is None else painted * told
+    painted, spotted = painted_stiffness(character), stiffness_at(nodes, spots)
+    return painted if spotted is None else spotted if painted is None else painted * spotted
 
 
 class FollowThrough:

@@ -40,8 +40,8 @@ def gripped(
     joints, start_turns = carrying(body.joints), carrying.turns
     if carrying.at_rest is not None:
         joints, deformed, start_turns = carrying.at_rest, None, None
-    held = attach(graph, joints, body.confidence, parts, near, deformed, grow)
-    return Grip(held, carrying, parts, start_turns)
+    attachment = attach(graph, joints, body.confidence, parts, near, deformed, grow)
+    return Grip(attachment, carrying, parts, start_turns)
 
 
 def out_of_reach(
@@ -55,8 +55,8 @@ def out_of_reach(
         comes: whether the mesh moves to the body, so that stepping nearer changes nothing.
     """
     joints = grip.carrying(body.joints)[sorted(parts_named(grip.parts))]
-    apart = np.linalg.norm(joints[:, None] - nodes, axis=2)
-    metres = float(np.nanmin(apart, initial=np.inf)) * grip.carrying.scale
+    distances = np.linalg.norm(joints[:, None] - nodes, axis=2)
+    metres = float(np.nanmin(distances, initial=np.inf)) * grip.carrying.scale
     away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
     mend = "Step into the mesh, or set place = 'meet', or how = 'beside'."
     if comes:

@@ -48,11 +48,11 @@ def cues_of(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None
         firmest = every.max(0)
         nodes = np.flatnonzero(firmest > 0)
         strengths, owners = firmest[nodes], np.array(holders)[every.argmax(0)[nodes]]
-    taken = len(nodes)
+    held_count = len(nodes)
     if preview is not None:
         also = np.flatnonzero(preview[1] > 0)
         also = also[~np.isin(also, nodes)]
         nodes, strengths = np.concatenate([nodes, also]), np.concatenate([strengths, preview[1][also]])
         owners = np.concatenate([owners, np.full(len(also), preview[0])])
     first = holders[0] if holders else int(owners[0]) if len(owners) else -1
-    return Cues("possessed" if holders else "free", nodes, strengths, first, owners, taken)
+    return Cues("possessed" if holders else "free", nodes, strengths, first, owners, held_count)

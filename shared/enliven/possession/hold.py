@@ -151,9 +151,9 @@ class Joined:
 
 def joined(holds: Sequence[EmbeddedHold]) -> Joined:
     """Returns the points of all holds."""
-    held = [grip.attachment for hold in holds for grip in hold.grips]
+    attachments = [grip.attachment for hold in holds for grip in hold.grips]
     return Joined(
-        np.concatenate([np.empty((0, 3)), *(a.points for a in held)]),
-        np.concatenate([np.empty((0, 4), np.int32), *(a.node_indices for a in held)]),
-        np.concatenate([np.empty((0, 4)), *(a.node_weights for a in held)]),
+        np.concatenate([np.empty((0, 3)), *(a.points for a in attachments)]),
+        np.concatenate([np.empty((0, 4), np.int32), *(a.node_indices for a in attachments)]),
+        np.concatenate([np.empty((0, 4)), *(a.node_weights for a in attachments)]),
     )

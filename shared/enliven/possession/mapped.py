@@ -71,11 +71,11 @@ class Mapped:
         front: float | None = None,
     ) -> None:
         self.likeness, self.scale, self.body = likeness, scale, body.id
-        self._last = now = filled_joints(body.joints, body.joints)
+        self._last = current = filled_joints(body.joints, body.joints)
         self._front = facing(body) if front is None or not likeness.human else front
         self._turn = turn_about_y(likeness.yaw - self._front)
-        self._rest = _as_the_mesh(likeness, now, self._front, self._turn) if likeness.human else now
-        self._heading, self.turned = _hip_heading(now), 0.0
+        self._rest = _as_the_mesh(likeness, current, self._front, self._turn) if likeness.human else current
+        self._heading, self.turned = _hip_heading(current), 0.0
         self._start_gap = wrapped(self._heading - self._front)
         self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
         self._home = self._rest[_HIP].copy()
@@ -116,16 +116,16 @@ class Mapped:
         """Returns (20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN for joints that the
         mesh lacks.
         """
-        now = filled_joints(joints, self._last)
-        self._last = now
-        before, self._heading = self._heading, _hip_heading(now)
+        current = filled_joints(joints, self._last)
+        self._last = current
+        before, self._heading = self._heading, _hip_heading(current)
         self.turned = wrapped(self._heading - before)
-        since_rest = bone_rotations(self._rest, now)[0]
+        since_rest = bone_rotations(self._rest, current)[0]
         if self._share < 1.0:
             since_rest = self._partly(since_rest, self._heading - self._front)
         self.turns = turns = self._turn @ since_rest @ self._turn.T
         own = self.likeness.joints
-        way = (now[_HIP] - self._home) * self._steps
+        way = (current[_HIP] - self._home) * self._steps
         out = np.empty((J, 3))
         out[_HIP] = own[_HIP] + self._share * (self._turn @ way)
         for child in range(1, J):
@@ -175,8 +175,8 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
     """
     figure = standing_figure() @ turn_about_y(yaw).T
     mesh = likeness.joints @ turn
-    made = np.empty((J, 3))
-    made[_HIP] = now[_HIP]
+    upright = np.empty((J, 3))
+    upright[_HIP] = now[_HIP]
     for joint in list(Joint)[1:]:
         parent = PARENTS[joint]
         way = figure[joint] - figure[parent]
@@ -188,6 +188,6 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
                 rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),
                 way,
             )
-        made[joint] = made[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(way)
-    made[:, 1] += now[:, 1].min() - made[:, 1].min()
-    return made
+        upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(way)
+    upright[:, 1] += now[:, 1].min() - upright[:, 1].min()
+    return upright

@@ -40,14 +40,14 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
     for g in range(starts.shape[0] - 1):
         first, last = starts[g], starts[g + 1]
         # Collect the candidate nodes for the whole group.
-        inner, kept = _close_to_group(points, first, last, nodes, reach, centre, close)
+        inner, total = _close_to_group(points, first, last, nodes, reach, centre, close)
         for i in range(first, last):
-            found, most = 0, reach
+            node_count, most = 0, reach
             n = normals[i]
             free = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
             # Skip the nodes in the outer part of the group's reach if four nodes in the inner part are near
             # enough.
-            for c in range(kept):
+            for c in range(total):
                 if c == inner and most <= _INNER * reach:
                     break
                 j = close[c]
@@ -61,10 +61,10 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
                     continue
                 facing = n[0] * node_normals[j, 0] + n[1] * node_normals[j, 1] + n[2] * node_normals[j, 2]
                 if free or facing > cosine:
-                    found = insert(near, who, found, np.sqrt(square), j)
-                    if found == 4:
+                    node_count = insert(near, who, node_count, np.sqrt(square), j)
+                    if node_count == 4:
                         most = near[3]
-            for m in range(found):
+            for m in range(node_count):
                 indices[i, m], lengths[i, m] = who[m], near[m]
     return indices, lengths
 
@@ -91,17 +91,17 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):
         ball = max(ball, square)
     ball = np.sqrt(ball)
     limit, inside = (ball + reach) ** 2, (ball + _INNER * reach) ** 2
-    inner = kept = 0
+    inner = total = 0
     for j in range(nodes.shape[0]):
         dx, dy, dz = nodes[j, 0] - centre[0], nodes[j, 1] - centre[1], nodes[j, 2] - centre[2]
         square = dx * dx + dy * dy + dz * dz
         if square < limit:
-            close[kept] = j
+            close[total] = j
             if square < inside:
-                close[inner], close[kept] = j, close[inner]
+                close[inner], close[total] = j, close[inner]
                 inner += 1
-            kept += 1
-    return inner, kept
+            total += 1
+    return inner, total
 
 
 @njit(cache=True, nogil=True)

@@ -110,9 +110,9 @@ class PlacementRules:
         """Returns the placement at the performer's position, with the mesh's front in the performer's
         heading.
         """
-        alike = self.settings.scaled == "mesh"
+        scales_mesh = self.settings.scaled == "mesh"
         front = 0.0 if self.likeness is None else self.likeness.yaw
-        return under(body, self._performer_scale(body) if alike else self.size, self.stand, front)
+        return under(body, self._performer_scale(body) if scales_mesh else self.size, self.stand, front)
 
     def carryings(
         self, body: Body, placement: Placement, earlier: list[Carrying], own_earlier: Carrying | None = None
@@ -135,11 +135,11 @@ class PlacementRules:
             if isinstance(own_earlier, Mapped):
                 new.goes_on(own_earlier)
             return [new]
-        held = next((one for one in earlier if isinstance(one, Mapped)), None)
-        if held is not None and held.body == body.id:
-            return [held]
-        places = [one.placement for one in earlier[:1] if isinstance(one, CarriedPlacement)]
-        if inside and held is not None:
+        mapped = next((carrying for carrying in earlier if isinstance(carrying, Mapped)), None)
+        if mapped is not None and mapped.body == body.id:
+            return [mapped]
+        places = [carrying.placement for carrying in earlier[:1] if isinstance(carrying, CarriedPlacement)]
+        if inside and mapped is not None:
             places = [placement]
         elif inside and own.place == "fixed" and not places:
             fixed = scale if own.scaled == "performer" else AS_MODELLED.scale

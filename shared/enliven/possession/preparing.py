@@ -61,11 +61,11 @@ def prepared_as(
             known; else those of the settings are kept.
         joints: (20, 3) metres of the given mesh, of the person that it shows, if known.
     """
-    given, size, height = mesh.vertices, 1.0, 0.0
-    at = [] if ends is None else [int(np.linalg.norm(given - end, axis=1).argmin()) for end in ends]
+    vertices, size, height = mesh.vertices, 1.0, 0.0
+    at = [] if ends is None else [int(np.linalg.norm(vertices - end, axis=1).argmin()) for end in ends]
     if fit:
         mesh, size = prepared(mesh, settings, at, joints)
-        joints = joints if joints is None else as_moved(joints, given, mesh.vertices[: len(given)])
+        joints = joints if joints is None else as_moved(joints, vertices, mesh.vertices[: len(vertices)])
     if at:
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     if joints is not None and len(joints):
@@ -91,11 +91,11 @@ def prepared(
     """
     if settings.place == "fixed":
         return mesh, 1.0
-    size, given = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT, mesh.vertices
+    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT, mesh.vertices
     mesh = fit_height(mesh, _HEIGHT)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
-            person = BodyInMesh.known(as_moved(joints, given, mesh.vertices))
+            person = BodyInMesh.known(as_moved(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.certain or len(ends)):

@@ -27,12 +27,12 @@ def settings_of(possession: Possession) -> ActorSettings:
         InputError: if the text is not JSON, or contains an unknown setting.
     """
     try:
-        told = json.loads(possession.settings)
+        values = json.loads(possession.settings)
     except ValueError:
-        what = "the settings are not JSON"
+        problem = "the settings are not JSON"
         where = f"take {possession.take!r}"
-        raise InputError(what, where=where, mend="Record it again.") from None
-    return load_settings(ActorSettings, told, where=f"the settings of take {possession.take!r}")
+        raise InputError(problem, where=where, mend="Record it again.") from None
+    return load_settings(ActorSettings, values, where=f"the settings of take {possession.take!r}")
 
 
 def replay(
@@ -61,23 +61,23 @@ def replay(
     start, end = possession.start - _SAME, possession.last(take) + _SAME
     frames = np.flatnonzero((take.seconds >= start) & (take.seconds <= end))
     due = sorted(possession.holds, key=lambda change: change.seconds)
-    refused, held = list[tuple[float, InputError]](), False
+    refused, has_held = list[tuple[float, InputError]](), False
     for frame in frames:
         second, bodies = take.seconds[frame], [_as_seen(body) for body in take.bodies(int(frame))]
-        now = [change for change in due if change.seconds <= second + _SAME]
-        for change in now:
+        current = [change for change in due if change.seconds <= second + _SAME]
+        for change in current:
             if change.mode == "take over":
                 _change(actor, change, bodies)
         yield actor.perform(bodies, round(second * 1e9))
-        for change in now:
+        for change in current:
             try:
                 if change.mode != "take over":
                     _change(actor, change, bodies)
-                    held = held or bool(actor.holds)
+                    has_held = has_held or bool(actor.holds)
             except InputError as error:
                 refused.append((float(second), error))
-        due = due[len(now) :]
-    if refused and not held:
+        due = due[len(current) :]
+    if refused and not has_held:
         raise refused[0][1]
     if notes is not None:
         notes.extend(f"At {second:.2f} s: {error.what}." for second, error in refused)
@@ -95,7 +95,7 @@ def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> Non
         if change.performer is None or any(hold.body == change.performer for hold in actor.holds):
             actor.release(change.performer)
         return
-    body = next((one for one in bodies if change.performer in (None, one.id)), None)
+    body = next((candidate for candidate in bodies if change.performer in (None, candidate.id)), None)
     if body is None:
         who = "a performer" if change.performer is None else f"performer {change.performer}"
         mend = "Give the take of the performers that possessed it."
@@ -110,5 +110,5 @@ def _as_seen(body: Body) -> Body:
     """Returns a body of a take with unknown joints as NaN. A take stores them as the origin with confidence
     0.
     """
-    known = (body.confidence > 0.0) | body.joints.any(1)
-    return body if known.all() else replace(body, joints=np.where(known[:, None], body.joints, np.nan))
+    is_known = (body.confidence > 0.0) | body.joints.any(1)
+    return body if is_known.all() else replace(body, joints=np.where(is_known[:, None], body.joints, np.nan))

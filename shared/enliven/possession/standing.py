@@ -115,32 +115,32 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
     floor = np.insert(shifts, 1, 0.0, axis=1)
     pieces = points[::27]
-    alike = float(near.over(pieces, np.zeros((1, 3))).mean())
+    own_nearness = float(near.over(pieces, np.zeros((1, 3))).mean())
     head = points[points[:, 1] >= low[1] + _HIGHEST * (high[1] - low[1])].mean(0)[[0, 2]]
-    best, found = -np.inf, (0.0, np.zeros(3), 0.0)
+    best, stand = -np.inf, (0.0, np.zeros(3), 0.0)
     # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
     # the bones, and symmetry.
     for yaw in np.arange(_TURNS) * (2 * np.pi / _TURNS):
         turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
-        held = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
+        scores = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
         own, back = pieces @ turn, -floor @ turn
-        held *= np.max([field.over(own, back) for field in touched], axis=0).mean(1)
+        scores *= np.max([field.over(own, back) for field in touched], axis=0).mean(1)
         if len(figures) == 1:
             mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
             across = near.over(pieces @ mirror, floor - floor @ mirror)
-            held *= (across.mean(1) / alike) ** 2
+            scores *= (across.mean(1) / own_nearness) ** 2
         # Prefer yaws for which the head lies ahead, or otherwise the mass. The reported score does not
         # include this preference.
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
-        worth = held + _HEAD_FIRST * held * ahead
-        worth += _MASS_FIRST * held * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
-        worth += _AS_MODELLED * held * np.cos(yaw)
+        worth = scores + _HEAD_FIRST * scores * ahead
+        worth += _MASS_FIRST * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
+        worth += _AS_MODELLED * scores * np.cos(yaw)
         top = int(worth.argmax())
         if worth[top] > best:
             best = float(worth[top])
-            found = float(yaw), np.array([shifts[top, 0], 0.0, shifts[top, 1]]), float(held[top])
-    return found
+            stand = float(yaw), np.array([shifts[top, 0], 0.0, shifts[top, 1]]), float(scores[top])
+    return stand
 
 
 def _bone_points(joints: Float) -> Float:

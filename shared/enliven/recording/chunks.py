@@ -103,7 +103,7 @@ def _decompressed(chunk: Any) -> bytes:
 
 def _contents(content: bytes, most: int) -> list[Any]:
     """Returns the messages, schemas and channels in the content of a chunk of at most ``most`` records."""
-    made: list[Any] = []
+    contents: list[Any] = []
     at = count = 0
     while at < len(content):
         count += 1
@@ -117,10 +117,10 @@ def _contents(content: bytes, most: int) -> list[Any]:
         if opcode == Opcode.MESSAGE:
             channel, sequence, logged, published = _MESSAGE.unpack_from(content, start)
             data = content[start + _MESSAGE.size : at]
-            made.append(records.Message(channel, logged, data, published, sequence))
+            contents.append(records.Message(channel, logged, data, published, sequence))
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            made.append(parsed(opcode, content[start:at]))
-    return made
+            contents.append(parsed(opcode, content[start:at]))
+    return contents
 
 
 def parsed(opcode: int, data: bytes) -> Any:

@@ -91,8 +91,8 @@ def check_version(container: Container) -> None:
     """Raises InputError if a recording is of a later version, or its version is not a number."""
     stated = container.metadata.get(ABOUT_NAME, {}).get(VERSION_KEY, "1")
     if not (stated.isdecimal() and stated.isascii()):
-        what, mend = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
-        raise InputError(what, where=str(container.path), mend=mend)
+        problem, mend = f"it states the version {stated[:20]!r}, which is not a number", "Record it again."
+        raise InputError(problem, where=str(container.path), mend=mend)
     refuse_later_version(int(stated), RECORDING_VERSION, str(container.path), container.library)
 
 
@@ -111,28 +111,28 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
     summary = file.read(size - _FOOTER_BYTES - start)
     if not crc or zlib.crc32(tail[: RECORD.size + 16], zlib.crc32(summary)) != crc:
         raise Damage("the summary's checksum is wrong")
-    found = Container(path, complete=True, cut_at=size)
+    container = Container(path, complete=True, cut_at=size)
     file.seek(len(MAGIC))
-    found.add(_read_record(file, size))
+    container.add(_read_record(file, size))
     inside = _records_of(summary)
     if sum(isinstance(record, records.MetadataIndex) for record in inside) > _MAX_METADATA:
         raise Damage("the index names too many records of words")
     for record in inside:
-        _add_indexed(found, record, file, size)
+        _add_indexed(container, record, file, size)
     end = 0
-    for ref in sorted(found.chunks, key=lambda ref: ref.offset):
+    for ref in sorted(container.chunks, key=lambda ref: ref.offset):
         # Reject chunks that overlap. A damaged index that lists one chunk a thousand times would otherwise
         # cause a thousand reads.
         if ref.offset < end or ref.offset + ref.length > size:
             raise Damage("the index names chunks that overlap or are not there")
         end = ref.offset + ref.length
-    return found
+    return container
 
 
-def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> None:
+def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -> None:
     """Registers one record of the summary."""
     if isinstance(record, records.ChunkIndex):
-        found.chunks.append(
+        container.chunks.append(
             ChunkRef(
                 record.chunk_start_offset,
                 record.chunk_length,
@@ -141,19 +141,19 @@ def _add_indexed(found: Container, record: Any, file: BinaryIO, size: int) -> No
             )
         )
     elif isinstance(record, records.Statistics):
-        found.counts.update(record.channel_message_counts)
+        container.counts.update(record.channel_message_counts)
     elif isinstance(record, records.MetadataIndex):
         if record.offset > size:
             raise Damage("the index names words that are not there")
         file.seek(record.offset)
-        found.add(_read_record(file, size))
+        container.add(_read_record(file, size))
     else:
-        found.add(record)
+        container.add(record)
 
 
 def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container of a file without its end: every complete record from the start."""
-    found = Container(path)
+    container = Container(path)
     at = len(MAGIC)
     while at + RECORD.size <= size:
         file.seek(at)
@@ -162,34 +162,34 @@ def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
         if opcode == 0 or end > size:
             break
         if opcode == Opcode.CHUNK:
-            _add_walked(found, file, at, end - at)
+            _add_walked(container, file, at, end - at)
         elif opcode in SMALL_RECORDS and length <= _MAX_RECORD:
             try:
-                found.add(parsed(opcode, file.read(length)))
+                container.add(parsed(opcode, file.read(length)))
             except DAMAGE:
-                found.damaged_chunks += 1
+                container.damaged_chunks += 1
         at = end
         if opcode in (Opcode.DATA_END, Opcode.FOOTER):
             break
-    found.cut_at = at
-    return found
+    container.cut_at = at
+    return container
 
 
-def _add_walked(found: Container, file: BinaryIO, offset: int, length: int) -> None:
+def _add_walked(container: Container, file: BinaryIO, offset: int, length: int) -> None:
     """Registers a chunk and the schemas, channels and counts inside."""
     try:
         inside = read_chunk(file, ChunkRef(offset, length, 0, 0))
     except Damage:
-        found.damaged_chunks += 1
+        container.damaged_chunks += 1
         return
     times = [record.log_time for record in inside if isinstance(record, records.Message)]
     for record in inside:
         if isinstance(record, records.Message):
-            found.counts[record.channel_id] += 1
+            container.counts[record.channel_id] += 1
         else:
-            found.add(record)
+            container.add(record)
     if times:
-        found.chunks.append(ChunkRef(offset, length, min(times), max(times)))
+        container.chunks.append(ChunkRef(offset, length, min(times), max(times)))
 
 
 def _read_record(file: BinaryIO, size: int) -> Any:
@@ -202,21 +202,21 @@ def _read_record(file: BinaryIO, size: int) -> Any:
 
 def _records_of(data: bytes) -> list[Any]:
     """Returns the records of a summary section that are used here."""
-    made, at = [], 0
+    summary_records, at = [], 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)
         at += RECORD.size
         if opcode in SMALL_RECORDS:
-            made.append(parsed(opcode, data[at : at + length]))
+            summary_records.append(parsed(opcode, data[at : at + length]))
         at += length
-    return made
+    return summary_records
 
 
 def _foreign(path: Path, start: bytes) -> InputError:
-    what = "the file is empty" if not start else "it is not a recording (an MCAP file)"
+    problem = "the file is empty" if not start else "it is not a recording (an MCAP file)"
     mend = (
         "Record again."
         if not start
         else "Use `enliven import` for other recordings; `enliven import --list-readers` shows which."
     )
-    return InputError(what, where=str(path), mend=mend)
+    return InputError(problem, where=str(path), mend=mend)

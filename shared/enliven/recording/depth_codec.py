@@ -106,11 +106,11 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
     depth = np.empty((height, width), np.uint16)
     if packing == _ARITHMETIC:
         values = np.zeros(levels + 1, np.uint16) if levels else np.arange(65536, dtype=np.uint16)
-        whole = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
+        is_complete = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
     else:
         values, residuals = _unpack_zstd(packed, width, height, levels)
-        whole = restore_image(residuals, values, len(values) - 1, depth)
-    if not whole:
+        is_complete = restore_image(residuals, values, len(values) - 1, depth)
+    if not is_complete:
         raise _damaged("a level is outside the table of levels")
     return depth
 
@@ -132,8 +132,8 @@ def _checked_shape(depth: UInt16) -> tuple[int, int]:
 
 def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     """Returns (L,) the table of levels (empty if it saves nothing), and (65536,) the level of each value."""
-    seen = mark_levels(depth)
-    levels = np.flatnonzero(seen).astype(np.uint16)
+    occurs = mark_levels(depth)
+    levels = np.flatnonzero(occurs).astype(np.uint16)
     if not levels.size or 2 * levels.size > int(levels[-1]) - int(levels[0]) + 1:
         return np.empty(0, np.uint16), np.arange(65536, dtype=np.uint16)
     ranks = np.zeros(65536, np.uint16)
@@ -186,9 +186,9 @@ def _values(table: UInt8, levels: int) -> UInt16:
     return values.astype(np.uint16)
 
 
-def _damaged(what: str) -> InputError:
+def _damaged(damage: str) -> InputError:
     return InputError(
-        f"the depth image is damaged: {what}",
+        f"the depth image is damaged: {damage}",
         where="depth payload",
         mend="Record or import it again; the other frames can still be read.",
     )

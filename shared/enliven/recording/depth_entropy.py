@@ -98,12 +98,12 @@ def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
     for m in range(1, UNARY + 1):
         if _ask(coder, data, states, base + 1 + m):
             return -m if negative else m
-    bits, made = 0, 1
+    bits, value = 0, 1
     while bits < 17 and not _ask(coder, data, states, _LARGE + bits):
         bits += 1
     for _ in range(bits):
-        made = (made << 1) | _get(coder, data, 32768)
-    size = made + UNARY
+        value = (value << 1) | _get(coder, data, 32768)
+    size = value + UNARY
     return -size if negative else size
 
 

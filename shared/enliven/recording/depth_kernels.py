@@ -15,11 +15,11 @@ from enliven.kernels import njit
 @njit(cache=True, nogil=True)
 def mark_levels(depth: UInt16) -> Bool:
     """Returns (65536,) flags of the values other than 0 that occur in the (H, W) image."""
-    seen = np.zeros(65536, np.bool_)
+    occurs = np.zeros(65536, np.bool_)
     for value in depth.ravel():
-        seen[value] = True
-    seen[0] = False
-    return seen
+        occurs[value] = True
+    occurs[0] = False
+    return occurs
 
 
 @njit(cache=True, nogil=True)

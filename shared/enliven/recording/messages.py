@@ -185,7 +185,7 @@ def _shaped(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
     return array
 
 
-def _damaged(what: str) -> InputError:
+def _damaged(damage: str) -> InputError:
     return InputError(
-        f"the message cannot be read: {what}", where="recording", mend="Record or import it again."
+        f"the message cannot be read: {damage}", where="recording", mend="Record or import it again."
     )

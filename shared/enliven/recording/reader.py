@@ -116,20 +116,20 @@ class Recording:
         names = {i: c.topic for i, c in self._container.channels.items() if c.topic in topics}
         chunks = sorted(self._container.chunks, key=lambda ref: (ref.start_ns, ref.offset))
         waiting: list[tuple[int, int, Any]] = []
-        count = held = 0
+        count = buffered = 0
         with open_file(self.path) if file is None else contextlib.nullcontext(file) as opened:
             for ref in chunks:
                 while waiting and waiting[0][0] < ref.start_ns:
                     message = heapq.heappop(waiting)[2]
-                    held -= len(message.data)
+                    buffered -= len(message.data)
                     yield names[message.channel_id], message
                 for record in self._records(opened, ref):
                     if isinstance(record, Message) and record.channel_id in names:
                         heapq.heappush(waiting, (record.log_time, count, record))
-                        count, held = count + 1, held + len(record.data)
-                if held > _MOST_HELD:
-                    what = f"{held} bytes of its messages are out of order"
-                    raise InputError(what, where=str(self.path), mend="Record it again.")
+                        count, buffered = count + 1, buffered + len(record.data)
+                if buffered > _MOST_HELD:
+                    problem = f"{buffered} bytes of its messages are out of order"
+                    raise InputError(problem, where=str(self.path), mend="Record it again.")
         while waiting:
             message = heapq.heappop(waiting)[2]
             yield names[message.channel_id], message
@@ -155,7 +155,7 @@ class Recording:
     def _report_damage(self, problem: str) -> None:
         if problem in self.problems:
             return
-        if any("damaged part" in known for known in self.problems):
+        if any("damaged part" in earlier for earlier in self.problems):
             self.problems.append(problem)
         else:
             self._warn(problem)
@@ -188,8 +188,8 @@ def _info(container: Container) -> RecordingInfo:
     topics: dict[str, TopicInfo] = {}
     for number, channel in sorted(container.channels.items()):
         schema = container.schemas.get(channel.schema_id)
-        known = topics.get(channel.topic)
-        count = container.counts[number] + (known.count if known else 0)
+        earlier = topics.get(channel.topic)
+        count = container.counts[number] + (earlier.count if earlier else 0)
         topics[channel.topic] = TopicInfo(
             channel.topic, schema.name if schema else "", channel.message_encoding, count
         )

@@ -87,7 +87,7 @@ def recover(path: Path, output: Path) -> Recovery:
     if container.profile not in (PROFILE, ""):
         raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
     check_version(container)
-    found = Recovery(cut=not container.complete)
+    recovery = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidates(container, file)
         for _, records in _whole(file, refs):
@@ -98,8 +98,8 @@ def recover(path: Path, output: Path) -> Recovery:
         recorder = Recorder(output, sync_seconds=math.inf)
         try:
             with recorder:
-                _copy(container, file, refs, recorder, found)
-            if not found.kept:
+                _copy(container, file, refs, recorder, recovery)
+            if not recovery.kept:
                 raise InputError(
                     "it contains no whole message", where=str(path), mend="It cannot be recovered."
                 )
@@ -107,8 +107,8 @@ def recover(path: Path, output: Path) -> Recovery:
             output.unlink(missing_ok=True)
             raise
     if container.complete:
-        found.lost = _stated(container) - found.kept
-    return found
+        recovery.lost = _stated(container) - recovery.kept
+    return recovery
 
 
 def _container_of(path: Path) -> Container:
@@ -120,7 +120,7 @@ def _container_of(path: Path) -> Container:
 
 
 def _copy(
-    container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, found: Recovery
+    container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, recovery: Recovery
 ) -> None:
     """Copies every chunk's messages, and records the spans with missing ones."""
     for name, values in container.metadata.items():
@@ -132,29 +132,29 @@ def _copy(
             lost = True
             continue
         if lost or not _only_small(file, end, ref.offset):
-            found.spans.append(LostSpan(end_ns, ref.start_ns))
+            recovery.spans.append(LostSpan(end_ns, ref.start_ns))
         messages = [record for record in records if isinstance(record, Message)]
         for message in messages:
-            _put(container, message, recorder, found)
+            _put(container, message, recorder, recovery)
         last = max((m.log_time for m in messages), default=ref.end_ns)
         end, end_ns, lost = ref.offset + ref.length, last, False
-    if lost or found.cut:
-        found.spans.append(LostSpan(end_ns, None))
+    if lost or recovery.cut:
+        recovery.spans.append(LostSpan(end_ns, None))
 
 
-def _put(container: Container, message: Any, recorder: Recorder, found: Recovery) -> None:
+def _put(container: Container, message: Any, recorder: Recorder, recovery: Recovery) -> None:
     """Writes one message into the new recording, with the description of its topic."""
     channel: Channel | None = container.channels.get(message.channel_id)
     schema = None if channel is None else container.schemas.get(channel.schema_id)
     if channel is None or schema is None:
-        found.nameless += 1
+        recovery.nameless += 1
         return
     kind = (schema.name, schema.data.decode(errors="replace"), schema.encoding, channel.message_encoding)
     sensor = channel.metadata.get("sensor", "")
     recorder.write(channel.topic, *kind, bytes(message.data), message.log_time, sensor)
-    found.kept[channel.topic] += 1
-    if message.log_time and (found.first_ns is None or message.log_time < found.first_ns):
-        found.first_ns = message.log_time
+    recovery.kept[channel.topic] += 1
+    if message.log_time and (recovery.first_ns is None or message.log_time < recovery.first_ns):
+        recovery.first_ns = message.log_time
 
 
 def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:

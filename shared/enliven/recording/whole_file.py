@@ -52,10 +52,10 @@ class WholeFile:
         Raises:
             OSError: if the disk is full, for example. The file is then closed.
         """
-        left = memoryview(data)
+        remaining = memoryview(data)
         try:
-            while left:
-                left = left[self._raw.write(left) :]
+            while remaining:
+                remaining = remaining[self._raw.write(remaining) :]
         except OSError:
             self._take_back()
             raise

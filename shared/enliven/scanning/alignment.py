@@ -94,7 +94,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
         sums: (R, SUMS) one row for each row of points, written. The six unknowns are a translation (m) and a
             rotation (rad) about the camera's position, world frame.
     """
-    found, cache, j, m = np.empty(4), np.empty(4, np.int64), np.empty(6), np.empty(6)
+    sample, cache, j, m = np.empty(4), np.empty(4, np.int64), np.empty(6), np.empty(6)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for r in range(first, last):
         sums[r, :] = 0.0
@@ -109,10 +109,10 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             qx = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * z
             qy = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * z
             qz = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * z
-            if not look_up(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], found, cache):
+            if not look_up(field, qx + pose[0, 3], qy + pose[1, 3], qz + pose[2, 3], sample, cache):
                 continue
             sums[r, 31] += points.worth[v, u]
-            d, gx, gy, gz = found[0], found[1], found[2], found[3]
+            d, gx, gy, gz = sample[0], sample[1], sample[2], sample[3]
             if d >= 0.98 * field.band.front or d <= -0.98 * field.band.behind:
                 continue
             # Reject the point if its normal and the gradient of the surface point to opposite sides.

@@ -64,9 +64,9 @@ class BlockTable:
 
     def find(self, places: Int32) -> Int32:
         """Returns (N,) int32 numbers of the blocks at (N, 3) positions, -1 for a missing block."""
-        found = np.empty(len(places), np.int32)
-        _find_all(self.keys, self.slots, np.asarray(places, np.int32), found)
-        return found
+        numbers = np.empty(len(places), np.int32)
+        _find_all(self.keys, self.slots, np.asarray(places, np.int32), numbers)
+        return numbers
 
     def _hash(self, size: int) -> None:
         self.keys, self.slots = np.full(size, -1, np.int64), np.full(size, -1, np.int32)

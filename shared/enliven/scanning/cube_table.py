@@ -76,10 +76,10 @@ def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
     best: list[tuple[int, int, int]] = []
     least = np.inf
     for k in range(1, len(loop) - 1):
-        found = [(loop[0], loop[k], loop[-1]), *_triangles(loop[: k + 1]), *_triangles(loop[k:])]
-        cost = _in_faces(found, loop)
+        triangles = [(loop[0], loop[k], loop[-1]), *_triangles(loop[: k + 1]), *_triangles(loop[k:])]
+        cost = _in_faces(triangles, loop)
         if cost < least:
-            best, least = found, cost
+            best, least = triangles, cost
     return best
 
 

@@ -47,18 +47,18 @@ def decimated(mesh: Mesh, faces: int) -> Decimated:
     # Imported here, because a machine that only poses meshes does not need this library.
     from fast_simplification import simplify
 
-    vertices, kept = mesh.vertices, mesh.faces
+    vertices, triangles = mesh.vertices, mesh.faces
     for eager in _EAGER:
-        if len(kept) > faces:
-            vertices, kept = simplify(vertices, kept, target_count=faces, agg=eager)[:2]
+        if len(triangles) > faces:
+            vertices, triangles = simplify(vertices, triangles, target_count=faces, agg=eager)[:2]
     colours = None
     if mesh.colours is not None:
         colours = mesh.colours[cKDTree(mesh.vertices).query(vertices)[1]]
-    made = Mesh(np.asarray(vertices, float), _unfolded(kept), mesh.name, colours)
-    made = submesh(made, np.ones(len(made.faces), bool))
+    reduced = Mesh(np.asarray(vertices, float), _unfolded(triangles), mesh.name, colours)
+    reduced = submesh(reduced, np.ones(len(reduced.faces), bool))
     looked = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED]
-    apart = distances(made, mesh.vertices[looked])
-    return Decimated(made, float(apart.mean()), float(np.quantile(apart, 0.99)))
+    errors = distances(reduced, mesh.vertices[looked])
+    return Decimated(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
 
 
 def _unfolded(faces: Int | Int32) -> Int32:

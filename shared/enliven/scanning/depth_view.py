@@ -138,8 +138,10 @@ def _straight_pixels(intrinsics: Intrinsics) -> tuple[Int, Int]:
     """
     rows, columns = np.mgrid[0 : intrinsics.height, 0 : intrinsics.width].astype(float)
     x, y = (columns - intrinsics.cx) / intrinsics.fx, (rows - intrinsics.cy) / intrinsics.fy
-    seen = np.rint(project(np.stack([x, y, np.ones_like(x)], -1), intrinsics)).astype(int)
-    return seen[..., 1].clip(0, intrinsics.height - 1), seen[..., 0].clip(0, intrinsics.width - 1)
+    source_pixels = np.rint(project(np.stack([x, y, np.ones_like(x)], -1), intrinsics)).astype(int)
+    return source_pixels[..., 1].clip(0, intrinsics.height - 1), source_pixels[..., 0].clip(
+        0, intrinsics.width - 1
+    )
 
 
 def _pair_means(values: Float32) -> Float32:
@@ -173,12 +175,12 @@ def _mean_inverse(a, b, c, d, limits):
     za, zb, zc, zd = _metres(a, limits), _metres(b, limits), _metres(c, limits), _metres(d, limits)
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
     last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _GATE))
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero, unity = np.float32(0.0), np.float32(1.0)
     # Unknown depth is stored as infinity. Infinity is not less than itself, so the comparison gives 0.
-    ia, ib = (one if za < last else zero), (one if zb < last else zero)
-    ic, id_ = (one if zc < last else zero), (one if zd < last else zero)
+    ia, ib = (unity if za < last else zero), (unity if zb < last else zero)
+    ic, id_ = (unity if zc < last else zero), (unity if zd < last else zero)
     count = ia + ib + ic + id_
-    return (ia / za + ib / zb + ic / zc + id_ / zd) / (count if count > one else one)
+    return (ia / za + ib / zb + ic / zc + id_ / zd) / (count if count > unity else unity)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -203,14 +205,14 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
     """
     width = inverse.shape[1] - 2 * _STEP
     sums = np.empty((9, width), np.float32)
-    one, least = np.float32(1.0), np.float32(1e-4)
+    unity, least = np.float32(1.0), np.float32(1e-4)
     for v in range(first, last):
         _add_neighbours(inverse, v, across, down, sums)
         for u in range(width):
             n = sums[0, u]
             if n < _FEWEST:
                 continue
-            here, x0, y0, part = inverse[v, u + _STEP], across[u + _STEP], down[v], one / n
+            centre, x0, y0, part = inverse[v, u + _STEP], across[u + _STEP], down[v], unity / n
             sx, sy, sz = sums[1, u], sums[2, u], sums[3, u]
             xx, xy, yy = sums[4, u] - sx * sx * part, sums[5, u] - sx * sy * part, sums[6, u] - sy * sy * part
             xz, yz = sums[7, u] - sx * sz * part, sums[8, u] - sy * sz * part
@@ -218,12 +220,12 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
             if det <= least * xx * yy:
                 continue
             a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
-            smooth = here + (sz - a * sx - b * sy) * part
+            smooth = centre + (sz - a * sx - b * sy) * part
             c = smooth - a * x0 - b * y0
             # Use the depth of the pixel itself. On curved surfaces the fitted depth is too deep, and the
             # camera would drift.
-            z, length = one / here, np.sqrt(a * a + b * b + c * c)
-            facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + one))
+            z, length = unity / centre, np.sqrt(a * a + b * b + c * c)
+            facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + unity))
             if not facing > _STEEPEST:
                 continue
             points[v, u, 0], points[v, u, 1], points[v, u, 2] = x0 * z, y0 * z, z
@@ -241,19 +243,19 @@ def _add_neighbours(inverse, v, across, down, sums):
         sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz, written. x, y (rays) and z (1/m) are relative to
             the pixel.
     """
-    one, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _STEP
+    unity, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _STEP
     middle = inverse[v]
     sums[:, :] = zero
     for j in range(max(v - _STEP, v % _STEP), min(v + _STEP + 1, len(inverse)), _STEP):
         row, y = inverse[j], down[j] - down[v]
         for u in range(sums.shape[1]):
-            here = middle[u + _STEP]
-            gate = np.float32(_GATE) * here
+            centre = middle[u + _STEP]
+            gate = np.float32(_GATE) * centre
             left, right = across[u] - across[u + _STEP], across[u + wide] - across[u + _STEP]
-            za, zb, zc = row[u] - here, row[u + _STEP] - here, row[u + wide] - here
-            a = one if abs(za) < gate else zero
-            b = one if abs(zb) < gate else zero
-            c = one if abs(zc) < gate else zero
+            za, zb, zc = row[u] - centre, row[u + _STEP] - centre, row[u + wide] - centre
+            a = unity if abs(za) < gate else zero
+            b = unity if abs(zb) < gate else zero
+            c = unity if abs(zc) < gate else zero
             n, x, z = a + b + c, a * left + c * right, a * za + b * zb + c * zc
             sums[0, u] += n
             sums[1, u] += x
@@ -284,8 +286,8 @@ def _through(depth, across, down, points, normals, worth, planes, weights, first
         for u in range(width):
             z = np.float32(depth[v, u]) * np.float32(1e-3)
             j, i = v // 2, u // 2
-            there = points[j, i, 2]
-            if worth[j, i] == 0.0 or abs(z - there) > np.float32(_GATE) * there:
+            plane_depth = points[j, i, 2]
+            if worth[j, i] == 0.0 or abs(z - plane_depth) > np.float32(_GATE) * plane_depth:
                 planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = 0.0, 0.0, 0.0
                 planes[v, u, 3], weights[v, u] = _NOTHING, 0.0
                 continue
@@ -299,24 +301,28 @@ def _through(depth, across, down, points, normals, worth, planes, weights, first
 def _bound(depth, limits, tiles, first, last):
     """Fills the nearest and farthest depth of some rows of tiles."""
     height, width = depth.shape
-    zero, one = np.float32(0.0), np.float32(1.0)
-    near, far, known = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    zero, unity = np.float32(0.0), np.float32(1.0)
+    near, far, known_counts = (
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+        np.empty(width, np.float32),
+    )
     for r in range(first, last):
-        near[:], far[:], known[:] = np.float32(np.inf), zero, zero
+        near[:], far[:], known_counts[:] = np.float32(np.inf), zero, zero
         low, high = r * TILE, min(r * TILE + TILE, height)
         for v in range(low, high):
             for u in range(width):
                 z = _metres(depth[v, u], limits)
-                there = z < np.float32(np.inf)
+                is_known = z < np.float32(np.inf)
                 near[u] = z if z < near[u] else near[u]
-                far[u] = z if there & (z > far[u]) else far[u]
-                known[u] += one if there else zero
+                far[u] = z if is_known & (z > far[u]) else far[u]
+                known_counts[u] += unity if is_known else zero
         for c in range(tiles.shape[1]):
             nearest, farthest, count = np.float32(np.inf), zero, zero
             right = min(c * TILE + TILE, width)
             for u in range(c * TILE, right):
                 nearest, farthest = min(nearest, near[u]), max(farthest, far[u])
-                count += known[u]
+                count += known_counts[u]
             tiles[r, c, 0], tiles[r, c, 1] = nearest, farthest
             # Do not count pixels beyond the edge of the image as holes.
             holes = np.float32((high - low) * (right - c * TILE)) - count

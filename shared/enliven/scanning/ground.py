@@ -70,8 +70,8 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     level = np.flatnonzero(normals @ up > _LEVEL)
     count = len(level)
     if not count:
-        what = "no floor and no table top was scanned"
-        raise InputError(what, where="scan", mend="Scan a part of the floor around the object, too.")
+        problem = "no floor and no table top was scanned"
+        raise InputError(problem, where="scan", mend="Scan a part of the floor around the object, too.")
     level = np.random.default_rng(0).permutation(level)[:_LOOKED_AT]
     normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
     planes = [
@@ -135,13 +135,13 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     s = settings or CutOutSettings()
     parts = parts_about(mesh, ground, focus, s)
     if not parts:
-        what = "nothing that stands on the floor was scanned"
+        problem = "nothing that stands on the floor was scanned"
         raise InputError(
-            what, where="scan", mend="Carry the camera round the object, and look at it all the time."
+            problem, where="scan", mend="Carry the camera round the object, and look at it all the time."
         )
     if s.number > len(parts):
-        what = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
-        raise InputError(what, where="scan", mend="Choose one of them, or look at it while you scan.")
+        problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
+        raise InputError(problem, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
     vertices = levelled(thing, ground).vertices
     # Extend the feet down again by the clearance that the cut has removed.
@@ -177,8 +177,8 @@ def parts_about(
     middles = above.vertices[above.faces].mean(1)
     near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
     areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
-    whole, worth = np.bincount(label, areas), np.bincount(label, areas * near)
-    large = (whole >= s.least_area) & (worth >= _ASIDE * worth.max())
+    total_areas, worth = np.bincount(label, areas), np.bincount(label, areas * near)
+    large = (total_areas >= s.least_area) & (worth >= _ASIDE * worth.max())
     return [submesh(above, label == n) for n in np.argsort(-worth, kind="stable") if large[n]]
 
 
@@ -215,15 +215,22 @@ def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
     alone = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
     turned = np.take_along_axis(mesh.faces, (alone[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
-    one, two = turned[count == 1], turned[count == 2]
-    ends = np.sort(np.concatenate([one[:, [0, 1]], one[:, [0, 2]], two[:, [0, 1]], two[:, [0, 2]]]), 1)
+    one_above, two_above = turned[count == 1], turned[count == 2]
+    ends = np.sort(
+        np.concatenate(
+            [one_above[:, [0, 1]], one_above[:, [0, 2]], two_above[:, [0, 1]], two_above[:, [0, 2]]]
+        ),
+        1,
+    )
     edges, number = np.unique(ends, axis=0, return_inverse=True)
-    cuts = np.split(number.reshape(-1) + len(mesh.vertices), np.cumsum([len(one), len(one), len(two)]))
+    cuts = np.split(
+        number.reshape(-1) + len(mesh.vertices), np.cumsum([len(one_above), len(one_above), len(two_above)])
+    )
     corner = [
         turned[count == 3],
-        np.stack([one[:, 0], cuts[0], cuts[1]], 1),
-        np.stack([two[:, 1], two[:, 2], cuts[2]], 1),
-        np.stack([two[:, 2], cuts[3], cuts[2]], 1),
+        np.stack([one_above[:, 0], cuts[0], cuts[1]], 1),
+        np.stack([two_above[:, 1], two_above[:, 2], cuts[2]], 1),
+        np.stack([two_above[:, 2], cuts[3], cuts[2]], 1),
     ]
     share = heights[edges[:, :1]] / (heights[edges[:, :1]] - heights[edges[:, 1:]])
 
@@ -232,5 +239,5 @@ def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
 
     colours = None if mesh.colours is None else np.rint(spread(mesh.colours.astype(float))).astype(np.uint8)
     faces = np.concatenate(corner).astype(np.int32)
-    whole = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
-    return submesh(whole, np.ones(len(faces), bool))
+    clipped = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
+    return submesh(clipped, np.ones(len(faces), bool))

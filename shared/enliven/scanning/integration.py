@@ -103,15 +103,15 @@ def classify(places, band, camera, tiles, shape, state, first, last):
             continue
         left, right = max(int(u - ru), 0) // TILE, min(int(u + ru) + 1, shape[1] - 1) // TILE
         top, bottom = max(int(v - rv), 0) // TILE, min(int(v + rv) + 1, shape[0] - 1) // TILE
-        nearest, farthest, whole = np.inf, 0.0, u - ru >= 0.0 and v - rv >= 0.0
-        whole = whole and u + ru <= shape[1] - 1 and v + rv <= shape[0] - 1
+        nearest, farthest, is_complete = np.inf, 0.0, u - ru >= 0.0 and v - rv >= 0.0
+        is_complete = is_complete and u + ru <= shape[1] - 1 and v + rv <= shape[0] - 1
         for r in range(top, bottom + 1):
             for c in range(left, right + 1):
                 nearest, farthest = min(nearest, tiles[r, c, 0]), max(farthest, tiles[r, c, 1])
-                whole = whole and tiles[r, c, 2] == 0.0
+                is_complete = is_complete and tiles[r, c, 2] == 0.0
         if z - radius > farthest + _BEHIND_RAY * band.behind:
             continue
-        free = whole and z + radius < nearest - _SLANT * band.front
+        free = is_complete and z + radius < nearest - _SLANT * band.front
         state[b] = FREE if free else NEAR
 
 
@@ -143,8 +143,8 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
             if len(image.colours) > 0 and len(voxels.hue) > 0:
                 near = np.float32(band.voxel * _PAINTED)
                 _paint(pixel, shown, before, worth, near, image.colours, voxels.weight[b], voxels.hue[b])
-            held = voxels.distance[b], voxels.weight[b]
-            voxels.solid[b] = _average(sizes, local, shown, before, along, worth, *held) > 0
+            stored = voxels.distance[b], voxels.weight[b]
+            voxels.solid[b] = _average(sizes, local, shown, before, along, worth, *stored) > 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -197,18 +197,18 @@ def _project(places, b, band, camera, shape, local, pixel, shown):
     z0 = turn[2, 0] * wx + turn[2, 1] * wy + turn[2, 2] * wz + camera.place[2]
     fx, fy, left, top = lens[0], lens[1], lens[2] + np.float32(0.5), lens[3] + np.float32(0.5)
     height, width, wide = np.float32(shape[0]), np.float32(shape[1]), np.int32(shape[1])
-    zero, one, least = np.float32(0.0), np.float32(1.0), np.float32(0.01)
+    zero, unity, least = np.float32(0.0), np.float32(1.0), np.float32(0.01)
     for i in range(VOXELS):
         right, down, deep = _COLUMN[i], _ROW[i], _LAYER[i]
         x = x0 + xx * right + xy * down + xz * deep
         y = y0 + yx * right + yy * down + yz * deep
         z = z0 + zx * right + zy * down + zz * deep
-        away = one / (z if z > least else least)
+        away = unity / (z if z > least else least)
         u, v = fx * x * away + left, fy * y * away + top
         inside = (u >= zero) & (v >= zero) & (u < width) & (v < height) & (z > least)
         u, v = u if inside else zero, v if inside else zero
         pixel[i] = np.int32(v) * wide + np.int32(u)
-        shown[i] = one if inside else zero
+        shown[i] = unity if inside else zero
         local[0, i], local[1, i], local[2, i] = x, y, z
 
 
@@ -224,7 +224,7 @@ def _look(pixel, local, planes, weights, behind, before, along, worth):
     Returns:
         The number of voxels that are observed. The others are occluded in the image.
     """
-    told = np.int32(0)
+    observed = np.int32(0)
     for i in range(VOXELS):
         k = np.uint32(pixel[i])
         at = np.uint32(4) * k
@@ -235,8 +235,8 @@ def _look(pixel, local, planes, weights, behind, before, along, worth):
         )
         along[i], before[i] = a, a - planes[at + np.uint32(3)]
         worth[i] = weights[k]
-        told += np.int32(1) if before[i] > -behind else np.int32(0)
-    return told
+        observed += np.int32(1) if before[i] > -behind else np.int32(0)
+    return observed
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -249,25 +249,25 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
             space.
     """
     front, behind, free = sizes[0], sizes[1], sizes[2]
-    zero, one, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
-    fade, tiny, inside, least = one / behind, np.float32(1e-30), np.int32(0), np.float32(_FAINTEST)
+    zero, unity, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
+    fade, tiny, inside, least = unity / behind, np.float32(1e-30), np.int32(0), np.float32(_FAINTEST)
     for i in range(VOXELS):
         d = before[i]
         # A voxel behind a surface is inferred, not observed, so its weight falls with depth. The weight in
         # front of the surface falls equally. Otherwise noise behind the surface would count less than noise
         # in front, and surfaces would sink.
-        told = one - abs(d) * fade
-        more = worth[i] * (told if told > least else least)
+        trust = unity - abs(d) * fade
+        more = worth[i] * (trust if trust > least else least)
         more = free if d >= front else more
         # `along` is negative, because the normal points towards the camera.
-        known = (d > -behind) & (d * local[2, i] >= deepest * along[i])
-        more = (more if known else zero) * shown[i]
+        is_observed = (d > -behind) & (d * local[2, i] >= deepest * along[i])
+        more = (more if is_observed else zero) * shown[i]
         d = front if d >= front else d
-        d = d if known else zero
-        had, was = weight[i], distance[i]
-        now = was + (d - was) * more / (had + more + tiny)
-        distance[i], weight[i] = now, had + more
-        inside += np.int32(1) if now < zero else np.int32(0)
+        d = d if is_observed else zero
+        old_weight, old_distance = weight[i], distance[i]
+        new_distance = old_distance + (d - old_distance) * more / (old_weight + more + tiny)
+        distance[i], weight[i] = new_distance, old_weight + more
+        inside += np.int32(1) if new_distance < zero else np.int32(0)
     return inside
 
 
@@ -282,6 +282,6 @@ def _paint(pixel, shown, before, worth, near, picture, weight, hue):
         # is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share
         for c in range(3):
-            now = np.float32(hue[i, c])
-            now += (np.float32(256.0) * np.float32(picture[3 * pixel[i] + c]) - now) * share
-            hue[i, c] = np.uint16(max(now + np.float32(0.5), np.float32(1.0)))
+            colour = np.float32(hue[i, c])
+            colour += (np.float32(256.0) * np.float32(picture[3 * pixel[i] + c]) - colour) * share
+            hue[i, c] = np.uint16(max(colour + np.float32(0.5), np.float32(1.0)))

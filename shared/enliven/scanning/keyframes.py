@@ -68,9 +68,9 @@ def reduced(view: DepthView) -> Float32:
     rows = np.arange(height) * _ROWS // height
     columns = np.arange(width) * _COLUMNS // width
     cell = (rows[:, None] * _COLUMNS + columns).reshape(-1)
-    known = depth.reshape(-1) > 0
-    inverse = np.where(known, 1.0 / np.where(known, depth.reshape(-1), 1.0), 0.0)
+    is_known = depth.reshape(-1) > 0
+    inverse = np.where(is_known, 1.0 / np.where(is_known, depth.reshape(-1), 1.0), 0.0)
     total = np.bincount(cell, inverse, _ROWS * _COLUMNS)
-    counts = np.bincount(cell, known, _ROWS * _COLUMNS)
+    counts = np.bincount(cell, is_known, _ROWS * _COLUMNS)
     enough = counts * 4 > np.bincount(cell, minlength=_ROWS * _COLUMNS)
     return np.where(enough, total / np.maximum(counts, 1), 0.0).astype(np.float32).reshape(_ROWS, _COLUMNS)

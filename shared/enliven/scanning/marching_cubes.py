@@ -39,19 +39,21 @@ def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
     faces_count, vertices_count = _number_vertices(*arguments, rows, numbers)
     vertices, faces = np.empty((vertices_count, 3)), np.empty((faces_count, 3), np.int32)
     colours = np.zeros((vertices_count if len(volume.hue) else 0, 3), np.uint8)
-    told = np.zeros(len(colours), np.bool_)
+    has_colour = np.zeros(len(colours), np.bool_)
     _place_vertices(
         owners, numbers, beside, volume.blocks.places, volume.distance, volume.hue, volume.band.voxel,
-        vertices, colours, told,
+        vertices, colours, has_colour,
     )  # fmt: skip
     _write_faces(*arguments, rows, numbers, faces)
-    return Mesh(vertices, faces, "scan", _filled(vertices, colours, told) if len(volume.hue) else None)
+    return Mesh(vertices, faces, "scan", _filled(vertices, colours, has_colour) if len(volume.hue) else None)
 
 
-def _filled(vertices: Float, colours: UInt8, told: Bool) -> UInt8:
+def _filled(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
     """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
-    if told.any() and not told.all():
-        colours[~told] = colours[told][cKDTree(vertices[told]).query(vertices[~told])[1]]
+    if has_colour.any() and not has_colour.all():
+        colours[~has_colour] = colours[has_colour][
+            cKDTree(vertices[has_colour]).query(vertices[~has_colour])[1]
+        ]
     return colours
 
 
@@ -65,8 +67,8 @@ def _gather(b, beside, distance, weight, support, cells):
             for x in range(SIDE + 1):
                 other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
                 i = (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
-                known = other >= 0 and weight[other, i] >= support
-                cells[z, y, x] = distance[other, i] if known else np.float32(np.nan)
+                is_known = other >= 0 and weight[other, i] >= support
+                cells[z, y, x] = distance[other, i] if is_known else np.float32(np.nan)
 
 
 @njit(cache=True, nogil=True)
@@ -139,11 +141,11 @@ def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, verti
                 for c in range(len(colours) and 3):
                     # If only one end of the edge has a colour, the vertex takes that colour. 0 means no
                     # colour.
-                    one = hue[b, i, c] if hue[b, i, c] > 0 else hue[other, beyond, c]
-                    two = hue[other, beyond, c] if hue[other, beyond, c] > 0 else one
-                    mixed = one + share * (float(two) - one)
+                    near_colour = hue[b, i, c] if hue[b, i, c] > 0 else hue[other, beyond, c]
+                    far_colour = hue[other, beyond, c] if hue[other, beyond, c] > 0 else near_colour
+                    mixed = near_colour + share * (float(far_colour) - near_colour)
                     colours[number, c] = np.uint8(min(mixed / 256.0 + 0.5, 255.0))
-                    told[number] = one > 0
+                    told[number] = near_colour > 0
 
 
 @njit(cache=True, nogil=True)

@@ -94,21 +94,21 @@ def piece_sums(volume: DistanceVolume) -> PieceSums:
 def piece_of(volume: DistanceVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
     most = len(blocks) * _CELLS**3 * MOST_TRIANGLES * 3
-    places, seen = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
+    places, certainties = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
     colours = np.zeros((most if len(volume.hue) else 0, 3), np.uint8)
     corner = np.array(place, np.int64) * PIECE
     used = _cells(
         blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
-        volume.hue, triangle_table(), places, colours, seen,
+        volume.hue, triangle_table(), places, colours, certainties,
     )  # fmt: skip
     wide = places[:used].astype(np.int64)
     keys = wide[:, 0] << 32 | wide[:, 1] << 16 | wide[:, 2]
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)
     faces = number.reshape(-1, 3).astype(np.int32)
-    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     tinted = colours[:used][first] if len(volume.hue) else None
     step = volume.band.voxel / STEPS
-    return ScanPiece(place, places[:used][first], tinted, seen[:used][first], faces[whole], step)
+    return ScanPiece(place, places[:used][first], tinted, certainties[:used][first], faces[is_proper], step)
 
 
 @njit(cache=True, nogil=True)
@@ -158,22 +158,22 @@ def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, col
                 axis, start = table[case, k] // 4, _STARTS[table[case, k] // 4, table[case, k] % 4]
                 place[0], place[1] = x + _STRIDE * (start & 1), y + _STRIDE * ((start >> 1) & 1)
                 place[2] = z + _STRIDE * (start >> 2)
-                one, i = _voxel(b, place[0], place[1], place[2], beside)
+                first_block, i = _voxel(b, place[0], place[1], place[2], beside)
                 place[axis] += _STRIDE
-                two, j = _voxel(b, place[0], place[1], place[2], beside)
+                second_block, j = _voxel(b, place[0], place[1], place[2], beside)
                 place[axis] -= _STRIDE
-                share = distance[one, i] / (distance[one, i] - distance[two, j])
+                share = distance[first_block, i] / (distance[first_block, i] - distance[second_block, j])
                 for c in range(3):
                     voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _STRIDE * share * (axis == c)
                     places[used, c] = np.uint16(voxels * STEPS + 0.5)
                 for c in range(len(colours) and 3):
                     # If only one end of the edge has a colour, the vertex takes that colour. 0 means no
                     # colour.
-                    first = hue[one, i, c] if hue[one, i, c] > 0 else hue[two, j, c]
-                    second = hue[two, j, c] if hue[two, j, c] > 0 else first
+                    first = hue[first_block, i, c] if hue[first_block, i, c] > 0 else hue[second_block, j, c]
+                    second = hue[second_block, j, c] if hue[second_block, j, c] > 0 else first
                     colours[used, c] = np.uint8(min((first + share * (float(second) - first)) / 256.0, 255.0))
-                known = min(weight[one, i], weight[two, j]) / _WELL
-                seen[used] = np.uint8(min(255.0 * known, 255.0))
+                certainty = min(weight[first_block, i], weight[second_block, j]) / _WELL
+                seen[used] = np.uint8(min(255.0 * certainty, 255.0))
                 used += 1
                 k += 1
     return used

@@ -33,23 +33,23 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
     vertices, faces = mesh.vertices, mesh.faces
     lowest = np.zeros(len(vertices), bool)
     face, corner = np.nonzero(open_sides(faces, len(vertices)))
-    one, two, inside = (faces[face, (corner + k) % 3] for k in range(3))
-    near = (vertices[one, 1] < low) & (vertices[two, 1] < low)
+    start, end, inside = (faces[face, (corner + k) % 3] for k in range(3))
+    near = (vertices[start, 1] < low) & (vertices[end, 1] < low)
     if not near.any():
         return lowest
-    one, two, inside = one[near], two[near], inside[near]
-    along, out = vertices[two] - vertices[one], vertices[one] - vertices[inside]
+    start, end, inside = start[near], end[near], inside[near]
+    along, out = vertices[end] - vertices[start], vertices[start] - vertices[inside]
     length = np.maximum(np.square(along).sum(1), 1e-18)
     out = out - along * ((out * along).sum(1) / length)[:, None]
     down = -out[:, 1] > _DOWN * np.linalg.norm(out, axis=1)
-    found = np.unique(np.concatenate([one[down], two[down]]))
+    rim_vertices = np.unique(np.concatenate([start[down], end[down]]))
     under = np.flatnonzero(vertices[:, 1] < low)
-    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[found][:, [0, 2]], _BESIDE)
+    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[rim_vertices][:, [0, 2]], _BESIDE)
     free = [
         vertices[under[beside], 1].min() > vertices[v, 1] - _BELOW
-        for v, beside in zip(found, close, strict=True)
+        for v, beside in zip(rim_vertices, close, strict=True)
     ]
-    lowest[found[free]] = True
+    lowest[rim_vertices[free]] = True
     return lowest
 
 
@@ -63,8 +63,8 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
     if soles:
         flat = mesh.vertices[:, [0, 2]]
         # Triangulate as seen from below, with x to the right and z up.
-        made = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
-        faces.append(_facing_down(made, mesh.vertices))
+        base_faces = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
+        faces.append(_facing_down(base_faces, mesh.vertices))
     count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]
     for rim in rims:
         length = np.linalg.norm(np.roll(mesh.vertices[rim], -1, 0) - mesh.vertices[rim], axis=1).sum()
@@ -132,12 +132,12 @@ def _open_sides(faces, first, ends, free):
             a = faces[f, k]
             ends[free[a]] = faces[f, (k + 1) % 3]
             free[a] += 1
-    found = np.ones((len(faces), 3), np.bool_)
+    is_open = np.ones((len(faces), 3), np.bool_)
     for f in range(len(faces)):
         for k in range(3):
             a, b = faces[f, k], faces[f, (k + 1) % 3]
             for i in range(first[b], first[b + 1]):
                 if ends[i] == a:
-                    found[f, k] = False
+                    is_open[f, k] = False
                     break
-    return found
+    return is_open

@@ -166,22 +166,22 @@ class Scanner:
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
-            given = frame.world_from_camera
-            self._pose = LEVEL_WORLD_FROM_CAMERA.copy() if given is None else np.array(given, float)
+            given_pose = frame.world_from_camera
+            self._pose = LEVEL_WORLD_FROM_CAMERA.copy() if given_pose is None else np.array(given_pose, float)
             self._pose[:3, :3] = nearest_rotation(self._pose[:3, :3])
             self._before = self._pose
             return self._fuse(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
             return self._sought(view, up)
-        found = self._tracked(view, up, aside.doubtful)
-        self._state = ScanState.LOST if self._too_far(found, frame.time_ns) else self._judged(found)
+        alignment = self._tracked(view, up, aside.doubtful)
+        self._state = ScanState.LOST if self._too_far(alignment, frame.time_ns) else self._judged(alignment)
         if self._state is ScanState.UNSURE:
             # Follow the most likely pose even if it is unsure. Otherwise tracking would be lost when the
             # camera moves on.
-            self._before, self._pose = self._pose, found.world_from_camera
+            self._before, self._pose = self._pose, alignment.world_from_camera
         if self._state is not ScanState.SCANNING:
-            return ScanStep(self._state, self._pose, found)
-        return self._fuse(frame, view, found.world_from_camera, found, up)
+            return ScanStep(self._state, self._pose, alignment)
+        return self._fuse(frame, view, alignment.world_from_camera, alignment, up)
 
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
         """Fuses an image at a known camera pose, for example of a stored scan."""
@@ -208,17 +208,17 @@ class Scanner:
         if self._camera is None or not self.poses:
             return None
         s, poses = self.settings, [pose for _, pose in self.poses]
-        found = closed_way(self.history, poses, self._ups, self._camera[1], s)
-        if found.moved < _STAYED * s.volume.voxel:
-            return found
-        volumes, keyframes = self._fused_again(found.poses)
+        closed = closed_way(self.history, poses, self._ups, self._camera[1], s)
+        if closed.moved < _STAYED * s.volume.voxel:
+            return closed
+        volumes, keyframes = self._fused_again(closed.poses)
         tracker = CameraTracker(volumes, s.tracking)
-        if found.agreement(tracker, found.poses) < found.agreement(self.tracker, poses) - _WORSE:
-            return found
+        if closed.agreement(tracker, closed.poses) < closed.agreement(self.tracker, poses) - _WORSE:
+            return closed
         self.volumes, self.tracker, self.keyframes = volumes, tracker, keyframes
-        self.poses = [(time, pose) for (time, _), pose in zip(self.poses, found.poses, strict=True)]
-        self._pose = self._before = found.poses[-1]
-        return replace(found, taken=True)
+        self.poses = [(time, pose) for (time, _), pose in zip(self.poses, closed.poses, strict=True)]
+        self._pose = self._before = closed.poses[-1]
+        return replace(closed, taken=True)
 
     def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
         """Returns volumes and keyframes fused from the stored images at other poses.
@@ -269,8 +269,8 @@ class Scanner:
             v = self.settings.volume
             self._camera = frame.intrinsics, DepthPreparation(frame.intrinsics, v.noise, v.near, v.far)
         if frame.intrinsics != self._camera[0]:
-            what = "the camera of this frame is not that of the first"
-            raise InputError(what, where=frame.sensor, mend="Scan with one camera, of one image size.")
+            problem = "the camera of this frame is not that of the first"
+            raise InputError(problem, where=frame.sensor, mend="Scan with one camera, of one image size.")
         colour = frame.colour if self.settings.volume.colour else None
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]
@@ -279,52 +279,59 @@ class Scanner:
         """Returns the pose of an image that follows the last one, with a wider search if necessary."""
         predicted = self.predicted
         if doubtful is not None:
-            found = self.tracker.align(only(view, ~doubtful), predicted, up)
-            if self._judged(found) is ScanState.SCANNING:
-                return found
-        found = self.tracker.align(view, predicted, up)
-        if self._judged(found) is ScanState.SCANNING:
-            return found
+            alignment = self.tracker.align(only(view, ~doubtful), predicted, up)
+            if self._judged(alignment) is ScanState.SCANNING:
+                return alignment
+        alignment = self.tracker.align(view, predicted, up)
+        if self._judged(alignment) is ScanState.SCANNING:
+            return alignment
         others = [self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose)]
-        if self._judged(found) is ScanState.UNSURE:
-            close = (self.tracker.align_closely(view, one.world_from_camera, up) for one in (found, *others))
-            sure = [one for one in close if one.deviation < _SURER * self.settings.tracking.unsure]
-            return max(sure, key=_fit, default=found)
-        return max((found, *others), key=_fit)
+        if self._judged(alignment) is ScanState.UNSURE:
+            close = (
+                self.tracker.align_closely(view, candidate.world_from_camera, up)
+                for candidate in (alignment, *others)
+            )
+            sure = [
+                candidate
+                for candidate in close
+                if candidate.deviation < _SURER * self.settings.tracking.unsure
+            ]
+            return max(sure, key=_fit, default=alignment)
+        return max((alignment, *others), key=_fit)
 
     def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
         starts = [self._pose, *self.keyframes.nearest(view, _TRIED)]
-        found = max((self.tracker.align(view, start, up, _LEVELS - 1) for start in starts), key=_fit)
-        if self._judged(found) is not ScanState.SCANNING:
+        alignment = max((self.tracker.align(view, start, up, _LEVELS - 1) for start in starts), key=_fit)
+        if self._judged(alignment) is not ScanState.SCANNING:
             self._state = ScanState.LOST
-            return ScanStep(ScanState.LOST, self._pose, found)
-        self._pose = self._before = found.world_from_camera
+            return ScanStep(ScanState.LOST, self._pose, alignment)
+        self._pose = self._before = alignment.world_from_camera
         self._state = ScanState.FOUND
-        return ScanStep(ScanState.FOUND, self._pose, found)
+        return ScanStep(ScanState.FOUND, self._pose, alignment)
 
-    def _judged(self, found: Alignment) -> ScanState:
+    def _judged(self, alignment: Alignment) -> ScanState:
         """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
-        if found.overlap < s.overlap or found.agreeing < s.agreeing:
+        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return ScanState.LOST
-        return ScanState.UNSURE if found.deviation > s.unsure else ScanState.SCANNING
+        return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
-    def _too_far(self, found: Alignment, time_ns: int) -> bool:
+    def _too_far(self, alignment: Alignment, time_ns: int) -> bool:
         """Returns whether the camera would have moved faster than a handheld camera can since the last
         image.
         """
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _FRAME)
-        way = float(np.linalg.norm(found.world_from_camera[:3, 3] - self._pose[:3, 3]))
+        way = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
         return way > self.settings.tracking.fastest * passed + _SLACK
 
     def _fuse(
-        self, frame: DepthFrame, view: DepthView, pose: Float, found: Alignment | None, up: Float | None
+        self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
     ) -> ScanStep:
         """Fuses an image at a pose."""
         self._before, self._pose, self._state = self._pose, pose, ScanState.SCANNING
         if self.full:
-            return ScanStep(ScanState.SCANNING, pose, found, room=False)
+            return ScanStep(ScanState.SCANNING, pose, alignment, room=False)
         self.full = not all([volume.integrate(view, pose).room for volume in self.volumes])
         self.history.add(len(self.poses), frame)
         self.poses.append((frame.time_ns, pose))
@@ -333,7 +340,7 @@ class Scanner:
         if len(self.poses) % _CLEANED == 0:
             for volume in self.volumes:
                 volume.clean()
-        return ScanStep(ScanState.SCANNING, pose, found, not self.full)
+        return ScanStep(ScanState.SCANNING, pose, alignment, not self.full)
 
 
 def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
@@ -343,6 +350,6 @@ def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
     return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))
 
 
-def _fit(found: Alignment) -> float:
+def _fit(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
-    return found.agreeing * found.overlap
+    return alignment.agreeing * alignment.overlap

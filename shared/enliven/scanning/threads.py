@@ -60,13 +60,13 @@ def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Ca
     ``do`` may call kernels through :func:`in_pieces`. The second thread is then busy, so each thread runs its
     kernels alone.
     """
-    left = deque(items)
+    waiting = deque(items)
 
     def work() -> None:
         mine = tool()
         while True:
             try:
-                item = left.popleft()
+                item = waiting.popleft()
             except IndexError:
                 return
             do(mine, item)
@@ -75,6 +75,6 @@ def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Ca
     try:
         work()
     finally:
-        left.clear()
+        waiting.clear()
         if not other.cancel():
             other.result()

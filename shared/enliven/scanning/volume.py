@@ -71,7 +71,7 @@ class DistanceVolume:
     @property
     def megabytes(self) -> float:
         """Memory of the voxels and of their table."""
-        held = (
+        arrays = (
             self.distance,
             self.weight,
             self.hue,
@@ -79,7 +79,7 @@ class DistanceVolume:
             self.blocks.beside,
             self.blocks.keys,
         )
-        return sum(array.nbytes for array in held) * 1e-6
+        return sum(array.nbytes for array in arrays) * 1e-6
 
     def integrate(self, view: DepthView, world_from_camera: Float) -> Fused:
         """Averages a depth image into the volume.
@@ -176,12 +176,12 @@ class DistanceVolume:
         # Include the neighbours of each block, because a surface crosses from one block into the next.
         for k in range(1, 8):
             other = self.blocks.beside[:count, k]
-            there = other >= 0
-            near[:count][there] |= self.solid[other[there]]
-            near[other[there]] |= self.solid[:count][there]
-        kept = np.flatnonzero(near)
+            exists = other >= 0
+            near[:count][exists] |= self.solid[other[exists]]
+            near[other[exists]] |= self.solid[:count][exists]
+        kept_blocks = np.flatnonzero(near)
         for array in (self.distance, self.weight, self.solid, *([self.hue] if len(self.hue) else [])):
-            array[: len(kept)] = array[kept]
-            array[len(kept) : count] = 0
-        self.blocks.keep(kept)
-        return count - len(kept)
+            array[: len(kept_blocks)] = array[kept_blocks]
+            array[len(kept_blocks) : count] = 0
+        self.blocks.keep(kept_blocks)
+        return count - len(kept_blocks)

@@ -59,7 +59,7 @@ class RecordedHolds:
             return None
         changes = []
         for event in events:
-            who, former = (None if one < 0 else one for one in (event.body, event.former))
+            who, former = (None if performer < 0 else performer for performer in (event.body, event.former))
             changes.append(HoldChange(self._second(event.time_ns), who, event.parts, event.mode, former))
         return Possession(
             self.take.id,
@@ -93,14 +93,14 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
 
 def holds_among(frames: Iterable[Frame], events: Iterable[HoldMessage], id: str) -> RecordedHolds | None:
     """Returns the performers in the frames as a take, and their holds; None without performers."""
-    seen = [frame for frame in frames if isinstance(frame, BodyFrame)]
-    begin = next((frame.time_ns for frame in seen if frame.bodies), None)
+    observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
+    begin = next((frame.time_ns for frame in observed if frame.bodies), None)
     if begin is None:
         return None
-    found = RecordedHolds(body_take_of_frames(seen, id), begin)
-    for said in events:
-        found.events.setdefault((said.character, said.revision), []).append(said)
-    return found
+    holds = RecordedHolds(body_take_of_frames(observed, id), begin)
+    for event in events:
+        holds.events.setdefault((event.character, event.revision), []).append(event)
+    return holds
 
 
 def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
@@ -112,24 +112,24 @@ def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     Raises:
         InputError: if the frames contain no performer.
     """
-    kept: list[BodyFrame] = []
+    used_frames: list[BodyFrame] = []
     for frame in frames:
-        begun = isinstance(frame, BodyFrame) and bool(frame.bodies or kept)
-        if begun and (not kept or frame.time_ns > kept[-1].time_ns):
-            kept.append(frame)
-    people = sorted({body.id for frame in kept for body in frame.bodies})
+        begun = isinstance(frame, BodyFrame) and bool(frame.bodies or used_frames)
+        if begun and (not used_frames or frame.time_ns > used_frames[-1].time_ns):
+            used_frames.append(frame)
+    people = sorted({body.id for frame in used_frames for body in frame.bodies})
     if not people:
         mend = "Track the depth first: enliven track TAKE.mcap -o bodies.mcap"
         raise InputError("no performer is in them", where=f"take {id!r}", mend=mend)
-    shape = (len(kept), len(people))
+    shape = (len(used_frames), len(people))
     joints, confidence = np.zeros((*shape, len(Joint), 3)), np.zeros((*shape, len(Joint)))
     present, stature = np.zeros(shape, np.bool_), np.zeros(shape)
-    for i, frame in enumerate(kept):
+    for i, frame in enumerate(used_frames):
         for body in frame.bodies:
             j = people.index(body.id)
-            known = np.isfinite(body.joints.sum(1))
-            joints[i, j] = np.where(known[:, None], body.joints, 0.0)
-            confidence[i, j] = np.where(known, np.clip(body.confidence, 0.0, 1.0), 0.0)
+            is_known = np.isfinite(body.joints.sum(1))
+            joints[i, j] = np.where(is_known[:, None], body.joints, 0.0)
+            confidence[i, j] = np.where(is_known, np.clip(body.confidence, 0.0, 1.0), 0.0)
             present[i, j], stature[i, j] = True, body.stature or 0.0
-    seconds = np.array([frame.time_ns - kept[0].time_ns for frame in kept]) * 1e-9
+    seconds = np.array([frame.time_ns - used_frames[0].time_ns for frame in used_frames]) * 1e-9
     return BodyTake(id, seconds, np.array(people), joints, confidence, present, stature)

@@ -106,8 +106,8 @@ def clip_of_bodies(
         mend = "Give one time for each body, each after the one before."
         raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, mend=mend)
     joints = np.stack([body.joints for body in bodies])
-    seen = np.stack([body.confidence > 0 for body in bodies])
-    joints = filled(np.array(PARENTS), joints, seen)
+    is_seen = np.stack([body.confidence > 0 for body in bodies])
+    joints = filled(np.array(PARENTS), joints, is_seen)
     still = bodies[rest] if isinstance(rest, int) else rest
     rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
     positions = rest_of(np.array(PARENTS), rest_joints, joints)
@@ -142,8 +142,8 @@ def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, 
     begin at 0.
     """
     before, after, part = _between(times, step)
-    made = slerp(turns[before], turns[after], part[:, None])
-    return Clip(id, skeleton, continuous(made), _mixed(root, times, step), step)
+    even_turns = slerp(turns[before], turns[after], part[:, None])
+    return Clip(id, skeleton, continuous(even_turns), _mixed(root, times, step), step)
 
 
 def _mixed(track: Float, times: Float, step: float) -> Float:

@@ -56,8 +56,8 @@ def moved_links(parents: list[int], offsets: Float, positions: Float, rotations:
 def _local_links(parents: list[int], positions: Float, rotations: Float) -> Float:
     """Returns (F, N, 3) the position of each joint in its parent's frame; zero at the root."""
     above = np.maximum(parents, 0)
-    apart = positions - positions[:, above]
-    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], apart))
+    offsets = positions - positions[:, above]
+    return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], offsets))
 
 
 def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:

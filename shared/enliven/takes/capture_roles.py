@@ -81,12 +81,12 @@ def find_roles(capture: Capture) -> Roles:
 def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
     """Returns the left and the right joint of the first name part that matches on both sides."""
     for part in parts:
-        found = [
+        sides = [
             next((names.index(n) for n in (w + part, part + w, s + part, part + s) if n in names), -1)
             for w, s in _SIDES
         ]
-        if min(found) >= 0:
-            return found[0], found[1]
+        if min(sides) >= 0:
+            return sides[0], sides[1]
     raise _missing(capture, role)
 
 
@@ -120,14 +120,14 @@ def _below(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
     """Returns for each joint its child with a matching name, or its first child."""
-    found = []
+    children = []
     for joint in joints:
         below = _children(capture, joint)
         if not below:
             raise _missing(capture, f"{parts[0]} below {capture.names[joint]}")
         named = [j for part in parts for j in below if part in names[j]]
-        found.append((named or below)[0])
-    return found[0], found[1]
+        children.append((named or below)[0])
+    return children[0], children[1]
 
 
 def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
@@ -135,10 +135,10 @@ def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ..
     fringe = [joint]
     while fringe:
         fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]
-        apart = [j for j in fringe if _distance(capture.positions, joint, j) > 1e-3]
-        named = [j for part in parts for j in apart if part in names[j]]
-        if named or apart:
-            return (named or apart)[0]
+        distant = [j for j in fringe if _distance(capture.positions, joint, j) > 1e-3]
+        named = [j for part in parts for j in distant if part in names[j]]
+        if named or distant:
+            return (named or distant)[0]
     return joint
 
 

@@ -144,9 +144,9 @@ def _zero_pose(capture: Capture) -> Float:
     at = np.zeros((len(capture.parents), 3))
     for j, parent in enumerate(capture.parents):
         if parent >= 0:
-            apart = capture.positions[:, j] - capture.positions[:, parent]
+            offset = capture.positions[:, j] - capture.positions[:, parent]
             at[j] = at[parent] + np.median(
-                np.einsum("fji,fj->fi", capture.rotations[:, parent], apart), axis=0
+                np.einsum("fji,fj->fi", capture.rotations[:, parent], offset), axis=0
             )
     return at
 

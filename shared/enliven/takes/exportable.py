@@ -78,59 +78,61 @@ def exportables_of(path: Path | str) -> Exportables:
     kind = path.suffix.lower()
     if kind == ".enliven":
         project = solve_lost(read_project(path))
-        found, sounds = _of_project(project), tuple(project.sounds.values())
+        exportables, sounds = _of_project(project), tuple(project.sounds.values())
     elif kind == ".mcap":
-        found = _of_recording(path)
+        exportables = _of_recording(path)
     elif kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
-        found, notes = _of_model(rig.shape, rig.clips), rig.notes
+        exportables, notes = _of_model(rig.shape, rig.clips), rig.notes
     else:
         clip, notes = read_take(path)
-        found = [_of_clip(clip)]
-    if not found:
+        exportables = [_of_clip(clip)]
+    if not exportables:
         mend = "Record a performance that lasts longer." if kind == ".mcap" else "Animate something first."
         if kind == ".mcap" and DEPTH_TOPIC in Recording(path).info.topics:
             mend = f"Find the people in its depth first: enliven track {path.name} -o bodies.mcap"
         raise InputError("nothing in it moves", where=str(path), mend=mend)
-    return Exportables(found, notes, sounds)
+    return Exportables(exportables, notes, sounds)
 
 
 def _of_project(project: Project) -> list[Exportable]:
     """Returns rigged shapes, possessed meshes and puppets that play motion, and then takes."""
-    found = list[Exportable]()
+    exportables = list[Exportable]()
     for character in project.characters.values():
         if not rig_of(character).lacking(project, character):
-            found.append(_character(project, character))
-    return [*found, *(_of_clip(clip, 1) for clip in project.takes.values())]
+            exportables.append(_character(project, character))
+    return [*exportables, *(_of_clip(clip, 1) for clip in project.takes.values())]
 
 
 def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Returns each animation of a model, the first before the others; the static model if it has none."""
     if not clips:
         return [_character(Project().with_characters(shape), shape)]
-    found = list[Exportable]()
+    exportables = list[Exportable]()
     for clip in clips:
         project, moved = playing(Project(), shape, clip)
         sample = partial(_sampled, project, moved, own=1 / clip.step)
-        found.append(Exportable(clip.id, sample, True, shape.mesh is not None, min(len(found), 1)))
-    return found
+        exportables.append(
+            Exportable(clip.id, sample, True, shape.mesh is not None, min(len(exportables), 1))
+        )
+    return exportables
 
 
 def _of_recording(path: Path) -> list[Exportable]:
     """Returns characters with their recorded poses, and then the people."""
     recording = Recording(path)
     characters, poses = characters_and_poses(recording)
-    moving = {key: found for key, found in poses.items() if len(found) > 1}
-    begin = min((found[0].time_ns for found in moving.values()), default=0)
-    found = dict[str, Exportable]()
-    for key, of_it in moving.items():
-        character, name = characters[key], unused(characters[key].id, found)
-        sample = partial(_recorded, name, character, of_it, begin)
-        found[name] = Exportable(name, sample, character.kind == "bones")
+    moving = {key: own_poses for key, own_poses in poses.items() if len(own_poses) > 1}
+    begin = min((own_poses[0].time_ns for own_poses in moving.values()), default=0)
+    exportables = dict[str, Exportable]()
+    for key, own_poses in moving.items():
+        character, name = characters[key], unused(characters[key].id, exportables)
+        sample = partial(_recorded, name, character, own_poses, begin)
+        exportables[name] = Exportable(name, sample, character.kind == "bones")
     for clip in clips_of_frames(body_frames(recording), path.stem, TakeSettings()):
-        name = unused(clip.id, found)
-        found[name] = _of_clip(replace(clip, id=name), 1)
-    return list(found.values())
+        name = unused(clip.id, exportables)
+        exportables[name] = _of_clip(replace(clip, id=name), 1)
+    return list(exportables.values())
 
 
 def _character(project: Project, character: RigBase) -> Exportable:
@@ -185,7 +187,7 @@ def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, 
     """Samples frames of a clip; raises an error with the clip's name if the range contains no frames."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:
-        what = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
-        raise InputError(what, where=f"clip {clip.id!r}", mend="Choose another start and end.")
+        problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
+        raise InputError(problem, where=f"clip {clip.id!r}", mend="Choose another start and end.")
     cut = between_times(clip, start, stop)
     return performance_of_clip(cut if rate is None else resampled(cut, 1 / rate))

@@ -42,8 +42,8 @@ def read_take(
         return clip, notes
     stop = clip.duration if end is None else end
     if start > clip.duration or stop <= start:
-        what = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
-        raise InputError(what, where=str(path), mend="Choose another start and end.")
+        problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
+        raise InputError(problem, where=str(path), mend="Choose another start and end.")
     return between_times(clip, start, stop), notes
 
 
@@ -75,8 +75,8 @@ def _without_added(
     begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes
-    kept = slice(begin, len(clip.turns) - end)
-    return clip.mapped(lambda track: track[kept]), (*notes, *told_added(begin, end))
+    span = slice(begin, len(clip.turns) - end)
+    return clip.mapped(lambda track: track[span]), (*notes, *told_added(begin, end))
 
 
 def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
@@ -86,5 +86,5 @@ def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
     for clip in clips:
         if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
             return clip
-    known = ", ".join(clip.id for clip in clips)
-    raise InputError(f"the animation {wanted!r} does not exist", where=str(path), mend=f"Known: {known}.")
+    names = ", ".join(clip.id for clip in clips)
+    raise InputError(f"the animation {wanted!r} does not exist", where=str(path), mend=f"Known: {names}.")

@@ -86,12 +86,14 @@ class Performed:
 
     def until(self, time_ns: int) -> Performed:
         """Returns the part of the performance up to a time of the sensor's clock."""
-        poses = {key: [one for one in kept if one.time_ns <= time_ns] for key, kept in self.poses.items()}
+        poses = {
+            key: [pose for pose in track if pose.time_ns <= time_ns] for key, track in self.poses.items()
+        }
         return replace(
             self,
             frames=[frame for frame in self.frames if frame.time_ns <= time_ns],
             events=[event for event in self.events if event.time_ns <= time_ns],
-            poses={key: kept for key, kept in poses.items() if kept},
+            poses={key: track for key, track in poses.items() if track},
         )
 
     @property
@@ -117,42 +119,46 @@ def with_performed(
     Raises:
         InputError: if the poses of a character are inconsistent.
     """
-    made, before = list[str](), project
-    whole = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
-    merged = merge_performers(whole, performed.events)
+    new_ids, before = list[str](), project
+    own_frames = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
+    merged = merge_performers(own_frames, performed.events)
     for clip in _clips(merged, performed):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
-        made.append(list(project.takes)[-1])
+        new_ids.append(list(project.takes)[-1])
     for key in performed.moved:
-        one, poses = project.characters.get(key[0]), performed.poses[key]
+        existing, poses = project.characters.get(key[0]), performed.poses[key]
         character = performed.characters[key]
-        if isinstance(one, Shape) and len(one.skeleton) == len(poses[0].positions):
-            project = _layered(project, one, key, performed, begin, replaces=replaces)
-            made.append(one.id)
-        elif isinstance(one, Puppet) and character.kind == "points":
-            project = _played_by(project, one, performed, merged, begin, replaces=replaces)
-            made.append(one.id)
-        elif isinstance(one, GraphShape) and _keeps(project, one, performed, key, begin, replaces=replaces):
+        if isinstance(existing, Shape) and len(existing.skeleton) == len(poses[0].positions):
+            project = _layered(project, existing, key, performed, begin, replaces=replaces)
+            new_ids.append(existing.id)
+        elif isinstance(existing, Puppet) and character.kind == "points":
+            project = _played_by(project, existing, performed, merged, begin, replaces=replaces)
+            new_ids.append(existing.id)
+        elif isinstance(existing, GraphShape) and _keeps(
+            project, existing, performed, key, begin, replaces=replaces
+        ):
             holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
             punch = _punch(project, performed, key, begin) if replaces else None
-            project = with_layer_over(project, one, key, character, poses, begin, holds, punch)
-            made.append(one.id)
+            project = with_layer_over(project, existing, key, character, poses, begin, holds, punch)
+            new_ids.append(existing.id)
         else:
             project, name = _added(project, key, performed, begin)
-            made.append(name)
-    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(made))
+            new_ids.append(name)
+    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
 
 
 def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
     """Returns one clip for each performer; performers that held nothing while others did are onlookers."""
-    ids = {who for said in performed.events for who in (said.body, said.former, *said.holders)}
+    ids = {who for event in performed.events for who in (event.body, event.former, *event.holders)}
     holding = {merged.people[who] for who in ids if who in merged.people}
     actors = [who for who in merged.everyone if who in holding or not holding]
     others = [who for who in merged.everyone if who not in actors]
-    found = {who: clips_of_frames(merged.alone(who), performed.name, _WHOLE)[:1] for who in actors + others}
+    clips_by_person = {
+        who: clips_of_frames(merged.alone(who), performed.name, _WHOLE)[:1] for who in actors + others
+    }
     clips = list[Clip]()
     for people, name in ((actors, performed.name), (others, f"{performed.name}{ONLOOKER}")):
-        own = [clip for who in people for clip in found[who]]
+        own = [clip for who in people for clip in clips_by_person[who]]
         several = len(own) > 1
         clips += [replace(clip, id=f"{name} {n}" if several else name) for n, clip in enumerate(own, 1)]
     return clips
@@ -161,20 +167,20 @@ def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
 def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
     """Returns the time span of a character's motion, in seconds of the project."""
     poses = performed.poses[key]
-    first, last = (1e-9 * (one.time_ns - begin) for one in (poses[0], poses[-1]))
+    first, last = (1e-9 * (pose.time_ns - begin) for pose in (poses[0], poses[-1]))
     return Punch.of(project, first, last)
 
 
 def _keeps(
-    project: Project, one: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
+    project: Project, shape: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
 ) -> bool:
     """Returns whether a possessed mesh continues to play some of its earlier motion."""
-    if not plays(project, one):
+    if not plays(project, shape):
         return False
     punch = _punch(project, performed, key, begin)
     # Muted alternatives may be enabled again, so they must be kept.
-    kept = any(layer.muted for layer in one.playing)
-    return not replaces or kept or punch.leaves(project, one.playing)
+    has_muted = any(layer.muted for layer in shape.playing)
+    return not replaces or has_muted or punch.leaves(project, shape.playing)
 
 
 def _moves(poses: Sequence[Pose]) -> bool:
@@ -189,9 +195,9 @@ def _layered(
     project: Project, shape: Shape, key: Key, performed: Performed, begin: int, *, replaces: bool
 ) -> Project:
     """Returns a project in which the moved bones of a shape have an additional layer."""
-    kept, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
-    linear = between(np.array([pose.linear for pose in kept], np.float64), seconds, grid)
-    root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
+    used_poses, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
+    linear = between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
+    root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
     own = own_turns(shape, from_matrix(linear))
     angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
     moved = np.flatnonzero(angles > _TURNED).tolist()
@@ -206,15 +212,15 @@ def _layered(
     )
     project = project.with_takes(take)
     punch = Punch.of(project, float(grid[0]), float(grid[-1]))
-    left = replaces and punch.leaves(project, shape.layers)
+    keeps_some = replaces and punch.leaves(project, shape.layers)
     for chain in chains:
         if replaces:
             project = punch_bones(project, shape.id, chain, punch)
         layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
         how = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
-        played = punch.played if left else {}
+        played = punch.played if keeps_some else {}
         project = bind_chain(project, shape.id, chain, take.id, chain, **how, **played)
-    if travels and chains and ((replaces and not left) or shape.travel is None):
+    if travels and chains and ((replaces and not keeps_some) or shape.travel is None):
         last = project.shape(shape.id).layers[-len(chains)].id
         project = set_travel(project, shape.id, last, scale=1.0)
     return project
@@ -258,17 +264,23 @@ def _played_by(
     layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
     if replaces:
         punch = Punch.of(project, layer.offset, layer.end(take.duration))
-        left = [kept for one in puppet.layers if (kept := punch(project, one)) is not None]
+        remaining = [
+            silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
+        ]
         played = punch.played if punch.leaves(project, puppet.layers) else {}
-        layers = (*left, replace(layer, **played))
+        layers = (*remaining, replace(layer, **played))
     return project.with_takes(take).with_characters(puppet.with_changes(layers=layers))
 
 
-def _is_bare(one: RigBase | None) -> bool:
+def _is_bare(character: RigBase | None) -> bool:
     """Returns whether a character is a mesh without motion, which a stage treats as a mesh to be
     possessed.
     """
-    return isinstance(one, Puppet) and one.mesh is not None and len(one.poses) < _FEWEST_EXAMPLES
+    return (
+        isinstance(character, Puppet)
+        and character.mesh is not None
+        and len(character.poses) < _FEWEST_EXAMPLES
+    )
 
 
 def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
@@ -276,17 +288,21 @@ def _added(project: Project, key: Key, performed: Performed, begin: int) -> tupl
     replaced.
     """
     character, poses = performed.characters[key], performed.poses[key]
-    one = project.characters.get(key[0])
+    existing = project.characters.get(key[0])
     if character.kind == "bones":
         named = replace(character, id=unused(key[0], project.characters))
         still, clip, offset = rigged_of(named, poses, begin)
-        taken = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
-        project, shape = playing(project, still, taken)
+        take = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
+        project, shape = playing(project, still, take)
         return project.with_characters(shape.later(offset)), shape.id
-    again = isinstance(one, GraphShape) or _is_bare(one)
+    is_replaced = isinstance(existing, GraphShape) or _is_bare(existing)
     holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
-    rest = project.without(key[0]) if again else project
+    rest = project.without(key[0]) if is_replaced else project
     rest = with_performance(rest, key, character, poses, begin, [], holds)
     name = list(rest.characters)[-1]
-    order = {one: rest.characters[one] for one in project.characters if one in rest.characters}
+    order = {
+        character_id: rest.characters[character_id]
+        for character_id in project.characters
+        if character_id in rest.characters
+    }
     return replace(rest, characters={**order, **rest.characters}), name

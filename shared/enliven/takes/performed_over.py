@@ -34,7 +34,7 @@ _NEAR = 2e-3
 
 def plays(project: Project, shape: GraphShape) -> bool:
     """Returns whether a possessed mesh has earlier motion that can be overdubbed."""
-    return any(project.streams[one.take].duration > 0.0 for one in (*shape.parts, *shape.over))
+    return any(project.streams[layer.take].duration > 0.0 for layer in (*shape.parts, *shape.over))
 
 
 class OverNodes:
@@ -54,11 +54,14 @@ class OverNodes:
         nearest = scipy.spatial.cKDTree(surface).query(self._at)[1]
         self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
         self._weights: Float = character.skin.weights[nearest].astype(np.float64)
-        apart, node = scipy.spatial.cKDTree(pivots).query(self._at)
+        distances, node = scipy.spatial.cKDTree(pivots).query(self._at)
         # If both meshes share a node, take the node's own transform instead of the motion of the surface
         # around it.
-        here = apart < _NEAR
-        self._nodes[here], self._weights[here] = node[here, None], np.array([1.0, 0.0, 0.0, 0.0])
+        is_shared = distances < _NEAR
+        self._nodes[is_shared], self._weights[is_shared] = (
+            node[is_shared, None],
+            np.array([1.0, 0.0, 0.0, 0.0]),
+        )
         self._arms: Float = self._at[:, None] - pivots[self._nodes]
         self._pivots, self._scale = pivots, 0.0
 
@@ -79,10 +82,10 @@ class OverNodes:
         maps = np.einsum("kw,fkwij->fkij", share, around)
         went = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
         went += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
-        apart = (went - places[:, None]) @ turns - self._at
+        offsets = (went - places[:, None]) @ turns - self._at
         turn = self._same.turn
         back = turn @ np.swapaxes(turns, 1, 2)
-        return back[:, None] @ maps @ turn.T, self._same.size * apart @ turn.T
+        return back[:, None] @ maps @ turn.T, self._same.size * offsets @ turn.T
 
 
 class LiveOver:
@@ -100,9 +103,9 @@ class LiveOver:
             base: the present pose of the project's mesh.
         """
         if self._last is None or self._last[0] is not live:
-            each = (np.asarray(one, np.float64)[None] for one in (live.linear, live.positions))
-            maps, apart = self._within(*each)
-            self._last = live, maps[0], apart[0]
+            each = (np.asarray(values, np.float64)[None] for values in (live.linear, live.positions))
+            maps, offsets = self._within(*each)
+            self._last = live, maps[0], offsets[0]
         plays = base.linear.astype(np.float64), base.positions.astype(np.float64)
         linear, positions = over_base(plays, *self._last[1:])
         return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
@@ -128,12 +131,12 @@ def with_layer_over(
     Raises:
         InputError: if the poses are inconsistent.
     """
-    kept, seconds, grid = even_times(character, poses, begin)
-    values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
+    used_poses, seconds, grid = even_times(character, poses, begin)
+    values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
     linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
-    maps, apart = OverNodes(shape, character)(linear, positions)
+    maps, offsets = OverNodes(shape, character)(linear, positions)
     stream = PoseStream(
-        unused(f"{shape.id} over", project.streams), maps, shape.positions + apart, float(grid[1] - grid[0])
+        unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])
     )
     possession = None if holds is None else holds.possession(key, character, poses)
     if holds is not None and possession is not None:
@@ -145,8 +148,10 @@ def with_layer_over(
     )
     if punch is not None:
         parts = (punch(project, part) or replace(part, muted=True) for part in shape.parts)
-        over = (punch(project, one) for one in shape.over)
-        shape = shape.with_changes(parts=tuple(parts), over=tuple(one for one in over if one is not None))
+        over = (punch(project, old_layer) for old_layer in shape.over)
+        shape = shape.with_changes(
+            parts=tuple(parts), over=tuple(old_layer for old_layer in over if old_layer is not None)
+        )
     shape = shape.with_changes(over=(*shape.over, layer))
     return project.with_streams(stream).with_characters(shape)
 

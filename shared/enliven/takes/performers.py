@@ -55,10 +55,10 @@ def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] 
     A track continues an earlier one if a hold was handed over to it. It also continues one if it begins soon
     after the end of the earlier one, within reach of that place. If there are several, the nearest is chosen.
     """
-    handed = {said.body: said.former for said in events if said.mode == "take over" and said.former >= 0}
+    handed = {event.body: event.former for event in events if event.mode == "take over" and event.former >= 0}
     people: dict[int, int] = {}
     last: dict[int, tuple[int, Float]] = {}
-    made: list[BodyFrame] = []
+    merged: list[BodyFrame] = []
     for frame in frames:
         present = {people[body.id] for body in frame.bodies if body.id in people}
         for body in frame.bodies:
@@ -67,9 +67,9 @@ def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] 
                 present.add(people[body.id])
         bodies = [replace(body, id=people[body.id]) for body in frame.bodies]
         unique = {body.id: body for body in reversed(bodies)}
-        made.append(replace(frame, bodies=list(reversed(unique.values()))))
+        merged.append(replace(frame, bodies=list(reversed(unique.values()))))
         last |= {body.id: (frame.time_ns, _place(body)) for body in unique.values()}
-    return MergedPerformers(_bridged(made), people)
+    return MergedPerformers(_bridged(merged), people)
 
 
 def _person_of(
@@ -84,7 +84,7 @@ def _person_of(
     former = people.get(handed.get(body.id, -1))
     if former is not None and former not in present:
         return former
-    lost = {person: seen for person, seen in last.items() if person not in present}
+    lost = {person: sighting for person, sighting in last.items() if person not in present}
     gaps = {person: (time_ns - seen_ns) * 1e-9 for person, (seen_ns, _) in lost.items()}
     away = {person: float(np.linalg.norm(_place(body) - place)) for person, (_, place) in lost.items()}
     soon = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
@@ -101,17 +101,17 @@ def _place(body: Body) -> Float:
 def _bridged(frames: list[BodyFrame]) -> list[BodyFrame]:
     """Lets each lost person hold still until shortly before they are found again."""
     added: dict[int, list[Body]] = {}
-    seen: dict[int, tuple[int, Body]] = {}
+    last_seen: dict[int, tuple[int, Body]] = {}
     for frame in frames:
         for body in frame.bodies:
-            since = seen.get(body.id)
+            since = last_seen.get(body.id)
             if since is not None and frame.time_ns - since[0] > 2 * _BLEND_NS:
                 added.setdefault(frame.time_ns - _BLEND_NS, []).append(since[1])
-            seen[body.id] = frame.time_ns, body
-    known = {frame.time_ns: frame for frame in frames}
+            last_seen[body.id] = frame.time_ns, body
+    frames_by_time = {frame.time_ns: frame for frame in frames}
     for time_ns, bodies in added.items():
-        frame = known.get(time_ns)
-        there = [] if frame is None else list(frame.bodies)
+        frame = frames_by_time.get(time_ns)
+        present = [] if frame is None else list(frame.bodies)
         sensor = frames[0].sensor if frame is None else frame.sensor
-        known[time_ns] = BodyFrame([*there, *bodies], time_ns, sensor)
-    return [known[time_ns] for time_ns in sorted(known)]
+        frames_by_time[time_ns] = BodyFrame([*present, *bodies], time_ns, sensor)
+    return [frames_by_time[time_ns] for time_ns in sorted(frames_by_time)]

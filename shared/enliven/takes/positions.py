@@ -35,21 +35,23 @@ def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -
             swing that points the bone along its joints.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
-    given = np.empty((0, len(skeleton), 4)) if known is None else np.ascontiguousarray(known, np.float64)
+    known_turns = (
+        np.empty((0, len(skeleton), 4)) if known is None else np.ascontiguousarray(known, np.float64)
+    )
     places = np.ascontiguousarray(positions, np.float64)
-    point_bones(skeleton.parents, skeleton.vectors, places, given, turns)
+    point_bones(skeleton.parents, skeleton.vectors, places, known_turns, turns)
     return turns
 
 
 def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
     """Returns (N, 3) the joints at rest, with each bone's median length over the frames (F, N, 3)."""
-    made = np.array(at_rest, np.float64)
+    joints = np.array(at_rest, np.float64)
     for j, parent in enumerate(parents):
         if parent < 0:
             continue
         length = float(np.median(np.linalg.norm(positions[:, j] - positions[:, parent], axis=1)))
-        made[j] = made[parent] + _direction(at_rest[j] - at_rest[parent]) * length
-    return made
+        joints[j] = joints[parent] + _direction(at_rest[j] - at_rest[parent]) * length
+    return joints
 
 
 def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
@@ -57,18 +59,18 @@ def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
 
     The offset from the parent is interpolated in time; a joint that was never seen stays unchanged.
     """
-    made = np.array(positions, np.float64)
+    completed = np.array(positions, np.float64)
     frames = np.arange(len(positions))
     for j, parent in enumerate(parents):
         sure = seen[:, j] if parent < 0 else seen[:, j] & seen[:, parent]
-        base = np.zeros_like(made[:, j]) if parent < 0 else made[:, parent]
+        base = np.zeros_like(completed[:, j]) if parent < 0 else completed[:, parent]
         raw = positions[:, j] if parent < 0 else positions[:, j] - positions[:, parent]
         link = raw.copy()
         if sure.any() and not sure.all():
             for axis in range(3):
                 link[~sure, axis] = np.interp(frames[~sure], frames[sure], raw[sure, axis])
-        made[:, j] = base + link
-    return made
+        completed[:, j] = base + link
+    return completed
 
 
 def _direction(v: Float) -> Float:
@@ -83,10 +85,10 @@ def point_bones(parents, vectors, positions, known, turns):
 
     ``known`` is (F, N, 4), or (0, N, 4) if nothing is known.
     """
-    given = len(known) > 0
+    has_known = len(known) > 0
     for f in range(len(positions)):
         for j in range(len(parents)):
-            if given:
+            if has_known:
                 q = load(known[f], j)
             elif parents[j] < 0:
                 q = root_turn(parents, vectors, positions[f])
@@ -94,7 +96,7 @@ def point_bones(parents, vectors, positions, known, turns):
                 q = load(turns[f], parents[j])
             if parents[j] >= 0:
                 q = swung(q, row(vectors, j), minus(row(positions[f], j), row(positions[f], parents[j])))
-                if not given:
+                if not has_known:
                     q = twisted(parents, vectors, positions[f], j, q)
             store(turns[f], j, q)
 
@@ -112,10 +114,10 @@ def root_turn(parents, vectors, positions):
                     moment[a, b] += (positions[j, a] - positions[0, a]) * vectors[j, b]
     if count > 1:
         return nearest_quaternion(moment)
-    one = (1.0, 0.0, 0.0, 0.0)
+    identity = (1.0, 0.0, 0.0, 0.0)
     if count == 0:
-        return one
-    return swung(one, row(vectors, only), minus(row(positions, only), row(positions, 0)))
+        return identity
+    return swung(identity, row(vectors, only), minus(row(positions, only), row(positions, 0)))
 
 
 @njit(cache=True, nogil=True)

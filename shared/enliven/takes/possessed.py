@@ -68,14 +68,14 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     """
     recording = Recording(path)
     characters, poses = characters_and_poses(recording)
-    begin = min((found[0].time_ns for found in poses.values() if found), default=0)
+    begin = min((own_poses[0].time_ns for own_poses in poses.values() if own_poses), default=0)
     project, holds = Project(), recorded_holds(recording, Path(path).stem)
     for key, character in characters.items():
-        found = poses.get(key, [])
-        if character.kind not in ("graph", "points") or len(found) < _FEWEST:
+        own_poses = poses.get(key, [])
+        if character.kind not in ("graph", "points") or len(own_poses) < _FEWEST:
             continue
-        told: list[str] = [] if notes is None else notes
-        project = with_performance(project, key, character, found, begin, told, holds)
+        messages: list[str] = [] if notes is None else notes
+        project = with_performance(project, key, character, own_poses, begin, messages, holds)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
@@ -98,11 +98,11 @@ def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, 
     path = Path(path)
     if HOLDS.name in Recording(path).info.topics:
         project = read_possessed(path)
-        held = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
-        if character and character not in held:
-            mend = f"Known: {', '.join(held) or 'none'}."
+        possessions = {k: p.possession for k, g in project.graphs.items() for p in g.parts if p.possession}
+        if character and character not in possessions:
+            mend = f"Known: {', '.join(possessions) or 'none'}."
             raise InputError(f"nobody possessed {character!r}", where=str(path), mend=mend)
-        for name, possession in held.items():
+        for name, possession in possessions.items():
             if not character or name == character:
                 return project, name, project.bodies[possession.take], possession
     bodies = body_take_of(path)
@@ -130,13 +130,15 @@ def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], d
         characters[key], codecs[key] = character, PoseCodec(character)
     for _, data in recording.messages("pose") if "pose" in recording.info.topics else ():
         try:
-            said = msgspec.msgpack.decode(data, type=PoseMessage)
-            key = (said.character, said.revision)
+            pose_message = msgspec.msgpack.decode(data, type=PoseMessage)
+            key = (pose_message.character, pose_message.revision)
             if key in codecs:
-                poses.setdefault(key, []).append(message_to_pose(said, codecs[key]))
+                poses.setdefault(key, []).append(message_to_pose(pose_message, codecs[key]))
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
-    return characters, {key: sorted(found, key=lambda pose: pose.time_ns) for key, found in poses.items()}
+    return characters, {
+        key: sorted(own_poses, key=lambda pose: pose.time_ns) for key, own_poses in poses.items()
+    }
 
 
 def with_performance(
@@ -162,11 +164,11 @@ def with_performance(
         poses, seconds, grid = even_times(character, poses, begin)
         shape, stream = _solved(character, poses, seconds, grid, ids, notes)
         return project.with_streams(stream).with_characters(shape)
-    seen = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
+    later_poses = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
     possession = None
-    if holds is not None and len(seen) >= _FEWEST:
-        possession = holds.possession(key, character, seen)
-        poses = poses if possession is None else seen
+    if holds is not None and len(later_poses) >= _FEWEST:
+        possession = holds.possession(key, character, later_poses)
+        poses = poses if possession is None else later_poses
     stream = stream_of(character, poses, ids[1])
     shape, _ = graph_shape_of(character, poses, ids[1], stream.step)
     start = (poses[0].time_ns - begin) * 1e-9
@@ -192,8 +194,10 @@ def _solved(
     turns = from_matrix(between(to_matrix(turns), seconds, grid))
     puppet = _puppet_of(character)
     settings, places = BakeSettings(), between(local, seconds, grid)
-    held = [point.vertex for point in puppet.points]
-    surface = bake_surface(puppet.mesh, SurfaceFrames(puppet, places, settings.kept), places, held, settings)
+    point_vertices = [point.vertex for point in puppet.points]
+    surface = bake_surface(
+        puppet.mesh, SurfaceFrames(puppet, places, settings.kept), places, point_vertices, settings
+    )
     notes.append(f"The surface of {character.id!r} was baked, {surface.error}.")
     roots, step = between(world[:, 0], seconds, grid), float(grid[1] - grid[0])
     return graph_of(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))

@@ -36,7 +36,7 @@ class Punch:
     @classmethod
     def of(cls, project: Project, begin: float, end: float) -> Punch:
         """Returns a span of a project, which is played to the end of all its content."""
-        ends = (project.end_of(one) for one in project.characters.values())
+        ends = (project.end_of(character) for character in project.characters.values())
         return cls(begin, end, max([end, *ends]))
 
     def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
@@ -65,28 +65,28 @@ class Punch:
         ease = min(FADE if layer.hold else layer.ease, self._half)
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()
-        for one in self._clips(layer, project.length_of(layer), ease):
-            if min(one.end, low) - one.begin > _SHORTEST:
-                before.append(replace(one, end=min(one.end, low)))
-            start = max(one.begin, high)
-            if one.end - start > _SHORTEST:
-                after.append(replace(one, begin=start, first=one.second(start)))
+        for clip in self._clips(layer, project.length_of(layer), ease):
+            if min(clip.end, low) - clip.begin > _SHORTEST:
+                before.append(replace(clip, end=min(clip.end, low)))
+            start = max(clip.begin, high)
+            if clip.end - start > _SHORTEST:
+                after.append(replace(clip, begin=start, first=clip.second(start)))
         # Keep the earlier motion only if some of it lies outside the fades.
         first = min(self.begin, self.until) - _SHORTEST
-        heard = any(one.begin < first and one.end > _SHORTEST for one in before) and first > 0.0
-        kept = before if heard else []
+        heard = any(clip.begin < first and clip.end > _SHORTEST for clip in before) and first > 0.0
+        remaining = before if heard else []
         last = self.end + _SHORTEST
-        heard = any(one.end > last and one.begin < self.until - _SHORTEST for one in after)
-        kept = [*kept, *(after if heard and self.until > last else [])]
-        if not kept:
+        heard = any(clip.end > last and clip.begin < self.until - _SHORTEST for clip in after)
+        remaining = [*remaining, *(after if heard and self.until > last else [])]
+        if not remaining:
             return None
-        made = layer.with_clips(_in_order(kept), project.length_of(layer))
+        silenced = layer.with_clips(_in_order(remaining), project.length_of(layer))
         changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
-        return replace(made, **changes)  # type: ignore[type-var]
+        return replace(silenced, **changes)  # type: ignore[type-var]
 
     def leaves(self, project: Project, layers: Sequence[Playing]) -> bool:
         """Returns whether any motion of the layers is left outside of the span."""
-        return any(not one.muted and self(project, one) is not None for one in layers)
+        return any(not layer.muted and self(project, layer) is not None for layer in layers)
 
     @property
     def played(self) -> dict[str, Any]:
@@ -106,34 +106,34 @@ class Punch:
             first = math.floor((-ease - start) / lasts) if layer.hold and lasts > 0.0 else 0
             rounds = range(first, math.ceil((self.until + ease - start) / lasts)) if lasts > 0.0 else (0,)
             clips = [
-                replace(one, begin=one.begin + k * lasts, end=one.end + k * lasts)
+                replace(clip, begin=clip.begin + k * lasts, end=clip.end + k * lasts)
                 for k in rounds
-                for one in clips
+                for clip in clips
             ]
         if layer.loop or not layer.hold:
             return clips
         before = Segment(min(0.0, clips[0].begin) - ease - _SHORTEST, clips[0].begin, clips[0].first, _STANDS)
-        made = [before]
-        for one, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
-            made.append(one)
-            if end > one.end + _SHORTEST:
-                made.append(Segment(one.end, end, one.last, _STANDS))
-        return made
+        extended = [before]
+        for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
+            extended.append(clip)
+            if end > clip.end + _SHORTEST:
+                extended.append(Segment(clip.end, end, clip.last, _STANDS))
+        return extended
 
 
 def _in_order(clips: Sequence[Segment]) -> list[Segment]:
     """Returns clips with ascending ends and begins. Blended clips that the span cut at one place are
     separated.
     """
-    made = list[Segment]()
-    for one in clips:
-        if made and one.end <= made[-1].end:
-            one = replace(one, end=made[-1].end + _SHORTEST)
-        if made and one.begin <= made[-1].begin:
-            start = made[-1].begin + _SHORTEST
-            one = replace(one, begin=start, first=one.second(start))
-        made.append(one)
-    return made
+    ordered = list[Segment]()
+    for clip in clips:
+        if ordered and clip.end <= ordered[-1].end:
+            clip = replace(clip, end=ordered[-1].end + _SHORTEST)
+        if ordered and clip.begin <= ordered[-1].begin:
+            start = ordered[-1].begin + _SHORTEST
+            clip = replace(clip, begin=start, first=clip.second(start))
+        ordered.append(clip)
+    return ordered
 
 
 def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Punch) -> Project:
@@ -147,16 +147,16 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
     shape = project.shape(shape_id)
     bones = chain[1:] if len(chain) > 1 else chain
     names = {ref.layer for bone in bones for span in shape.spans[bone] for ref in span.refs}
-    spans, layers, known = list(shape.spans), list(shape.layers), dict(project.layer_names)
+    spans, layers, used_names = list(shape.spans), list(shape.layers), dict(project.layer_names)
     instead = dict[str, str]()
     for layer in shape.layers:
-        left = punch(project, layer) if layer.id in names else None
-        if left is layer:
+        remaining = punch(project, layer) if layer.id in names else None
+        if remaining is layer:
             instead[layer.id] = layer.id
-        elif left is not None:
-            instead[layer.id] = unused(layer.id, known)
-            known[instead[layer.id]] = None
-            layers.append(replace(left, id=instead[layer.id]))
+        elif remaining is not None:
+            instead[layer.id] = unused(layer.id, used_names)
+            used_names[instead[layer.id]] = None
+            layers.append(replace(remaining, id=instead[layer.id]))
     for bone in bones:
         spans[bone] = tuple(
             replace(span, refs=tuple(_renamed(ref, instead) for ref in span.refs if ref.layer in instead))

@@ -63,16 +63,16 @@ def clips_of_recording(
     recording = Recording(path)
     chosen, frames = settings or TakeSettings(), body_frames(recording)
     if whole:
-        seen = [frame for frame in frames if isinstance(frame, BodyFrame)]
-        chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(seen).frames)
-    made = clips_of_frames(frames, path.stem, chosen)
-    if not made and DEPTH_TOPIC in recording.info.topics:
+        observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
+        chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(observed).frames)
+    clips = clips_of_frames(frames, path.stem, chosen)
+    if not clips and DEPTH_TOPIC in recording.info.topics:
         mend = f"Find the people in it first: enliven track {path.name} -o bodies.mcap"
         raise InputError("it holds depth, and no bodies yet", where=str(path), mend=mend)
-    if not made:
+    if not clips:
         mend = "Record a performance that lasts longer."
         raise InputError("no performer is in it for long enough to make a take", where=str(path), mend=mend)
-    return made
+    return clips
 
 
 def body_frames(recording: Recording) -> Iterator[Frame]:
@@ -85,8 +85,8 @@ def body_frames(recording: Recording) -> Iterator[Frame]:
         return
     for _, data in recording.messages(BODIES.name):
         try:
-            said = msgspec.msgpack.decode(data, type=BodiesMessage)
-            yield BodyFrame(message_to_bodies(said), said.time_ns, "")
+            message = msgspec.msgpack.decode(data, type=BodiesMessage)
+            yield BodyFrame(message_to_bodies(message), message.time_ns, "")
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
 
@@ -114,19 +114,19 @@ def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
     """Returns the visits of the frames' people in the order of arrival, each from appearance to
     disappearance.
     """
-    made: list[_Visit] = []
-    now: dict[tuple[str, int], _Visit] = {}
+    visits: list[_Visit] = []
+    current: dict[tuple[str, int], _Visit] = {}
     for frame in frames:
         for body in frame.bodies if isinstance(frame, BodyFrame) else []:
             who = (frame.sensor, body.id)
-            visit = now.get(who)
+            visit = current.get(who)
             if visit is not None and frame.time_ns <= visit[-1][0]:
                 continue
             if visit is None or (frame.time_ns - visit[-1][0]) * 1e-9 > gap:
-                visit = now[who] = []
-                made.append(visit)
+                visit = current[who] = []
+                visits.append(visit)
             visit.append((frame.time_ns, body))
-    return made
+    return visits
 
 
 def _clip(id: str, visit: _Visit, step: float) -> Clip:

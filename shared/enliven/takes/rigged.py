@@ -28,11 +28,11 @@ def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tu
     Raises:
         InputError: if a bone has no parent, or the poses are too few or too far apart.
     """
-    kept, seconds, grid = even_times(character, list(poses), begin)
+    used_poses, seconds, grid = even_times(character, list(poses), begin)
     skeleton = skeleton_of_bones(character)
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
-    turns = from_matrix(between(np.array([pose.linear for pose in kept], np.float64), seconds, grid))
-    root = between(np.array([pose.positions[0] for pose in kept], np.float64), seconds, grid)
+    turns = from_matrix(between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid))
+    root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
     clip = Clip(character.id, skeleton, continuous(turns), root, float(grid[1] - grid[0]))
     return still_shape(character.id, skeleton, mesh, character.skin), clip, float(grid[0])
 
@@ -54,8 +54,8 @@ def skeleton_of_bones(character: Character) -> Skeleton:
         if parents[bone] < 0:
             begins = np.flatnonzero((positions[:bone] == pivots[bone]).all(1))
             if not len(begins):
-                what = f"its bone {bone} has no parent"
-                raise InputError(what, where=f"character {character.id!r}", mend="Record it again.")
+                problem = f"its bone {bone} has no parent"
+                raise InputError(problem, where=f"character {character.id!r}", mend="Record it again.")
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
         positions[bone] = _end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])

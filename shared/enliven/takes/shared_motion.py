@@ -63,10 +63,10 @@ def _weighted(positions, rest, weights, middle, centre, spread):
 def _weigh(positions, rest, turn, move, weights):
     """Sets each weight to one over the distance of its node from its position under the motion."""
     for n in range(rest.shape[0]):
-        apart = 0.0
+        square = 0.0
         for i in range(3):
             gap = positions[n, i] - move[i]
             for j in range(3):
                 gap -= turn[i, j] * rest[n, j]
-            apart += gap * gap
-        weights[n] = 1.0 / max(np.sqrt(apart), _NEAR)
+            square += gap * gap
+        weights[n] = 1.0 / max(np.sqrt(square), _NEAR)

@@ -48,14 +48,14 @@ def _put(out: UInt8, at: int, value: int, count: int) -> int:
 
     Returns the next bit position.
     """
-    left = count
-    while left > 0:
+    remaining = count
+    while remaining > 0:
         free = 8 - (at & 7)
-        taken = min(free, left)
-        left -= taken
-        chunk = (value >> left) & ((1 << taken) - 1)
-        out[at >> 3] |= np.uint8(chunk << (free - taken))
-        at += taken
+        width = min(free, remaining)
+        remaining -= width
+        chunk = (value >> remaining) & ((1 << width) - 1)
+        out[at >> 3] |= np.uint8(chunk << (free - width))
+        at += width
     return at
 
 
@@ -91,14 +91,14 @@ def encode_columns(table: Int32) -> UInt8:
 @njit(cache=True, nogil=True)
 def _take(data: UInt8, at: int, count: int) -> int:
     """Returns the ``count`` bits at bit ``at``. The caller has checked that they exist."""
-    value, left = 0, count
-    while left > 0:
-        there = 8 - (at & 7)
-        taken = min(there, left)
-        chunk = (int(data[at >> 3]) >> (there - taken)) & ((1 << taken) - 1)
-        value = (value << taken) | chunk
-        at += taken
-        left -= taken
+    value, remaining = 0, count
+    while remaining > 0:
+        available = 8 - (at & 7)
+        width = min(available, remaining)
+        chunk = (int(data[at >> 3]) >> (available - width)) & ((1 << width) - 1)
+        value = (value << width) | chunk
+        at += width
+        remaining -= width
     return value
 
 

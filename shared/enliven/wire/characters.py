@@ -137,12 +137,12 @@ class CharacterMessage(Struct, tag=True, frozen=True):
             expect("stiffness", self.stiffness, 4 * self.vertex_count)
 
 
-def _check_materials(given: MaterialsMessage, faces: int) -> None:
+def _check_materials(materials: MaterialsMessage, faces: int) -> None:
     """Raises ValueError if the parts do not match the number of faces, or the textures are too large."""
-    expect("of", given.of, 4 * faces)
-    expect("uvs", given.uvs, 24 * faces * given.sets)
-    if given.tints is not None:
-        expect("tints", given.tints, 48 * faces)
-    size = sum(len(texture.image) for texture in given.textures)
+    expect("of", materials.of, 4 * faces)
+    expect("uvs", materials.uvs, 24 * faces * materials.sets)
+    if materials.tints is not None:
+        expect("tints", materials.tints, 48 * faces)
+    size = sum(len(texture.image) for texture in materials.textures)
     if size > MAX_TEXTURE_BYTES:
         raise ValueError(f"the textures have {size} bytes, at most {MAX_TEXTURE_BYTES} go on the wire")

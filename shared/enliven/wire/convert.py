@@ -93,12 +93,12 @@ def as_sent(bodies: Iterable[Body]) -> list[Body]:
 def _packed(body: Body) -> PackedBody:
     finite = np.asarray(np.isfinite(body.joints).all(-1))
     steps = np.rint(np.where(finite[:, None], body.joints, 0.0) / JOINT_STEP)
-    known = np.nan_to_num(np.where(finite, body.confidence, 0.0))
+    confidence = np.nan_to_num(np.where(finite, body.confidence, 0.0))
     stature = 0.0 if body.stature is None else float(np.nan_to_num(body.stature, posinf=0.0))
     return PackedBody(
         int(body.id),
         np.clip(steps, -32768, 32767).astype("<i2").tobytes(),
-        _shares(known),
+        _shares(confidence),
         b"" if body.orientations is None else pack_quaternions(body.orientations),
         b"" if body.contacts is None else _shares(np.nan_to_num(body.contacts)),
         round(min(max(stature, 0.0), 10.0) * 1000),
@@ -221,17 +221,17 @@ def props_to_message(props: Props) -> PropsMessage:
 
     Props without a finite place, and props beyond the limit, are left out.
     """
-    known = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
-    steps = np.rint(props.positions[known] / JOINT_STEP)
-    millimetres = np.rint(np.nan_to_num(props.sizes[known]) * 1000)
+    sendable = np.flatnonzero(np.isfinite(props.positions).all(1))[:MAX_PROPS]
+    steps = np.rint(props.positions[sendable] / JOINT_STEP)
+    millimetres = np.rint(np.nan_to_num(props.sizes[sendable]) * 1000)
     return PropsMessage(
         props.time_ns,
-        to_bytes(props.ids[known], "<u2"),
-        to_bytes(props.shapes[known], "u1"),
+        to_bytes(props.ids[sendable], "<u2"),
+        to_bytes(props.shapes[sendable], "u1"),
         to_bytes(np.clip(millimetres, 0, 65535), "<u2"),
-        to_bytes(props.colours[known], "u1"),
+        to_bytes(props.colours[sendable], "u1"),
         to_bytes(np.clip(steps, -32768, 32767), "<i2"),
-        pack_quaternions(props.turns[known]),
+        pack_quaternions(props.turns[sendable]),
         _clipped(props.note),
     )
 

@@ -25,14 +25,16 @@ def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | 
         return None
     size = sum(len(texture.image) for texture in materials.textures)
     longest = max(map(len, materials.definitions), default=0)
-    many = max(len(materials.definitions), len(materials.textures))
+    part_count = max(len(materials.definitions), len(materials.textures))
     samplers = max((len(texture.sampler) for texture in materials.textures), default=0)
     sets = materials.uvs.shape[2]
-    if size > MAX_TEXTURE_BYTES or many > MAX_MATERIALS or sets > _MOST_SETS:
+    if size > MAX_TEXTURE_BYTES or part_count > MAX_MATERIALS or sets > _MOST_SETS:
         return None
     if max(longest, samplers) > MAX_DEFINITION:
         return None
-    textures = [TextureMessage(np.asarray(one.image).tobytes(), one.sampler) for one in materials.textures]
+    textures = [
+        TextureMessage(np.asarray(texture.image).tobytes(), texture.sampler) for texture in materials.textures
+    ]
     tints = None if materials.tints is None else to_bytes(materials.tints, "<f4")
     of, uvs = to_bytes(materials.of, "<i4"), to_bytes(materials.uvs, "<f4")
     return MaterialsMessage(list(materials.definitions), textures, of, sets, uvs, tints)
@@ -50,7 +52,9 @@ def message_to_materials(message: MaterialsMessage | None) -> MeshMaterials | No
     uvs = np.frombuffer(message.uvs, "<f4").reshape(len(of), 3, message.sets, 2)
     tints = None if message.tints is None else from_bytes(message.tints, "<f4", 4).reshape(-1, 3, 4)
     try:
-        textures = tuple(Texture(np.frombuffer(one.image, np.uint8), one.sampler) for one in message.textures)
+        textures = tuple(
+            Texture(np.frombuffer(texture.image, np.uint8), texture.sampler) for texture in message.textures
+        )
         return MeshMaterials(tuple(message.definitions), textures, of, uvs, tints)
     except RecursionError:
         raise InputError("a material is nested too deeply", where="materials") from None

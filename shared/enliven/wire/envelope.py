@@ -120,12 +120,12 @@ def check_character(character: Character) -> None:
 
 def _described(reason: str) -> str:
     """Returns a decoder's reason as a sentence for users: the field and its error."""
-    what, _, place = reason.partition(" - at `$")
+    problem, _, place = reason.partition(" - at `$")
     field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
-    expected = re.fullmatch(r"Expected `[^`]*` (.*)", what)
+    expected = re.fullmatch(r"Expected `[^`]*` (.*)", problem)
     if expected is not None:
         return f"{field} is out of its range ({expected[1]})"
-    return f"{field} cannot be sent" if what.startswith("Expected") else what
+    return f"{field} cannot be sent" if problem.startswith("Expected") else problem
 
 
 def payload(message: Any) -> bytes:
@@ -139,9 +139,9 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
     Raises:
         Malformed: for any invalid bytes.
     """
-    name, found, _ = data[:64].partition(b"\0")
+    name, separator, _ = data[:64].partition(b"\0")
     topic = STREAMS.get(name.decode("ascii", "replace"))
-    if not found or topic is None:
+    if not separator or topic is None:
         raise Malformed("unknown topic", repr(bytes(name[:32])))
     return topic, _checked(topic, data[len(name) + 1 :])
 

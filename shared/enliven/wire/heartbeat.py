@@ -29,8 +29,8 @@ def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
         socket.connect(endpoint.stream_address)
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            if not socket.poll(max(round(1000 * left), 1)):
+        while (remaining := end - time.monotonic()) > 0:
+            if not socket.poll(max(round(1000 * remaining), 1)):
                 break
             try:
                 topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))

@@ -57,8 +57,10 @@ def _packed(row: MatchRow) -> PackedMatch:
     steps = np.clip(np.rint(np.nan_to_num(points) / JOINT_STEP), -32768, 32767).astype("<i2")
     sizes = bytes(len(line) for line in lines)
     limbs = bytes(limb % 256 for limb in row.limbs[: len(sizes)])
-    known = limbs if len(limbs) == len(sizes) else b""
-    return PackedMatch(row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes(), known, row.body)
+    limb_bytes = limbs if len(limbs) == len(sizes) else b""
+    return PackedMatch(
+        row.name[:64] or "?", row.place, row.score, sizes, steps.tobytes(), limb_bytes, row.body
+    )
 
 
 def _unpacked(match: PackedMatch) -> MatchRow:

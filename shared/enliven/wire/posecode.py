@@ -141,10 +141,10 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
     for step in range(count):
         order[step], joined[node] = node, True
         distance = _squared_distances(pivots, pivots[node])
-        apart = distance + _APART
-        apart[neighbours[node]] = distance[neighbours[node]]
-        nearer = ~joined & (apart < cost)
-        cost[nearer], parents[nearer] = apart[nearer], node
+        penalized = distance + _APART
+        penalized[neighbours[node]] = distance[neighbours[node]]
+        nearer = ~joined & (penalized < cost)
+        cost[nearer], parents[nearer] = penalized[nearer], node
         node = int(np.argmin(np.where(joined, np.inf, cost)))
     return order, parents
 

@@ -42,8 +42,8 @@ def unpack_quaternions(data: bytes) -> Float:
     bits = np.frombuffer(data, "<u4").astype(np.int64)
     missing = bits >> 30
     others = ((((bits[:, None] >> _SHIFTS) & 1023) - 511) * STEP).astype(np.float64)
-    made = np.empty((len(bits), 4))
+    quaternions = np.empty((len(bits), 4))
     rows = np.arange(len(bits))
-    made[rows[:, None], _OTHERS[missing]] = others
-    made[rows, missing] = np.sqrt(np.maximum(0.0, 1.0 - (others * others).sum(1)))
-    return canonical(normalized(made))
+    quaternions[rows[:, None], _OTHERS[missing]] = others
+    quaternions[rows, missing] = np.sqrt(np.maximum(0.0, 1.0 - (others * others).sum(1)))
+    return canonical(normalized(quaternions))

@@ -95,12 +95,14 @@ class ZmtpSession:
 
     def _greeting(self) -> list[bytes] | None:
         """Checks the other side's first 64 bytes, as far as they have arrived, and answers them."""
-        said = self._bytes[: len(GREETING)]
-        if (said and said[0] != 0xFF) or (len(said) > 10 and (not said[9] & 1 or said[10] < 3)):
+        greeting = self._bytes[: len(GREETING)]
+        if (greeting and greeting[0] != 0xFF) or (
+            len(greeting) > 10 and (not greeting[9] & 1 or greeting[10] < 3)
+        ):
             raise ZmtpError("this is not ZMTP 3")
-        if len(said) < len(GREETING):
+        if len(greeting) < len(GREETING):
             return None
-        if said[12:32] != GREETING[12:32]:
+        if greeting[12:32] != GREETING[12:32]:
             raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         kind = struct.pack(">I", len(self._kind)) + self._kind.encode()

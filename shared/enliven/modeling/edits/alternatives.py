@@ -21,19 +21,19 @@ from enliven.errors import InputError
 
 def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
     """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
-    found: dict[str, bool] = {}
-    for one in project.characters.values():
-        for layer in one.playing:
+    plays: dict[str, bool] = {}
+    for character in project.characters.values():
+        for layer in character.playing:
             if alternatives and layer.alternatives == alternatives:
-                found[layer.recorded] = found.get(layer.recorded, False) or not layer.muted
-    return found
+                plays[layer.recorded] = plays.get(layer.recorded, False) or not layer.muted
+    return plays
 
 
 def alternatives_of(project: Project, recorded: str) -> str:
     """Returns the name of the group of alternatives of a recording. It is empty if no layer of the recording
     is left."""
-    layers = (layer for one in project.characters.values() for layer in one.playing)
-    return next((one.alternatives for one in layers if recorded and one.recorded == recorded), "")
+    layers = (layer for character in project.characters.values() for layer in character.playing)
+    return next((layer.alternatives for layer in layers if recorded and layer.recorded == recorded), "")
 
 
 def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
@@ -42,9 +42,9 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    known = takes_beside(project, alternatives)
-    if recorded and recorded not in known:
-        mend = f"Known: {', '.join(known) or 'none'}."
+    takes = takes_beside(project, alternatives)
+    if recorded and recorded not in takes:
+        mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
             f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
         )
@@ -56,9 +56,9 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
         return replace(layer, **changes)
 
     changed = [
-        one.with_playing(*map(heard, one.playing))
-        for one in project.characters.values()
-        if any(layer.alternatives == alternatives for layer in one.playing)
+        character.with_playing(*map(heard, character.playing))
+        for character in project.characters.values()
+        if any(layer.alternatives == alternatives for layer in character.playing)
     ]
     return project.with_characters(*changed) if alternatives else project
 
@@ -66,21 +66,21 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
 def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
     """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
 
-    def told(layer: Playing) -> Playing:
-        held, known = (getattr(each, layer.source) for each in (project, before))
-        if held[layer.take] is known.get(layer.take):
+    def labelled(layer: Playing) -> Playing:
+        takes, earlier_takes = (getattr(each, layer.source) for each in (project, before))
+        if takes[layer.take] is earlier_takes.get(layer.take):
             return layer
         changes: dict[str, Any] = {"recorded": recorded, "alternatives": alternatives}
         return replace(layer, **changes)
 
     changed = [
-        one.with_playing(*map(told, one.playing))
-        for name, one in project.characters.items()
-        if one is not before.characters.get(name)
+        character.with_playing(*map(labelled, character.playing))
+        for name, character in project.characters.items()
+        if character is not before.characters.get(name)
     ]
     project = project.with_characters(*changed)
-    made = recorded in takes_beside(project, alternatives)
-    return choose_take(project, alternatives, recorded) if made else project
+    is_listed = recorded in takes_beside(project, alternatives)
+    return choose_take(project, alternatives, recorded) if is_listed else project
 
 
 def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
@@ -92,21 +92,21 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    known = takes_beside(project, alternatives)
-    if recorded not in known:
-        mend = f"Known: {', '.join(known) or 'none'}."
+    takes = takes_beside(project, alternatives)
+    if recorded not in takes:
+        mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
             f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
         )
     before = project
-    for one in list(project.characters.values()):
-        if any(_is(layer, alternatives, recorded) for layer in one.playing):
-            project = _without(project, one, alternatives, recorded)
-    names = list(known)
-    left = [name for name in names if name != recorded]
-    if known[recorded] and left:
+    for character in list(project.characters.values()):
+        if any(_is(layer, alternatives, recorded) for layer in character.playing):
+            project = _without(project, character, alternatives, recorded)
+    names = list(takes)
+    remaining = [name for name in names if name != recorded]
+    if takes[recorded] and remaining:
         place = names.index(recorded)
-        project = choose_take(project, alternatives, left[max(place - 1, 0)])
+        project = choose_take(project, alternatives, remaining[max(place - 1, 0)])
     return _tidied(before, project)
 
 
@@ -127,19 +127,21 @@ def _is(layer: Playing, alternatives: str, recorded: str) -> bool:
     return layer.alternatives == alternatives and layer.recorded == recorded
 
 
-def _without(project: Project, one: RigBase, alternatives: str, recorded: str) -> Project:
+def _without(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
     """Removes the layers of a recording from a character."""
-    for number in reversed(range(len(one.playing))):
-        layer = one.playing[number]
+    for number in reversed(range(len(character.playing))):
+        layer = character.playing[number]
         if not _is(layer, alternatives, recorded):
             continue
         if isinstance(layer, GraphPart):
             still, stream = _still(project, layer)
-            one = one.with_playing(*one.playing[:number], still, *one.playing[number + 1 :])
+            character = character.with_playing(
+                *character.playing[:number], still, *character.playing[number + 1 :]
+            )
             project = project.with_streams(stream)
         else:
-            one = one.without_layer(number)
-    return project.with_characters(one)
+            character = character.without_layer(number)
+    return project.with_characters(character)
 
 
 def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
@@ -159,8 +161,8 @@ def _tidied(before: Project, project: Project) -> Project:
 
     changes: dict[str, Any] = {}
     for kind in ("takes", "streams", "bodies"):
-        gone = needed(before, kind) - needed(project, kind)
-        held = getattr(project, kind)
-        if gone & set(held):
-            changes[kind] = {name: take for name, take in held.items() if name not in gone}
+        unneeded = needed(before, kind) - needed(project, kind)
+        stored = getattr(project, kind)
+        if unneeded & set(stored):
+            changes[kind] = {name: take for name, take in stored.items() if name not in unneeded}
     return replace(project, **changes) if changes else project

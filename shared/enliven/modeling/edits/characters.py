@@ -62,8 +62,8 @@ def paste_character(
     character = source.character(character_id)
     shift = np.asarray(offset, np.float64)
     if shift.shape != (3,) or not np.isfinite(shift).all() or not np.isfinite(delay):
-        what = f"a copy cannot be {offset} m away and {delay} s late"
-        raise InputError(what, where=character.where, mend="Give three metres and seconds.")
+        problem = f"a copy cannot be {offset} m away and {delay} s late"
+        raise InputError(problem, where=character.where, mend="Give three metres and seconds.")
     project, names = _with_takes_of(project, source, character)
     copy = character.with_takes_named(names).with_changes(id=unused(character_id, project.characters))
     copy = rig_of(copy).moved(copy if delay == 0.0 else copy.later(delay), shift, IDENTITY, np.zeros(3))
@@ -89,13 +89,15 @@ def rename_character(project: Project, character_id: str, wanted: str) -> Projec
     if wanted == character_id:
         return project
     if not wanted or wanted in project.characters:
-        what = f"{wanted!r} is there already" if wanted else "it needs a name"
-        raise InputError(what, where=character.where, mend="Choose another name.")
+        problem = f"{wanted!r} is there already" if wanted else "it needs a name"
+        raise InputError(problem, where=character.where, mend="Choose another name.")
     named = {
-        (wanted if key == character_id else key): (one.with_changes(id=wanted) if one is character else one)
-        for key, one in project.characters.items()
+        (wanted if key == character_id else key): (
+            other.with_changes(id=wanted) if other is character else other
+        )
+        for key, other in project.characters.items()
     }
-    handling = {(wanted if key == character_id else key): one for key, one in project.handling.items()}
+    handling = {(wanted if key == character_id else key): value for key, value in project.handling.items()}
     return replace(project, characters=named, handling=handling)
 
 
@@ -181,10 +183,10 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
     """
     character, wanted = project.character(character_id), set(numbers)
     _layers(character, wanted)
-    layers = (_changed(one, changes) if k in wanted else one for k, one in enumerate(character.playing))
-    made = character.with_playing(*layers)
-    rig_of(made).check_layers(project, made, wanted)
-    return project.with_characters(made)
+    layers = (_changed(layer, changes) if k in wanted else layer for k, layer in enumerate(character.playing))
+    changed = character.with_playing(*layers)
+    rig_of(changed).check_layers(project, changed, wanted)
+    return project.with_characters(changed)
 
 
 def remove_layer(project: Project, character_id: str, number: int) -> Project:
@@ -238,8 +240,8 @@ def cut_character(
     Raises:
         InputError: if the character does not exist, or the stroke cuts nothing off.
     """
-    rig, told = rig_of(project.character(character_id)), [] if notes is None else notes
-    return rig.cut(project, character_id, stroke, time, notes=told)
+    rig, messages = rig_of(project.character(character_id)), [] if notes is None else notes
+    return rig.cut(project, character_id, stroke, time, notes=messages)
 
 
 def _with_takes_of(
@@ -251,13 +253,13 @@ def _with_takes_of(
         The project, and the id of each take in it, by the name of its collection and its old id.
     """
     ids: dict[tuple[str, str], str] = {}
-    for held, names in character.needed().items():
+    for collection, names in character.needed().items():
         for name in sorted(names):
-            here, take = getattr(project, held), getattr(source, held)[name]
-            if name not in here or not same(here[name], take):
-                take = replace(take, id=unused(name, here))
-                project = replace(project, **{held: {**here, take.id: take}})
-            ids[held, name] = take.id
+            stored, take = getattr(project, collection), getattr(source, collection)[name]
+            if name not in stored or not same(stored[name], take):
+                take = replace(take, id=unused(name, stored))
+                project = replace(project, **{collection: {**stored, take.id: take}})
+            ids[collection, name] = take.id
     return project, ids
 
 
@@ -266,8 +268,8 @@ def _layers(character: RigBase, numbers: set[int]) -> None:
     count = len(character.playing)
     missing = numbers - set(range(count))
     if missing:
-        what = f"layer {min(missing)} does not exist"
-        raise InputError(what, where=character.where, mend=f"It has {count}.")
+        problem = f"layer {min(missing)} does not exist"
+        raise InputError(problem, where=character.where, mend=f"It has {count}.")
 
 
 def _changed(layer: Playing, changes: dict[str, Any]) -> Playing:

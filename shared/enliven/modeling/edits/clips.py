@@ -45,25 +45,25 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """
 
     numbers = tuple(numbers)
-    seen, time = time, _layer(project.character(character_id), numbers[0]).even(time)
+    project_time, time = time, _layer(project.character(character_id), numbers[0]).even(time)
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        inside = [k for k, one in enumerate(clips) if one.begin + _SHORTEST < time < one.end - _SHORTEST]
+        inside = [k for k, clip in enumerate(clips) if clip.begin + _SHORTEST < time < clip.end - _SHORTEST]
         if not inside:
-            what, mend = (
-                f"no clip is there at {seen:.2f} s",
+            problem, mend = (
+                f"no clip is there at {project_time:.2f} s",
                 "Put the playhead over a clip, away from its ends.",
             )
-            raise InputError(what, where=f"character {character_id!r}", mend=mend)
+            raise InputError(problem, where=f"character {character_id!r}", mend=mend)
         number = inside[-1]
-        one = clips[number]
+        clip = clips[number]
         if number and time < clips[number - 1].end:
             raise InputError(
                 "two clips are blended there",
                 where=f"character {character_id!r}",
                 mend="Split outside of the blend.",
             )
-        parts = (replace(one, end=time), replace(one, begin=time, first=one.second(time)))
+        parts = (replace(clip, end=time), replace(clip, begin=time, first=clip.second(time)))
         return (*clips[:number], *parts, *clips[number + 1 :])
 
     return _with_clips(project, character_id, numbers, change)
@@ -190,15 +190,15 @@ def blend_clips(
         if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _SHORTEST:
             mend = "Move the next clip up to it first."
             raise InputError("no clip follows it there", where=f"character {character_id!r}", mend=mend)
-        one, other = clips[clip], clips[clip + 1]
-        middle = (one.end + other.begin) / 2.0
-        half = min(max(seconds, 0.0) / 2.0, middle - one.begin - _SHORTEST, other.end - middle - _SHORTEST)
+        before, after = clips[clip], clips[clip + 1]
+        middle = (before.end + after.begin) / 2.0
+        half = min(max(seconds, 0.0) / 2.0, middle - before.begin - _SHORTEST, after.end - middle - _SHORTEST)
         start = middle - half
-        made = (
-            replace(one, end=middle + half),
-            replace(other, begin=start, first=other.second(start)),
+        blended = (
+            replace(before, end=middle + half),
+            replace(after, begin=start, first=after.second(start)),
         )
-        return (*clips[:clip], *made, *clips[clip + 2 :])
+        return (*clips[:clip], *blended, *clips[clip + 2 :])
 
     return _with_clips(project, character_id, numbers, change)
 
@@ -212,8 +212,8 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
     character, numbers = project.character(character_id), tuple(numbers)
     layer = _layer(character, numbers[0])
     if layer.source != "takes":
-        what = "a recorded deformation fits only its own mesh"
-        raise InputError(what, where=character.where, mend="Mirror the whole character.")
+        problem = "a recorded deformation fits only its own mesh"
+        raise InputError(problem, where=character.where, mend="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 
 
@@ -238,9 +238,9 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     character, wanted = project.character(character_id), tuple(numbers)
     first = _layer(character, wanted[0])
     length = project.length_of(first)
-    made = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
+    edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
-    return change_layers(project, character_id, wanted, **{name: getattr(made, name) for name in names})
+    return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
 
 
 def _layer(character: RigBase, number: int) -> Playing:
@@ -254,5 +254,5 @@ def _layer(character: RigBase, number: int) -> Playing:
 def _number(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
-        what, mend = f"clip {clip} does not exist", f"That lane has {len(clips)}."
-        raise InputError(what, where=f"character {character_id!r}", mend=mend)
+        problem, mend = f"clip {clip} does not exist", f"That lane has {len(clips)}."
+        raise InputError(problem, where=f"character {character_id!r}", mend=mend)

@@ -23,7 +23,7 @@ _OF_RECORDING = ("recorded", "alternatives")
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
     """Returns the first part of a shape that performers moved, or else the first layer that they performed on
     top."""
-    return next((one for one in (*shape.parts, *shape.over) if one.possession is not None), None)
+    return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 
 def give_performance(
@@ -61,15 +61,15 @@ def give_performance(
         raise InputError("it is already performed this way", where=shape.where, mend=mend)
     if target.mesh is None or not len(target.mesh.faces):
         raise InputError("it has no surface", where=target.where, mend="Choose one with a mesh.")
-    seen = vertices_of(project, target_id, time)
-    mesh = replace(target.mesh, vertices=seen, name=target_id)
+    posed = vertices_of(project, target_id, time)
+    mesh = replace(target.mesh, vertices=posed, name=target_id)
     take = project.bodies[layer.possession.take]
     # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
     # is placed where the performer meets it.
     settings = replace(settings_of(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
-    ends, joints = _known(target, seen)
-    made, name = possess_another(
+    ends, joints = _known(target, posed)
+    new_project, name = possess_another(
         project,
         mesh,
         take,
@@ -80,32 +80,38 @@ def give_performance(
         progress=progress,
         notes=notes,
     )
-    made = _as_it_stood(made, name, seen)
-    new = made.graph(name)
-    when = {one.name: getattr(layer, one.name) for one in fields(TimeMap) if one.name not in _OF_RECORDING}
+    new_project = _as_it_stood(new_project, name, posed)
+    new = new_project.graph(name)
+    when = {
+        attribute.name: getattr(layer, attribute.name)
+        for attribute in fields(TimeMap)
+        if attribute.name not in _OF_RECORDING
+    }
     new = new.with_changes(parts=(replace(new.parts[0], **when),))
     if _is_plain(project, target):
-        return made.without(name).with_characters(new.with_changes(id=target_id)), target_id
+        return new_project.without(name).with_characters(new.with_changes(id=target_id)), target_id
     called = unused(f"{target_id} performed", project.characters)
-    return made.without(name).with_characters(new.with_changes(id=called)), called
+    return new_project.without(name).with_characters(new.with_changes(id=called)), called
 
 
-def _known(target: RigBase, seen: Float) -> tuple[Float | None, Float | None]:
+def _known(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
     """Returns the known ends and joints of a mesh, in its pose."""
     if not isinstance(target, GraphShape):
         return None, None
     rest = target.mesh.vertices
-    ends, joints = (as_moved(one, rest, seen) if len(one) else None for one in (target.ends, target.joints))
+    ends, joints = (
+        as_moved(points, rest, posed) if len(points) else None for points in (target.ends, target.joints)
+    )
     return ends, joints
 
 
-def _as_it_stood(project: Project, name: str, seen: Float) -> Project:
+def _as_it_stood(project: Project, name: str, posed: Float) -> Project:
     """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
     grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
-    project = scale_character(project, name, _height(seen) / grown)
-    return move_character(project, name, foot_of(seen) - foot_of(vertices_of(project, name, 0.0)))
+    project = scale_character(project, name, _height(posed) / grown)
+    return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
 
 
 def _height(vertices: Float) -> float:
@@ -113,7 +119,7 @@ def _height(vertices: Float) -> float:
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 
 
-def _is_plain(project: Project, one: RigBase) -> bool:
+def _is_plain(project: Project, character: RigBase) -> bool:
     """Returns True if a character is a mesh without motion: as opened, sketched or scanned."""
-    plain = isinstance(one, GraphShape) or (isinstance(one, Puppet) and len(one.poses) < 2)
-    return plain and not any(project.length_of(layer) > 0.0 for layer in one.playing)
+    plain = isinstance(character, GraphShape) or (isinstance(character, Puppet) and len(character.poses) < 2)
+    return plain and not any(project.length_of(layer) > 0.0 for layer in character.playing)

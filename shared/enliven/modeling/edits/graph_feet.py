@@ -68,8 +68,8 @@ class StandingFoot:
 def way_to_stand(shape: GraphShape, number: int) -> str:
     """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of(shape, [number])
-    found = [one.feet for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
-    return found[0] if found else "never"
+    modes = [layer.feet for layer in shape.over if layer.feet and np.isin(layer.own, nodes).any()]
+    return modes[0] if modes else "never"
 
 
 def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
@@ -87,12 +87,14 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     if feet not in FEET:
         raise InputError(f"feet cannot stand {feet!r}", where=shape.where, mend=f"Known: {', '.join(FEET)}.")
     nodes = _nodes_of(shape, numbers)
-    old = [one for one in shape.over if one.feet and np.isin(one.own, nodes).any()]
-    bare = shape.with_changes(over=tuple(one for one in shape.over if not any(one is o for o in old)))
+    old = [top_layer for top_layer in shape.over if top_layer.feet and np.isin(top_layer.own, nodes).any()]
+    bare = shape.with_changes(
+        over=tuple(top_layer for top_layer in shape.over if not any(top_layer is o for o in old))
+    )
     if feet == "never":
         return project.with_characters(bare)
-    found = feet_of(bare, nodes)
-    if not found:
+    standing_feet = feet_of(bare, nodes)
+    if not standing_feet:
         mend = "Choose the lane of a part that stands on the floor, or name its ends (E)."
         raise InputError("no foot was found there", where=shape.where, mend=mend)
     project = project.with_characters(bare)
@@ -101,9 +103,9 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
         if old and _users(project, old[0].take) == 0
         else unused(f"{shape_id} feet", project.streams)
     )
-    stream, layer = _held(project, bare, found, feet, name)
-    made = bare.with_changes(over=(layer, *bare.over))
-    return project.with_streams(stream).with_characters(made)
+    stream, layer = _held(project, bare, standing_feet, feet, name)
+    locked = bare.with_changes(over=(layer, *bare.over))
+    return project.with_streams(stream).with_characters(locked)
 
 
 def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
@@ -113,17 +115,17 @@ def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
     carried = np.isin(shape.skin.indices[np.arange(len(vertices)), shape.skin.weights.argmax(1)], nodes)
     if len(shape.ends):
         near = [np.linalg.norm(vertices - end, axis=1) < _APART * size for end in shape.ends[3:]]
-        groups = [np.flatnonzero(one & carried) for one in near]
+        groups = [np.flatnonzero(is_near & carried) for is_near in near]
     else:
         low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE * tall) & carried)
         groups = _groups(vertices[low], low, _APART * size)
-    groups = sorted((one for one in groups if len(one)), key=len, reverse=True)[:_FEW]
-    made = []
+    groups = sorted((group for group in groups if len(group)), key=len, reverse=True)[:_FEW]
+    feet = []
     for group in groups:
         few = group[:: max(len(group) // _MOST, 1)]
         away = np.linalg.norm(shape.positions[nodes] - vertices[few].mean(0), axis=1)
-        made.append(StandingFoot(few, int(nodes[away.argmin()])))
-    return made
+        feet.append(StandingFoot(few, int(nodes[away.argmin()])))
+    return feet
 
 
 def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
@@ -133,7 +135,7 @@ def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     pairs = scipy.spatial.cKDTree(places).query_pairs(apart, output_type="ndarray")
     links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2)
     count, label = connected_components(links, directed=False)
-    return [numbers[label == one] for one in range(count)]
+    return [numbers[label == part] for part in range(count)]
 
 
 def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
@@ -154,7 +156,7 @@ def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
 
 def _users(project: Project, take: str) -> int:
     """Returns the number of layers that play a stream."""
-    every = (layer for one in project.graphs.values() for layer in one.playing)
+    every = (layer for character in project.graphs.values() for layer in character.playing)
     return sum(layer.take == take and layer.source == "streams" for layer in every)
 
 
@@ -171,19 +173,19 @@ def _held(
         linear, positions = graph_pose(project, shape, float(time))
         root = root_motion(project, shape, float(time))
         for number, foot in enumerate(feet):
-            seen = root(_surface(shape, foot, linear, positions))
-            places[number, frame], soles[number, frame] = seen.mean(0), seen[:, 1].min()
+            points = root(_surface(shape, foot, linear, positions))
+            places[number, frame], soles[number, frame] = points.mean(0), points[:, 1].min()
         # Compute the map from a displacement in the world to the displacement of the node at rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
     lacking = np.stack([_lacking(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)])
     own, shares = _shares(shape, feet)
     means = np.array([[_mean(shape, foot, shares[:, j]) for j in range(len(feet))] for foot in feet])
     driven = np.linalg.lstsq(means, lacking.reshape(len(feet), -1), rcond=None)[0].reshape(lacking.shape)
-    apart = np.einsum("nj,jfc->fnc", shares, driven)[:, own]
+    offsets = np.einsum("nj,jfc->fnc", shares, driven)[:, own]
     for frame, (inverse, turn) in enumerate(back):
-        apart[frame] = np.einsum("nij,nj->ni", inverse[own], rotate(turn, apart[frame]))
+        offsets[frame] = np.einsum("nij,nj->ni", inverse[own], rotate(turn, offsets[frame]))
     rest = shape.positions[own]
-    stream = PoseStream(name, np.tile(np.eye(3), (count, len(own), 1, 1)), rest + apart, step)
+    stream = PoseStream(name, np.tile(np.eye(3), (count, len(own), 1, 1)), rest + offsets, step)
     when = {"offset": window.start, "loop": window.looped}
     return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=way, **when)
 
@@ -201,10 +203,10 @@ def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: s
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
     modes = np.full(len(places), FEET.index(way))
-    found = contacts_of(places, step, limb, how, modes)
+    contacts = contacts_of(places, step, limb, how, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     times = step * np.arange(len(places))
-    hold(times, found.starts, found.ends, found.places, how.blend, weights, goals)
+    hold(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)
     goals[:, 1] += how.rise * np.maximum(places[:, 1] - goals[:, 1], 0.0)
     lacking = np.where(weights[:, None] > 0.0, weights[:, None] * (goals - places), 0.0)
     if way == "always":

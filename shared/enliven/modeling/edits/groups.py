@@ -71,11 +71,11 @@ def copy_characters(
 ) -> tuple[Project, tuple[str, ...]]:
     """Copies characters of another project, all with the same ``offset`` (3,) metres. Also returns their
     ids."""
-    made: list[str] = []
+    copies: list[str] = []
     for name in names:
         project, copied = paste_character(project, source, name, offset=offset)
-        made.append(copied)
-    return project, tuple(made)
+        copies.append(copied)
+    return project, tuple(copies)
 
 
 def shift_characters(project: Project, names: Sequence[str], delay: float) -> Project:

@@ -30,13 +30,13 @@ def handle_characters(
     handling = dict(project.handling)
     for name in names:
         project.character(name)
-        now = handling.get(name, FREE)
+        current = handling.get(name, FREE)
         handling[name] = replace(
-            now,
-            hidden=now.hidden if hidden is None else hidden,
-            locked=now.locked if locked is None else locked,
-            size=now.size if size is None else size,
-            exaggeration=now.exaggeration if exaggeration is None else exaggeration,
+            current,
+            hidden=current.hidden if hidden is None else hidden,
+            locked=current.locked if locked is None else locked,
+            size=current.size if size is None else size,
+            exaggeration=current.exaggeration if exaggeration is None else exaggeration,
         )
     return replace(project, handling=handling)
 
@@ -61,10 +61,10 @@ def order_characters(project: Project, name: str, place: int) -> Project:
         InputError: if the character does not exist.
     """
     moved = project.character(name)
-    rest = [one for one in project.characters.values() if one is not moved]
+    rest = [character for character in project.characters.values() if character is not moved]
     place = min(max(place, 0), len(rest))
     ordered = [*rest[:place], moved, *rest[place:]]
-    return replace(project, characters={one.id: one for one in ordered})
+    return replace(project, characters={character.id: character for character in ordered})
 
 
 def rename_take(project: Project, name: str, wanted: str) -> Project:
@@ -75,22 +75,22 @@ def rename_take(project: Project, name: str, wanted: str) -> Project:
     """
     take = project.takes.get(name)
     if take is None or not wanted or (wanted != name and wanted in project.takes):
-        what = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
-        raise InputError(what, where=f"take {name!r}", mend="Choose another name.")
+        problem = f"the take {name!r} does not exist" if take is None else "its new name is empty or in use"
+        raise InputError(problem, where=f"take {name!r}", mend="Choose another name.")
     takes = {
         (wanted if k == name else k): (replace(take, id=wanted) if k == name else t)
         for k, t in project.takes.items()
     }
     users = {
-        key: one.with_takes_named(
+        key: character.with_takes_named(
             {
-                (held, k): (wanted if (held, k) == ("takes", name) else k)
-                for held, ids in one.needed().items()
+                (collection, k): (wanted if (collection, k) == ("takes", name) else k)
+                for collection, ids in character.needed().items()
                 for k in ids
             }
         )
-        for key, one in project.characters.items()
-        if name in one.needed()["takes"]
+        for key, character in project.characters.items()
+        if name in character.needed()["takes"]
     }
     return replace(project, takes=takes, characters={**project.characters, **users})
 
@@ -101,9 +101,9 @@ def delete_take(project: Project, name: str) -> Project:
     Raises:
         InputError: if the take does not exist, or a character plays it.
     """
-    users = [one.id for one in project.characters.values() if name in one.needed()["takes"]]
+    users = [character.id for character in project.characters.values() if name in character.needed()["takes"]]
     if name not in project.takes or users:
-        what = f"{users[0]} plays it" if users else "it is not there"
+        problem = f"{users[0]} plays it" if users else "it is not there"
         mend = "Remove its clips from the timeline first." if users else ""
-        raise InputError(what, where=f"take {name!r}", mend=mend)
-    return replace(project, takes={k: one for k, one in project.takes.items() if k != name})
+        raise InputError(problem, where=f"take {name!r}", mend=mend)
+    return replace(project, takes={k: take for k, take in project.takes.items() if k != name})

@@ -76,7 +76,7 @@ def key_characters(
         InputError: if the character does not exist, its keys do not play at that time, or a number is not
             finite.
     """
-    way, centre, turned = (np.asarray(one, np.float64) for one in (offset, about, turn))
+    way, centre, turned = (np.asarray(values, np.float64) for values in (offset, about, turn))
     shapes = (way.shape, centre.shape, turned.shape) == ((3,), (3,), (4,))
     if not (shapes and np.isfinite([*way, *centre, *turned]).all()):
         raise InputError(f"it cannot be moved by {offset}, {turn}", where="keys", mend="Give numbers.")
@@ -89,8 +89,10 @@ def key_characters(
         assert number is not None
         root = number - (len(character.playing) - len(character.root_layers))
         radians, metres = root_values(project, character, root, moved, time)
-        known = np.array(key_at(project, name, None, time).degrees)
-        project = set_key(project, name, None, time, _nearest(radians, known).tolist(), None, metres.tolist())
+        key_degrees = np.array(key_at(project, name, None, time).degrees)
+        project = set_key(
+            project, name, None, time, _nearest(radians, key_degrees).tolist(), None, metres.tolist()
+        )
     return project
 
 
@@ -108,15 +110,15 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
     # The pose is D = above K. After a rotation w in the world it is above K', so K' = K D^-1 w D.
     own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
-    known, seen = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
+    key_degrees, axes = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
     if number is not None:
-        seen = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
-    added = multiply(seen.rotations(from_rotation_vector(np.radians(known))), own)
+        axes = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
+    added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), own)
     # The reflection is its own inverse, so L^-1 = S basis^-1.
-    mine = multiply(multiply(conjugate(seen.turn), added), seen.turn)
-    mine = Axes(IDENTITY, seen.mirrored).rotations(mine)
-    degrees = _nearest(to_rotation_vector(normalized(mine)), known)
+    mine = multiply(multiply(conjugate(axes.turn), added), axes.turn)
+    mine = Axes(IDENTITY, axes.mirrored).rotations(mine)
+    degrees = _nearest(to_rotation_vector(normalized(mine)), key_degrees)
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
@@ -129,14 +131,16 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     assert number is not None
     layer = shape.playing[number]
     assert isinstance(layer, GraphLayer)
-    linear, seen, weight = within_layer(project, shape, number - len(shape.parts), node, time)
+    linear, node_place, weight = within_layer(project, shape, number - len(shape.parts), node, time)
     if weight <= 0.0:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
         raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
-    more = np.linalg.solve(linear, place - seen) / (weight * layer.size)
+    more = np.linalg.solve(linear, place - node_place) / (weight * layer.size)
     back, flip = Axes(conjugate(layer.axes), False), Axes(IDENTITY, layer.mirrored)
-    known = np.array(key_at(project, shape.id, node, time).metres)
-    return set_key(project, shape.id, node, time, metres=(known + flip.vectors(back.vectors(more))).tolist())
+    key_metres = np.array(key_at(project, shape.id, node, time).metres)
+    return set_key(
+        project, shape.id, node, time, metres=(key_metres + flip.vectors(back.vectors(more))).tolist()
+    )
 
 
 def _nearest(radians: Float, known: Float) -> Float:

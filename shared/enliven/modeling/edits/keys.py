@@ -50,8 +50,8 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     if handle is not None:
         return rig_of(character).key_layer(project, character, _number(character, handle))
     first = len(character.playing) - len(character.root_layers)
-    found = (k for k, one in enumerate(character.root_layers) if project.takes[one.take].keys)
-    return next((first + k for k in found), None)
+    keyed = (k for k, layer in enumerate(character.root_layers) if project.takes[layer.take].keys)
+    return next((first + k for k in keyed), None)
 
 
 def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[float, MotionKey], ...]:
@@ -72,9 +72,9 @@ def key_at(project: Project, character_id: str, handle: Handle, time: float) -> 
     layer = project.character(character_id).playing[number]
     take = _keyed(project, layer)
     second = layer.played(time, take.duration)[0]
-    known = [key for key in take.keys if abs(key.second - second) < 1e-6]
-    if known:
-        return known[0]
+    exact = [key for key in take.keys if abs(key.second - second) < 1e-6]
+    if exact:
+        return exact[0]
     values = key_values(take.keys, np.array([second]))[0].tolist()
     return MotionKey(second, tuple(values[:3]), metres=tuple(values[3:]))
 
@@ -98,20 +98,22 @@ def set_key(
         InputError: if the handle does not exist, it takes no keys, or the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
-    made = _changed(key_at(project, character_id, handle, time), degrees, metres)
-    _refuse_moved(character, handle, made)
+    new_key = _changed(key_at(project, character_id, handle, time), degrees, metres)
+    _refuse_moved(character, handle, new_key)
     if number is None:
-        made = replace(made, ease=ease or "smooth")
+        new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
             at = _number(character, handle)
-            return rig_of(character).with_key_layer(project, character, at, made)
-        return _with_root_layer(project, character, made)
+            return rig_of(character).with_key_layer(project, character, at, new_key)
+        return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
     second = _second(project, layer, time)
     keys = _keyed(project, layer).keys
-    here = [key for key in keys if _frame(key.second) == _frame(second)]
-    made = replace(made, second=second, ease=ease or (here[0].ease if here else "smooth"))
-    return _with_keys(project, character_id, number, (*(key for key in keys if key not in here), made))
+    same_frame = [key for key in keys if _frame(key.second) == _frame(second)]
+    new_key = replace(new_key, second=second, ease=ease or (same_frame[0].ease if same_frame else "smooth"))
+    return _with_keys(
+        project, character_id, number, (*(key for key in keys if key not in same_frame), new_key)
+    )
 
 
 def move_key(
@@ -128,12 +130,12 @@ def move_key(
     Raises:
         InputError: if the key does not exist, or another is on that frame.
     """
-    number, found = _key(project, character_id, handle, key)
+    number, old_key = _key(project, character_id, handle, key)
     character = project.character(character_id)
     layer = character.playing[number]
-    moved = replace(_changed(found, degrees, metres), second=_second(project, layer, time))
+    moved = replace(_changed(old_key, degrees, metres), second=_second(project, layer, time))
     _refuse_moved(character, handle, moved)
-    others = [one for one in _keyed(project, layer).keys if one is not found]
+    others = [other for other in _keyed(project, layer).keys if other is not old_key]
     return _with_keys(project, character_id, number, (*others, moved))
 
 
@@ -143,9 +145,9 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
     Raises:
         InputError: if the key or interpolation does not exist.
     """
-    number, found = _key(project, character_id, handle, key)
+    number, old_key = _key(project, character_id, handle, key)
     keys = _keyed(project, project.character(character_id).playing[number]).keys
-    changed = [replace(one, ease=ease) if one is found else one for one in keys]
+    changed = [replace(other, ease=ease) if other is old_key else other for other in keys]
     return _with_keys(project, character_id, number, changed)
 
 
@@ -155,16 +157,16 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     Raises:
         InputError: if the key does not exist.
     """
-    number, found = _key(project, character_id, handle, key)
+    number, old_key = _key(project, character_id, handle, key)
     layer = project.character(character_id).playing[number]
-    left = [one for one in _keyed(project, layer).keys if one is not found]
-    if left:
-        return _with_keys(project, character_id, number, left)
+    remaining = [other for other in _keyed(project, layer).keys if other is not old_key]
+    if remaining:
+        return _with_keys(project, character_id, number, remaining)
     project = remove_layer(project, character_id, number)
-    if any(layer.take in one.needed()[layer.source] for one in project.characters.values()):
+    if any(layer.take in character.needed()[layer.source] for character in project.characters.values()):
         return project
-    held = getattr(project, layer.source)
-    return replace(project, **{layer.source: {key: one for key, one in held.items() if key != layer.take}})
+    takes = getattr(project, layer.source)
+    return replace(project, **{layer.source: {key: take for key, take in takes.items() if key != layer.take}})
 
 
 def _changed(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
@@ -230,8 +232,8 @@ def _second(project: Project, layer: Playing, time: float) -> float:
         return layer.played(time, project.length_of(layer))[0]
     second = (layer.even(time) - layer.offset) * layer.speed
     if _frame(second) < 0:
-        what = f"the clip of its keys begins at {layer.offset:.2f} s"
-        raise InputError(what, where=f"layer {layer.take!r}", mend="Move that clip earlier first.")
+        problem = f"the clip of its keys begins at {layer.offset:.2f} s"
+        raise InputError(problem, where=f"layer {layer.take!r}", mend="Move that clip earlier first.")
     return max(second, 0.0)
 
 
@@ -239,16 +241,16 @@ def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Pr
     """Adds the first key of a whole character. It acts about the character's modeled centre."""
     clip = keyed_clip(unused(f"{character.id} keys", project.takes), "root", [key])
     layer = RootLayer(clip.id, np.array(rig_of(character).centre(character)))
-    made = character.with_changes(root_layers=(*character.root_layers, layer))
-    return project.with_takes(clip).with_characters(made)
+    changed = character.with_changes(root_layers=(*character.root_layers, layer))
+    return project.with_takes(clip).with_characters(changed)
 
 
 def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[MotionKey]) -> Project:
     """Replaces the keys of a layer. Other layers that play the same keys keep theirs."""
     character = project.character(character_id)
     layer, old = character.playing[number], _keyed(project, character.playing[number])
-    users = [one for each in project.characters.values() for one in each.playing]
-    played = sum((one.source, one.take) == (layer.source, layer.take) for one in users)
+    users = [user for each in project.characters.values() for user in each.playing]
+    played = sum((user.source, user.take) == (layer.source, layer.take) for user in users)
     name = old.id if played < 2 else unused(old.id, getattr(project, layer.source))
     if isinstance(old, PoseStream):
         assert isinstance(layer, GraphLayer)
@@ -258,5 +260,5 @@ def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[
     if name == old.id:
         return project
     named: dict[str, Any] = {"take": name}
-    layers = [replace(one, **named) if k == number else one for k, one in enumerate(character.playing)]
+    layers = [replace(other, **named) if k == number else other for k, other in enumerate(character.playing)]
     return project.with_characters(character.with_playing(*layers))

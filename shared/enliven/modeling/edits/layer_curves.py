@@ -59,8 +59,8 @@ def set_layer_key(
     wanted = tuple(layers)
     keys = layer_keys(project, character_id, wanted[0], number)
     at = time - project.character(character_id).playing[wanted[0]].offset
-    left = [key for key in keys if abs(key.second - at) > _SAME]
-    return _with_keys(project, character_id, wanted, number, [*left, CurveKey(at, value, ease)])
+    remaining = [key for key in keys if abs(key.second - at) > _SAME]
+    return _with_keys(project, character_id, wanted, number, [*remaining, CurveKey(at, value, ease)])
 
 
 def move_layer_key(
@@ -79,12 +79,12 @@ def move_layer_key(
         InputError: if the key does not exist, another is there, or the value cannot be played.
     """
     wanted = tuple(layers)
-    found, keys = _key(project, character_id, wanted[0], number, key)
+    old_key, keys = _key(project, character_id, wanted[0], number, key)
     offset = project.character(character_id).playing[wanted[0]].offset
     moved = CurveKey(
-        found.second if time is None else time - offset,
-        found.value if value is None else value,
-        found.ease if ease is None else ease,
+        old_key.second if time is None else time - offset,
+        old_key.value if value is None else value,
+        old_key.ease if ease is None else ease,
     )
     return _with_keys(project, character_id, wanted, number, [*keys[:key], moved, *keys[key + 1 :]])
 

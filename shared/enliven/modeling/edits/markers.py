@@ -10,8 +10,8 @@ from enliven.errors import InputError
 
 def add_marker(project: Project, seconds: float, name: str = "marker") -> tuple[Project, str]:
     """Adds a marker, and returns its name: ``name``, with a number appended if that is taken."""
-    made = Marker(unused(name, project.markers), float(seconds))
-    return replace(project, markers={**project.markers, made.id: made}), made.id
+    marker = Marker(unused(name, project.markers), float(seconds))
+    return replace(project, markers={**project.markers, marker.id: marker}), marker.id
 
 
 def move_marker(project: Project, name: str, seconds: float) -> Project:
@@ -30,7 +30,7 @@ def rename_marker(project: Project, name: str, wanted: str) -> Project:
     if wanted != name and wanted in project.markers:
         mend = "Choose another name."
         raise InputError(f"{wanted!r} is there already", where=f"marker {name!r}", mend=mend)
-    named = {(wanted if key == name else key): one for key, one in project.markers.items()}
+    named = {(wanted if key == name else key): other for key, other in project.markers.items()}
     return replace(project, markers={**named, wanted: replace(marker, id=wanted)})
 
 
@@ -41,12 +41,12 @@ def remove_marker(project: Project, name: str) -> Project:
         InputError: if the marker does not exist.
     """
     _marker(project, name)
-    return replace(project, markers={key: one for key, one in project.markers.items() if key != name})
+    return replace(project, markers={key: marker for key, marker in project.markers.items() if key != name})
 
 
 def _marker(project: Project, name: str) -> Marker:
     if name not in project.markers:
-        known = ", ".join(project.markers)
-        mend = f"Known: {known}." if known else "Add one first."
+        names = ", ".join(project.markers)
+        mend = f"Known: {names}." if names else "Add one first."
         raise InputError(f"the marker {name!r} does not exist", where="project", mend=mend)
     return project.markers[name]

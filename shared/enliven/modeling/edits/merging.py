@@ -55,18 +55,18 @@ def merge_characters(
     if host_id == graft_id:
         mend = "Copy it first."
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
-    told, kind = [] if notes is None else notes, host.kind
-    for one in (host, graft):
-        project = set_down(RIGS[one.kind], project, one.id, time)
+    messages, kind = [] if notes is None else notes, host.kind
+    for character in (host, graft):
+        project = set_down(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
-        told.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
+        messages.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
         for name in (host_id, graft_id):
-            project = recorded(project, name, time, told)
+            project = recorded(project, name, time, messages)
         kind = GraphShape.kind
-    project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, told))
+    project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
     return taken_up(RIGS[kind], project, host_id, host, time)
 
 

@@ -84,13 +84,13 @@ def unpaint_character(project: Project, character_id: str) -> Project:
 
 
 def _mesh_of(project: Project, character_id: str) -> Mesh:
-    one = project.character(character_id)
-    if one.mesh is None:
-        raise InputError("it has no surface to paint on", where=one.where, mend="Give it a mesh.")
-    return one.mesh
+    character = project.character(character_id)
+    if character.mesh is None:
+        raise InputError("it has no surface to paint on", where=character.where, mend="Give it a mesh.")
+    return character.mesh
 
 
 def _with_stiffness(project: Project, character_id: str, stiffness: Float32 | None) -> Project:
-    one = project.character(character_id)
-    assert one.mesh is not None
-    return project.with_characters(one.with_changes(mesh=replace(one.mesh, stiffness=stiffness)))
+    character = project.character(character_id)
+    assert character.mesh is not None
+    return project.with_characters(character.with_changes(mesh=replace(character.mesh, stiffness=stiffness)))

@@ -42,9 +42,9 @@ def handle_number(character: RigBase, handle: int | str) -> int:
     names = character.handles
     number = names.index(handle) if handle in names else handle
     if isinstance(number, str) or not 0 <= number < len(names):
-        known = ", ".join(names) or "none"
+        known_handles = ", ".join(names) or "none"
         raise InputError(
-            f"the handle {handle!r} does not exist", where=character.where, mend=f"Known: {known}."
+            f"the handle {handle!r} does not exist", where=character.where, mend=f"Known: {known_handles}."
         )
     return number
 

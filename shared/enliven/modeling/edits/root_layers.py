@@ -69,16 +69,16 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
     """
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
-    made = STAYS
+    motion = STAYS
     for layer in character.root_layers:
-        made = _of_layer(project, layer, time)[0].after(made)
-    return made
+        motion = _of_layer(project, layer, time)[0].after(motion)
+    return motion
 
 
 def root_motions(project: Project, character: RigBase, times: AnyArray | Sequence[float]) -> RigidMotion:
     """Returns the combined motion of the root layers at times (T,): rotations (T, 4) and moves (T, 3)."""
     each = [root_motion(project, character, float(time)) for time in times]
-    return RigidMotion(np.array([one.turn for one in each]), np.array([one.move for one in each]))
+    return RigidMotion(np.array([motion.turn for motion in each]), np.array([motion.move for motion in each]))
 
 
 def root_values(
@@ -97,9 +97,9 @@ def root_values(
         InputError: if the layer does not play at that time.
     """
     outer, inner = STAYS, STAYS
-    for k, one in enumerate(character.root_layers):
+    for k, other in enumerate(character.root_layers):
         if k != number:
-            done = _of_layer(project, one, time)[0]
+            done = _of_layer(project, other, time)[0]
             outer, inner = (done.after(outer), inner) if k > number else (outer, done.after(inner))
     layer = character.root_layers[number]
     weight = _of_layer(project, layer, time)[1]

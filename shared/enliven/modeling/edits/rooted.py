@@ -54,8 +54,8 @@ class RootedRig(RigEdits):
         def at(time: float) -> Posed:
             (pose, handles), motion = own(time), root_motion(project, character, time)
             linear, positions = _moved(motion, pose.linear, pose.positions)
-            made = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
-            return Posed(made, motion(handles))
+            moved = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
+            return Posed(moved, motion(handles))
 
         return at
 
@@ -71,7 +71,7 @@ class RootedRig(RigEdits):
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
         """Checks the layers that belong to the rig."""
         count = len(character.playing) - len(character.root_layers)
-        self.own.check_layers(project, character, {one for one in numbers if one < count})
+        self.own.check_layers(project, character, {number for number in numbers if number < count})
 
     def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
         """Drags the handle to the position that corresponds to ``place`` without root layers."""
@@ -88,7 +88,7 @@ class RootedRig(RigEdits):
 
     def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
         """Moves the character, and with it the centre and the axes of each root layer."""
-        made = self.own.moved(character, offset, turn, about)
+        moved = self.own.moved(character, offset, turn, about)
         layers = tuple(
             replace(
                 layer,
@@ -97,7 +97,7 @@ class RootedRig(RigEdits):
             )
             for layer in character.root_layers
         )
-        return made.with_changes(root_layers=layers)
+        return moved.with_changes(root_layers=layers)
 
     def scaled(self, character: Any, factor: float) -> Any:
         """Scales the character and the path of its root layers."""
@@ -161,8 +161,8 @@ def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: floa
     if not before.root_layers:
         return project
     turn, move = root_motion(project, before, time).inverse
-    made = own.moved(character, move, turn, np.zeros(3))
-    return project.with_characters(made.with_changes(root_layers=before.root_layers))
+    moved = own.moved(character, move, turn, np.zeros(3))
+    return project.with_characters(moved.with_changes(root_layers=before.root_layers))
 
 
 def _moved(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:

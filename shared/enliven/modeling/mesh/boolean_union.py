@@ -59,15 +59,15 @@ class MeshPair:
 
     def side_by_side(self, note: str, failed: bool = False) -> Union:
         """Returns one mesh that contains the shells of both meshes, without fusing them."""
-        one, other = self.meshes
-        faces = np.concatenate([one.faces, other.faces + np.int32(len(one.vertices))])
-        vertices = np.concatenate([one.vertices, other.vertices])
+        first, second = self.meshes
+        faces = np.concatenate([first.faces, second.faces + np.int32(len(first.vertices))])
+        vertices = np.concatenate([first.vertices, second.vertices])
         paint = np.concatenate([mesh.paint for mesh in self.meshes])
         colours, stiffness = mixed_paint(paint, *self.meshes)
-        mine = np.concatenate([np.arange(len(one.vertices)), np.full(len(other.vertices), -1)])
-        theirs = np.concatenate([np.full(len(one.vertices), -1), np.arange(len(other.vertices))])
+        mine = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
+        theirs = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
-        mesh = Mesh(vertices, faces, one.name, colours, materials, stiffness)
+        mesh = Mesh(vertices, faces, first.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
         return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
 
@@ -88,10 +88,10 @@ class Side:
         self.solid = solid
         starts = np.asarray(made.run_index, np.int64) // 3
         runs = [k for k, number in enumerate(made.run_original_id) if number == solid.id]
-        whole = np.asarray(made.tri_verts, np.int64)
+        all_triangles = np.asarray(made.tri_verts, np.int64)
         names = np.asarray(made.face_id, np.int64)
         pick = np.concatenate([np.zeros(0, np.int64), *(np.arange(starts[k], starts[k + 1]) for k in runs)])
-        self.triangles, self.source = whole[pick], names[pick]
+        self.triangles, self.source = all_triangles[pick], names[pick]
         properties = np.asarray(made.vert_properties)
         self.used = np.unique(self.triangles)
         number = properties[self.used, 3]
@@ -120,13 +120,13 @@ class UnionBuilder:
         """Returns the union of both meshes, with its traces, skin and colours."""
         # Number the vertices of the result: first the kept vertices of the first mesh, then those of the
         # second, then the new ones.
-        kept = [
+        kept_vertices = [
             np.union1d(side.old[side.old >= 0], side.solid.leaves.faces).astype(np.int64)
             for side in self.sides
         ]
-        ends = np.cumsum([len(kept[0]), len(kept[1])])
+        ends = np.cumsum([len(kept_vertices[0]), len(kept_vertices[1])])
         number = np.full(len(self.places), -1, np.int64)
-        for side, start, old in zip(self.sides, (0, ends[0]), kept, strict=True):
+        for side, start, old in zip(self.sides, (0, ends[0]), kept_vertices, strict=True):
             mine = np.flatnonzero(side.old >= 0)
             number[mine] = start + np.searchsorted(old, side.old[mine])
         used = np.zeros(len(self.places), bool)
@@ -140,24 +140,28 @@ class UnionBuilder:
             + [number[side.triangles[~side.whole]] for side in self.sides]
             + [
                 start + np.searchsorted(old, side.solid.leaves.faces)
-                for side, start, old in zip(self.sides, (0, ends[0]), kept, strict=True)
+                for side, start, old in zip(self.sides, (0, ends[0]), kept_vertices, strict=True)
             ]
         )
-        vertices = np.concatenate([self.meshes[0].vertices[kept[0]], self.meshes[1].vertices[kept[1]]])
+        vertices = np.concatenate(
+            [self.meshes[0].vertices[kept_vertices[0]], self.meshes[1].vertices[kept_vertices[1]]]
+        )
         vertices = np.concatenate([vertices, self.places[new]])
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
         # ones.
         weights, paint = self._at_new(new)
         whole = skins.bone_count(skins.stacked(self.pair.skins))
-        old_skins = [self._skin(k, kept[k], whole) for k in range(2)]
+        old_skins = [self._skin(k, kept_vertices[k], whole) for k in range(2)]
         skin = skins.stacked([*old_skins, skins.sparse(weights)])
-        paint = np.concatenate([*(m.paint[k] for m, k in zip(self.meshes, kept, strict=True)), paint])
+        paint = np.concatenate(
+            [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
+        )
         colours, stiffness = mixed_paint(paint, *self.meshes)
         # Record for each vertex of the result its number in the first and in the second mesh, or -1.
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
-        first[: ends[0]] = np.where(kept[0] < counts[0], kept[0], -1)
-        second[ends[0] : ends[1]] = np.where(kept[1] < counts[1], kept[1], -1)
+        first[: ends[0]] = np.where(kept_vertices[0] < counts[0], kept_vertices[0], -1)
+        second[ends[0] : ends[1]] = np.where(kept_vertices[1] < counts[1], kept_vertices[1], -1)
         materials = self._materials(vertices[faces])
         faces = faces.astype(np.int32)
         mesh = Mesh(vertices, faces, self.meshes[0].name, colours, materials, stiffness)
@@ -188,22 +192,22 @@ class UnionBuilder:
         """Returns the whole faces (K, 3) in their order, with unchanged corners."""
         order = np.sort(side.source[side.whole])
         at = np.full(len(side.solid.mesh.vertices), -1, np.int64)
-        known = np.flatnonzero(side.old >= 0)
-        at[side.old[known]] = number[known]
+        traced = np.flatnonzero(side.old >= 0)
+        at[side.old[traced]] = number[traced]
         return np.asarray(at[side.solid.mesh.faces[order]])
 
-    def _skin(self, k: int, kept: Int | Int32, bones: int) -> SkinWeights:
+    def _skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole interpolate the skin of its
         border."""
         mesh, skin = self.meshes[k], self.pair.skins[k]
-        given = len(self.pair.meshes[k].vertices)
-        if len(mesh.vertices) == given:
-            return skins.taken(skin, kept)
+        given_count = len(self.pair.meshes[k].vertices)
+        if len(mesh.vertices) == given_count:
+            return skins.taken(skin, kept_vertices)
         full = skins.dense(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
-        old = skins.taken(skin, kept[kept < given])
-        return skins.stacked([old, skins.sparse(full[kept[kept >= given]])])
+        old = skins.taken(skin, kept_vertices[kept_vertices < given_count])
+        return skins.stacked([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
     def _at_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
@@ -242,10 +246,10 @@ class UnionBuilder:
         seam |= meets
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
-        full, many = np.zeros((count, bones)), np.zeros(count)
+        full, counts = np.zeros((count, bones)), np.zeros(count)
         np.add.at(full, first[rows], skins.dense(skins.taken(skin, rows), bones))
-        np.add.at(many, first[rows], 1.0)
-        mean = skins.sparse(full[first[rows]] / many[first[rows], None])
+        np.add.at(counts, first[rows], 1.0)
+        mean = skins.sparse(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()
         indices[rows], weights[rows] = mean.indices, mean.weights
         return Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)
@@ -256,13 +260,13 @@ def _welded(union: Union) -> Union:
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
-    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    whole[whole] = ~_membranes(faces[whole])
-    used, numbers = np.unique(faces[whole], return_inverse=True)
+    is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    is_proper[is_proper] = ~_membranes(faces[is_proper])
+    used, numbers = np.unique(faces[is_proper], return_inverse=True)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
     colours, stiffness = mesh.paint_at(used)
-    materials = None if mesh.materials is None else mesh.materials.taken(whole)
+    materials = None if mesh.materials is None else mesh.materials.taken(is_proper)
     faces = numbers.reshape(-1, 3).astype(np.int32)
     return replace(
         union,

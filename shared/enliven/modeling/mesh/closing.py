@@ -95,11 +95,14 @@ def _mates(faces: Int, mesh: Mesh) -> Int:
     first = np.flatnonzero(np.diff(edge[order], prepend=-1))
     size = np.diff(first, append=len(order))
     mates = np.full(len(edge), -1, np.int64)
-    one, other = order[first[size == 2]], order[first[size == 2] + 1]
-    apart = starts[one] != starts[other]
-    mates[one[apart]], mates[other[apart]] = other[apart], one[apart]
-    for begin, many in zip(first[size > 2], size[size > 2], strict=True):
-        _join_around(order[begin : begin + many], starts, mesh, mates)
+    first_half, second_half = order[first[size == 2]], order[first[size == 2] + 1]
+    is_opposed = starts[first_half] != starts[second_half]
+    mates[first_half[is_opposed]], mates[second_half[is_opposed]] = (
+        second_half[is_opposed],
+        first_half[is_opposed],
+    )
+    for begin, group_size in zip(first[size > 2], size[size > 2], strict=True):
+        _join_around(order[begin : begin + group_size], starts, mesh, mates)
     return mates
 
 
@@ -116,9 +119,9 @@ def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     # Seen from a forward half-edge, the solid lies at smaller angles than the face of that half-edge.
     wedge = np.where(forward[:, None] & ~forward, (angle[:, None] - angle) % (2 * np.pi), np.inf)
     while np.isfinite(wedge).any():
-        one, other = np.unravel_index(int(wedge.argmin()), wedge.shape)
-        mates[halves[one]], mates[halves[other]] = halves[other], halves[one]
-        wedge[one], wedge[:, other] = np.inf, np.inf
+        row, column = np.unravel_index(int(wedge.argmin()), wedge.shape)
+        mates[halves[row]], mates[halves[column]] = halves[column], halves[row]
+        wedge[row], wedge[:, column] = np.inf, np.inf
 
 
 def _fans(mates: Int) -> Int:
@@ -137,11 +140,11 @@ def _borders(mates: Int, corner: Int) -> list[Int]:
     flat = corner.ravel()
     after = lonely - lonely % 3 + (lonely + 1) % 3
     into = dict(zip(flat[after].tolist(), lonely.tolist(), strict=True))
-    loops, left = list[Int](), set(lonely.tolist())
+    loops, remaining = list[Int](), set(lonely.tolist())
     for start in lonely.tolist():
         loop, at = list[int](), start
-        while at in left:
-            left.remove(at)
+        while at in remaining:
+            remaining.remove(at)
             loop.append(at)
             at = into[int(flat[at])]
         if loop:
@@ -175,14 +178,14 @@ class _Work:
         both = np.stack([mesh.faces.ravel(), corner.ravel()], 1)
         pairs, number = np.unique(both, axis=0, return_inverse=True)
         vertex, label = pairs.T
-        again = np.flatnonzero(np.diff(vertex, prepend=-1) == 0)
+        repeated = np.flatnonzero(np.diff(vertex, prepend=-1) == 0)
         place = vertex.astype(np.int64)
-        place[again] = count + np.arange(len(again))
+        place[repeated] = count + np.arange(len(repeated))
         self.corners = place[number.reshape(-1)].reshape(-1, 3)
         self.vertices = mesh.vertices
         self.label = np.full(count, -1, np.int64)
         self.made, self.caps = list[tuple[Int, Interpolation]](), list[Int]()
-        self._add(mesh.vertices[vertex[again]], vertex[again], _same, np.full(len(again), -1))
+        self._add(mesh.vertices[vertex[repeated]], vertex[repeated], _same, np.full(len(repeated), -1))
         self.label[place] = label
 
     def cap(self, loop: Int) -> _Rim:

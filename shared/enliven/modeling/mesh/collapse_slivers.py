@@ -34,14 +34,14 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
     patch.contract(_SHORT * _usual(vertices, faces[around], new))
     mine = np.flatnonzero(touching[around])
-    left = [face for face in (patch.faces[number] for number in mine) if face is not None]
-    inner = flip_within(patch.vertices, np.array(left, np.int64).reshape(-1, 3), new)
-    kept = np.ones(len(vertices), bool)
-    kept[list(patch.gone)] = False
-    whole = np.concatenate([faces[~touching], inner.astype(np.int32)])
+    remaining = [face for face in (patch.faces[number] for number in mine) if face is not None]
+    inner = flip_within(patch.vertices, np.array(remaining, np.int64).reshape(-1, 3), new)
+    is_kept = np.ones(len(vertices), bool)
+    is_kept[list(patch.gone)] = False
+    all_faces = np.concatenate([faces[~touching], inner.astype(np.int32)])
     drawn = np.zeros(len(vertices), bool)
     drawn[list(patch.drawn)] = True
-    return patch.vertices, whole, kept, drawn
+    return patch.vertices, all_faces, is_kept, drawn
 
 
 def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
@@ -106,9 +106,14 @@ class _Patch:
         after = np.array(
             [[place if v in (a, b) else self.vertices[v] for v in self.faces[f] or ()] for f in moved]
         )
-        was, now = (np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after))
-        sizes = np.linalg.norm(was, axis=1) * np.linalg.norm(now, axis=1)
-        return bool(((was * now).sum(1) > 0.5 * sizes).all() and (np.linalg.norm(now, axis=1) > 0).all())
+        normals_before, normals_after = (
+            np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after)
+        )
+        sizes = np.linalg.norm(normals_before, axis=1) * np.linalg.norm(normals_after, axis=1)
+        return bool(
+            ((normals_before * normals_after).sum(1) > 0.5 * sizes).all()
+            and (np.linalg.norm(normals_after, axis=1) > 0).all()
+        )
 
     def _contract(self, a: int, b: int, place: Float) -> None:
         for f in self.of[a] & self.of[b]:

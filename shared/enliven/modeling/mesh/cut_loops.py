@@ -32,8 +32,8 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices that are ``far``
     (V,)."""
     side = far[faces]
-    many = side.sum(1)
-    crossed = np.flatnonzero((many == 1) | (many == 2))
+    far_count = side.sum(1)
+    crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
     corners, side = faces[crossed], side[crossed]
     # Rotate the corners of each face so that the corner that is alone on its side of the cut comes first.
     lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
@@ -65,11 +65,11 @@ def chains_of(pairs: Int) -> list[tuple[Int, bool]]:
         beside.setdefault(a, []).append(k)
         beside.setdefault(b, []).append(k)
     ends = [edge for edge, links in beside.items() if len(links) % 2]
-    unused, found = np.ones(len(pairs), bool), []
+    unused, chains = np.ones(len(pairs), bool), []
     for start in [*ends, *beside]:
         while any(unused[k] for k in beside[start]):
-            found.append(_walk(start, pairs, beside, unused))
-    return found
+            chains.append(_walk(start, pairs, beside, unused))
+    return chains
 
 
 def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:

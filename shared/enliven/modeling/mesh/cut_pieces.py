@@ -50,9 +50,9 @@ class _Maker:
         cut = np.isin(work.found.loops, work.chosen)
         self.split = work.found.faces[cut]
         self.pairs = work.found.pairs[cut]
-        whole = np.ones(len(self.mesh.faces), bool)
-        whole[self.split] = False
-        self.whole = whole & keeps[work.faces[:, 0]]
+        is_whole = np.ones(len(self.mesh.faces), bool)
+        is_whole[self.split] = False
+        self.whole = is_whole & keeps[work.faces[:, 0]]
         self.kept = np.flatnonzero(keeps[work.of])
         self.number = np.full(len(self.mesh.vertices), -1, np.int64)
         self.number[self.kept] = np.arange(len(self.kept))
@@ -83,19 +83,19 @@ class _Maker:
         closing = np.concatenate([np.zeros((0, 3), np.int64), *cap_faces])
         faces = np.concatenate([self.number[self.mesh.faces[self.whole]], split, closing])
         vertices, paint, skin = self._attributes(sources, edges, insides, doubled)
-        kept = np.full(len(vertices), -1, np.int64)
-        kept[:base] = self.kept
-        whole = np.flatnonzero(self.whole)
-        corners = vertices[faces[len(whole) : len(whole) + len(split)]]
+        originals = np.full(len(vertices), -1, np.int64)
+        originals[:base] = self.kept
+        whole_faces = np.flatnonzero(self.whole)
+        corners = vertices[faces[len(whole_faces) : len(whole_faces) + len(split)]]
         inside = materials_within(self.mesh.materials, self.mesh.vertices[self.mesh.faces], corners, parts)
-        kept_materials = None if self.mesh.materials is None else self.mesh.materials.taken(whole)
+        kept_materials = None if self.mesh.materials is None else self.mesh.materials.taken(whole_faces)
         materials = joined_materials(
-            [(kept_materials, len(whole)), (inside, len(split)), (None, len(closing))]
+            [(kept_materials, len(whole_faces)), (inside, len(split)), (None, len(closing))]
         )
         colours, stiffness = mixed_paint(paint, self.mesh)
         faces = faces.astype(np.int32)
         mesh = Mesh(vertices, faces, self.mesh.name, colours, materials, stiffness)
-        return Piece(mesh, skin, kept, len(closing))
+        return Piece(mesh, skin, originals, len(closing))
 
     def _split_faces(self) -> tuple[Int, Int, Int, Int]:
         """Splits the crossed faces.
@@ -137,10 +137,10 @@ class _Maker:
         def grown(old: Float, rim: Float | None = None) -> Float:
             """Interpolates values at the new vertices: along the crossed edges, and inside caps from their
             rims."""
-            made = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
-            out = [made]
+            on_edges = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
+            out = [on_edges]
             for around, spread in insides:
-                own = made[around - base]
+                own = on_edges[around - base]
                 out += [own, spread(own)] if doubled else [spread(own)]
             return np.concatenate(out)
 
@@ -152,9 +152,9 @@ class _Maker:
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
         full = skins.dense(skins.taken(work.skin, old), skins.bone_count(work.skin))
-        there = np.flatnonzero(full.any(0))
-        full = full[:, there]
-        made = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
-        new_skin = skins.sparse(grown(np.zeros((0, 0)), made))
-        new_skin = SkinWeights(there[new_skin.indices].astype(np.uint16), new_skin.weights)
+        used_bones = np.flatnonzero(full.any(0))
+        full = full[:, used_bones]
+        rim_skin = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
+        new_skin = skins.sparse(grown(np.zeros((0, 0)), rim_skin))
+        new_skin = SkinWeights(used_bones[new_skin.indices].astype(np.uint16), new_skin.weights)
         return vertices, paint, skins.stacked([skins.taken(work.skin, self.kept), new_skin])

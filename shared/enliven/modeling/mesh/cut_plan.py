@@ -203,8 +203,8 @@ class CutPlan:
         loops = np.unique(self.found.loops)
         self.chosen = np.array([i for i in loops if pairs[self.found.loops == i].mean() >= 0.5], np.int64)
         if len(self.chosen) == 0:
-            what = "it passes through no part of the mesh"
-            raise InputError(what, where="cut", mend="Draw it right across the part to cut.")
+            problem = "it passes through no part of the mesh"
+            raise InputError(problem, where="cut", mend="Draw it right across the part to cut.")
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
@@ -228,9 +228,9 @@ class CutPlan:
 
     def _components(self, cut: Bool) -> Int:
         """Returns (W,) connected components after the chosen crossed faces are split."""
-        whole = np.ones(len(self.faces), bool)
-        whole[self.found.faces[cut]] = False
-        faces = self.faces[whole]
+        is_whole = np.ones(len(self.faces), bool)
+        is_whole[self.found.faces[cut]] = False
+        faces = self.faces[is_whole]
         links = [faces[:, [0, 1]], faces[:, [1, 2]]]
         split = self.faces[self.found.faces[cut]]
         for a, b in _SIDES:
@@ -259,19 +259,19 @@ class CutPlan:
             if abs(mean - 0.5) > 1e-3:
                 return int(mean > 0.5)
             return int(self.far[vertices].mean() > 0.5)
-        known = np.flatnonzero(side[part] >= 0)
+        decided = np.flatnonzero(side[part] >= 0)
         some = self.at[vertices[:: 1 + len(vertices) // 64]]
-        _, nearest = scipy.spatial.cKDTree(self.at[known]).query(some)
-        return int(np.mean(side[part[known[nearest]]]) > 0.5)
+        _, nearest = scipy.spatial.cKDTree(self.at[decided]).query(some)
+        return int(np.mean(side[part[decided[nearest]]]) > 0.5)
 
     def caps(self) -> list[Cap]:
         """Returns a cap for every shell that was cut. The rim consists of numbers of crossed edges."""
         cut = np.isin(self.found.loops, self.chosen)
         ends = self.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
         shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
-        made = []
-        for one in np.unique(shell[cut]):
-            chains = chains_of(self.found.pairs[cut & (shell == one)])
+        caps = []
+        for shell_number in np.unique(shell[cut]):
+            chains = chains_of(self.found.pairs[cut & (shell == shell_number)])
             loops = [
                 order
                 for order, shut in joined(chains, self.places, self.settings.gap)
@@ -282,10 +282,10 @@ class CutPlan:
             if len(loops) < len(chains) and left_open and note not in self.notes:
                 self.notes.append(note)
             if self.values is not None:
-                made += [self._own_cap(loop) for loop in loops]
+                caps += [self._own_cap(loop) for loop in loops]
             elif loops:
-                made.append(cap_of(loops, self.places, self.settings.fine))
-        return made
+                caps.append(cap_of(loops, self.places, self.settings.fine))
+        return caps
 
     def _own_cap(self, loop: Int) -> Cap:
         """Returns a cap in the best-fitting plane of a loop."""

@@ -113,9 +113,9 @@ class StrokeCut(CutSurface):
     def _along(self, points: Float) -> tuple[Float, Float, Float]:
         """Returns (N,) arc length on the stroke, (N,) distance to its left, and (N,) the depth w of each
         point."""
-        whole = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
-        depth = whole[:, 3]
-        shown = whole[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
+        projected = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
+        depth = projected[:, 3]
+        shown = projected[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
         along, left = _beside(self.stroke, shown)
         return along, left, depth
 
@@ -136,8 +136,8 @@ def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
     low = np.zeros(len(lengths))
     high = lengths.copy()
     low[0], high[-1] = -np.inf, np.inf
-    held = np.clip(along, low, high)
-    rest = away - held[..., None] * units[None]
+    clamped = np.clip(along, low, high)
+    rest = away - clamped[..., None] * units[None]
     distance = np.linalg.norm(rest, axis=2)
     cross = units[None, :, 0] * away[..., 1] - units[None, :, 1] * away[..., 0]
     # At a corner of the stroke, two segments are equally near. The segment that is more perpendicular to the
@@ -147,4 +147,4 @@ def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
     best = np.argmax(np.where(distance <= least * (1 + 1e-9) + 1e-300, square, -1.0), axis=1)
     rows = np.arange(len(points))
     side = np.where(cross[rows, best] >= 0, 1.0, -1.0)
-    return _lengths(stroke)[best] + held[rows, best], side * distance[rows, best]
+    return _lengths(stroke)[best] + clamped[rows, best], side * distance[rows, best]

@@ -55,24 +55,24 @@ def joined(
     Raises:
         InputError: if the union fails and ``loose`` is false.
     """
-    whole = united(
+    union = united(
         replace(first.mesh, vertices=first.seen),
         first.skin,
         replace(second.mesh, vertices=second.seen),
         second.skin,
         tidy=True,
     )
-    if whole.failed and not loose:
+    if union.failed and not loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {whole.notes[0]}", where=where, mend=mend)
-    notes.extend(whole.notes)
-    mesh, skin = whole.mesh, whole.skin
-    if whole.seam.any():
-        mesh, skin = heal(mesh, skin, whole.seam)
-    rest = _kept_rest(whole, first, second)
-    changed = whole.seam | ((whole.first < 0) & (whole.second < 0))
-    changed |= (mesh.vertices != whole.mesh.vertices).any(1)
-    changed |= (skin.indices != whole.skin.indices).any(1) | (skin.weights != whole.skin.weights).any(1)
+        raise InputError(f"no union can be made: {union.notes[0]}", where=where, mend=mend)
+    notes.extend(union.notes)
+    mesh, skin = union.mesh, union.skin
+    if union.seam.any():
+        mesh, skin = heal(mesh, skin, union.seam)
+    rest = _kept_rest(union, first, second)
+    changed = union.seam | ((union.first < 0) & (union.second < 0))
+    changed |= (mesh.vertices != union.mesh.vertices).any(1)
+    changed |= (skin.indices != union.skin.indices).any(1) | (skin.weights != union.skin.weights).any(1)
     rows = np.flatnonzero(changed)
     rest[rows] = unposed(mesh.vertices[rows], SkinWeights(skin.indices[rows], skin.weights[rows]), maps)
     return replace(mesh, vertices=rest), skin
@@ -90,10 +90,10 @@ def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     return np.asarray(np.linalg.solve(blend[:, :, :3], (seen - blend[:, :, 3])[..., None])[..., 0])
 
 
-def _kept_rest(whole: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
+def _kept_rest(union: Union, first: SkinnedSurface, second: SkinnedSurface) -> Float:
     """Returns (V, 3) rest positions of vertices from either mesh. New vertices keep their posed positions."""
-    rest = whole.mesh.vertices.copy()
-    ours, theirs = whole.first >= 0, (whole.second >= 0) & (whole.first < 0)
-    rest[ours] = first.mesh.vertices[whole.first[ours]]
-    rest[theirs] = second.mesh.vertices[whole.second[theirs]]
+    rest = union.mesh.vertices.copy()
+    ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
+    rest[ours] = first.mesh.vertices[union.first[ours]]
+    rest[theirs] = second.mesh.vertices[union.second[theirs]]
     return rest

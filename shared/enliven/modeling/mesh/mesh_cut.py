@@ -43,7 +43,7 @@ class Cut:
     def larger_first(self) -> tuple[Piece, Piece]:
         """Both sides, the one with more surface first. Of two equal halves the near one comes first."""
         near, far = (
-            float(face_areas(one.mesh.vertices, one.mesh.faces).sum()) for one in (self.near, self.far)
+            float(face_areas(piece.mesh.vertices, piece.mesh.faces).sum()) for piece in (self.near, self.far)
         )
         return (self.far, self.near) if far > _LARGER * near else (self.near, self.far)
 

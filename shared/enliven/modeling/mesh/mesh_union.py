@@ -51,12 +51,12 @@ def united(
             return pair.side_by_side(
                 f"{mesh.name!r} is not a solid ({solid}): joined as separate shells", True
             )
-    one, other = (solid for solid in solids if isinstance(solid, Solid))
-    both = one.manifold + other.manifold
+    first_solid, second_solid = (solid for solid in solids if isinstance(solid, Solid))
+    both = first_solid.manifold + second_solid.manifold
     if both.status() != manifold3d.Error.NoError:
         return pair.side_by_side(f"the union failed ({both.status()}): joined as separate shells", True)
-    notes = tuple(f"{s.mesh.name!r}: {note}" for s in (one, other) for note in s.notes)
-    union = pair.traced((one, other), both.to_mesh64(), notes)
+    notes = tuple(f"{s.mesh.name!r}: {note}" for s in (first_solid, second_solid) for note in s.notes)
+    union = pair.traced((first_solid, second_solid), both.to_mesh64(), notes)
     return _without_slivers(union) if tidy and union.fused else union
 
 
@@ -67,19 +67,19 @@ def _without_slivers(union: Union) -> Union:
     # crack. So keep the slivers of such a mesh.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
-    vertices, faces, kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
-    number = np.cumsum(kept) - 1
-    colours, stiffness = union.mesh.paint_at(kept)
+    vertices, faces, is_kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
+    number = np.cumsum(is_kept) - 1
+    colours, stiffness = union.mesh.paint_at(is_kept)
     materials = _materials_after(union.mesh, new, vertices[faces])
     faces = number[faces].astype(np.int32)
-    mesh = Mesh(vertices[kept], faces, union.mesh.name, colours, materials, stiffness)
+    mesh = Mesh(vertices[is_kept], faces, union.mesh.name, colours, materials, stiffness)
     return replace(
         union,
         mesh=mesh,
-        skin=skins.taken(union.skin, kept),
-        first=union.first[kept],
-        second=union.second[kept],
-        seam=(union.seam | drawn)[kept],
+        skin=skins.taken(union.skin, is_kept),
+        first=union.first[is_kept],
+        second=union.second[is_kept],
+        seam=(union.seam | drawn)[is_kept],
     )
 
 

@@ -73,11 +73,11 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     points = (sampled.positions - middle) / size
     few, some, many = (_cloud(points, sampled.normals, count) for count in (_FEW, _SOME, _MANY))
     first = sorted((_brought(few, axis, 5) for axis in _candidates(points)), key=lambda found: found.gap)
-    second = [_brought(some, one.normal, 8, one.offset) for one in _different(first)]
-    likely = [one for one in second if one.gap <= 1.5 * TOLERANCE]
+    second = [_brought(some, candidate.normal, 8, candidate.offset) for candidate in _different(first)]
+    likely = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
     likely.sort(key=lambda one: (abs(one.normal[1]) >= _LEVEL, -_breadth(points, one), one.gap))
-    last = (_brought(many, one.normal, 4, one.offset) for one in likely)
-    best = next((one for one in last if one.gap <= TOLERANCE), None)
+    last = (_brought(many, candidate.normal, 4, candidate.offset) for candidate in likely)
+    best = next((candidate for candidate in last if candidate.gap <= TOLERANCE), None)
     if best is None:
         return None
     normal = best.normal * np.sign(best.normal[np.abs(best.normal).argmax()])
@@ -122,10 +122,10 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
     gaps = image - points[nearest]
     # Measure the distance to the surface, not to its samples. So ignore tangential offsets below the sample
     # spacing.
-    apart = np.linalg.norm(gaps, axis=1)
+    distances = np.linalg.norm(gaps, axis=1)
     through = np.abs((gaps * cloud.normals[nearest]).sum(1))
     spacing = 2.0 / np.sqrt(len(points))
-    return _Found(float(np.maximum(through, apart - spacing).mean()), normal, offset)
+    return _Found(float(np.maximum(through, distances - spacing).mean()), normal, offset)
 
 
 def _nearest(cloud: _Cloud, normal: Float, offset: float) -> Float:
@@ -139,16 +139,16 @@ def _mirrored(points: Float, normal: Float, offset: float) -> Float:
     return np.asarray(points - 2 * (points @ normal - offset)[:, None] * normal)
 
 
-def _different(found: list[_Found]) -> list[_Found]:
+def _different(planes: list[_Found]) -> list[_Found]:
     """Returns the best few planes that differ from one another."""
-    kept: list[_Found] = []
-    for one in found:
-        if all(abs(one.normal @ other.normal) < _ALIKE for other in kept):
-            kept.append(one)
-    return kept[:_KEPT]
+    distinct: list[_Found] = []
+    for plane in planes:
+        if all(abs(plane.normal @ other.normal) < _ALIKE for other in distinct):
+            distinct.append(plane)
+    return distinct[:_KEPT]
 
 
-def _breadth(points: Float, found: _Found) -> float:
+def _breadth(points: Float, plane: _Found) -> float:
     """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
     extents tie."""
-    return float(np.round(np.ptp(points @ found.normal), 1))
+    return float(np.round(np.ptp(points @ plane.normal), 1))

@@ -56,11 +56,11 @@ def refined(
     cells[: len(triangles)] = triangles
     beside[: len(triangles)] = across_edges(triangles, len(points))
     count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
-    made, cells, beside = all_points[:count], cells[:some], beside[:some]
+    refined_points, cells, beside = all_points[:count], cells[:some], beside[:some]
     for _ in range(smooth):
-        _relax(made, cells, len(points))
-        _legalise_all(made, cells, beside)
-    return made.copy(), cells.copy()
+        _relax(refined_points, cells, len(points))
+        _legalise_all(refined_points, cells, beside)
+    return refined_points.copy(), cells.copy()
 
 
 @njit(cache=True, nogil=True)
@@ -164,25 +164,25 @@ def _relax(points, cells, fixed):
     """Moves each point from index ``fixed`` on to the middle of its neighbours, unless a triangle would
     flip."""
     # Compute the target of each new point: the mean of its neighbours.
-    total, many = np.zeros(points.shape), np.zeros(points.shape[0])
+    total, counts = np.zeros(points.shape), np.zeros(points.shape[0])
     for t in range(cells.shape[0]):
         for k in range(3):
             i, j = cells[t, k], cells[t, (k + 1) % 3]
             for a in range(2):
                 total[i, a] += points[j, a]
-            many[i] += 1.0
+            counts[i] += 1.0
     wanted = points.copy()
     for i in range(fixed, points.shape[0]):
-        if many[i] > 0.0:
+        if counts[i] > 0.0:
             for a in range(2):
-                wanted[i, a] = total[i, a] / many[i]
+                wanted[i, a] = total[i, a] / counts[i]
     # Move the corners of triangles that would flip or collapse back to their old places, and check again.
     for _ in range(10):
         wrong = False
         for t in range(cells.shape[0]):
             a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
-            whole = _turn(points[a], points[b], points[c])
-            if _turn(wanted[a], wanted[b], wanted[c]) <= 0.05 * whole:
+            old_turn = _turn(points[a], points[b], points[c])
+            if _turn(wanted[a], wanted[b], wanted[c]) <= 0.05 * old_turn:
                 wrong = True
                 for i in (a, b, c):
                     copy_row(wanted[i], points[i])

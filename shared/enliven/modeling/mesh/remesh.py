@@ -46,16 +46,16 @@ def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
 @njit(cache=True, nogil=True)
 def _to_middle(vertices, faces, count):
     """Returns (V, 3) vectors from each vertex to the mean of its neighbours."""
-    total, many = np.zeros((count, 3)), np.zeros(count)
+    total, counts = np.zeros((count, 3)), np.zeros(count)
     for f in range(faces.shape[0]):
         for k in range(3):
             i, j = faces[f, k], faces[f, (k + 1) % 3]
             for a in range(3):
                 total[i, a] += vertices[j, a]
-            many[i] += 1.0
+            counts[i] += 1.0
     for i in range(count):
         for a in range(3):
-            total[i, a] = total[i, a] / many[i] - vertices[i, a] if many[i] > 0.0 else 0.0
+            total[i, a] = total[i, a] / counts[i] - vertices[i, a] if counts[i] > 0.0 else 0.0
     return total
 
 
@@ -101,14 +101,14 @@ def _flip_all(vertices, faces, beside):
                 a, b, c = faces[t, k], faces[t, (k + 1) % 3], faces[t, (k + 2) % 3]
                 m = slot(beside[u], t)
                 d = faces[u, m]
-                one = _cotangent(vertices[a], vertices[b], vertices[c])
-                if one + _cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
+                cotangent = _cotangent(vertices[a], vertices[b], vertices[c])
+                if cotangent + _cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
                     continue
-                was = _normal(vertices[a], vertices[b], vertices[c])
-                was += _normal(vertices[d], vertices[c], vertices[b])
+                old_normal = _normal(vertices[a], vertices[b], vertices[c])
+                old_normal += _normal(vertices[d], vertices[c], vertices[b])
                 first = _normal(vertices[a], vertices[b], vertices[d])
                 second = _normal(vertices[a], vertices[d], vertices[c])
-                if (first * was).sum() <= 0.0 or (second * was).sum() <= 0.0:
+                if (first * old_normal).sum() <= 0.0 or (second * old_normal).sum() <= 0.0:
                     continue
                 if _linked(faces, beside, t, a, d):
                     continue

@@ -113,9 +113,9 @@ def reweighted(
     bones = max(len(skeleton), bone_count(skin))
     weights = heat_weights(mesh, *segments_of(skeleton), bones, HeatSettings(), dense(skin, bones), free)
     new = sparse(weights[free], smooth=True)
-    indices, kept = skin.indices.copy(), skin.weights.copy()
-    indices[free], kept[free] = new.indices, new.weights
-    return SkinWeights(indices, kept)
+    indices, new_weights = skin.indices.copy(), skin.weights.copy()
+    indices[free], new_weights[free] = new.indices, new.weights
+    return SkinWeights(indices, new_weights)
 
 
 def fair(mesh: Mesh, free: Bool) -> Float:
@@ -159,11 +159,11 @@ def fair(mesh: Mesh, free: Bool) -> Float:
 def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
     """Returns the values (V, K) with unknown ones interpolated harmonically from known ones."""
     out = values.copy()
-    inner, known = np.flatnonzero(unknown), np.flatnonzero(~unknown)
-    if len(inner) == 0 or len(known) == 0:
+    inner, fixed = np.flatnonzero(unknown), np.flatnonzero(~unknown)
+    if len(inner) == 0 or len(fixed) == 0:
         return out
     matrix = diags(np.full(len(inner), 1.0 + 1e-9)) - web[inner][:, inner]
-    out[inner] = np.asarray(spsolve(matrix.tocsc(), web[inner][:, known] @ values[known])).reshape(
+    out[inner] = np.asarray(spsolve(matrix.tocsc(), web[inner][:, fixed] @ values[fixed])).reshape(
         len(inner), -1
     )
     return out
@@ -190,10 +190,10 @@ def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     web = coo_matrix((np.tile(share, 2), (rows, columns)), (count, count)).tocsr()
     total = np.asarray(web.sum(1)).ravel()
     web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
-    many = np.bincount(starts, minlength=count)
+    counts = np.bincount(starts, minlength=count)
     # Compute the root mean square with the same weights as the Laplacian.
     square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
-    return web, np.sqrt(np.where(many > 0, square / np.where(total > 0, total, 1.0), 1.0))
+    return web, np.sqrt(np.where(counts > 0, square / np.where(total > 0, total, 1.0), 1.0))
 
 
 def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:

@@ -51,20 +51,20 @@ def solid_of(mesh: Mesh) -> Solid | str:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
         notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
-    whole = _whole(used, closed)
+    closed_mesh = _whole(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),
-        vertices=whole.vertices,
-        colours=whole.colours,
-        stiffness=whole.stiffness,
+        vertices=closed_mesh.vertices,
+        colours=closed_mesh.colours,
+        stiffness=closed_mesh.stiffness,
     )
-    if signed_volume(whole) < 0:
+    if signed_volume(closed_mesh) < 0:
         notes.append("it was inside out: turned")
-        whole, leaves = whole.turned(), leaves.turned()
-    made, number = _manifold(whole, closed.label)
-    if made.status() != manifold3d.Error.NoError:
-        return f"the library says {made.status()}"
-    return Solid(made, whole, closed.made, leaves, number, tuple(notes))
+        closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
+    manifold, number = _manifold(closed_mesh, closed.label)
+    if manifold.status() != manifold3d.Error.NoError:
+        return f"the library says {manifold.status()}"
+    return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 
 def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
@@ -74,8 +74,8 @@ def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     for of, how in closed.made:
         paint = np.concatenate([paint, how(paint[of])])
     colours, stiffness = mixed_paint(paint, mesh)
-    given = mesh.with_faces(~closed.leaf)
-    groups = [(given.materials, len(given.faces)), (None, len(closed.faces) - len(given.faces))]
+    enclosing = mesh.with_faces(~closed.leaf)
+    groups = [(enclosing.materials, len(enclosing.faces)), (None, len(closed.faces) - len(enclosing.faces))]
     faces = closed.faces.astype(np.int32)
     return Mesh(closed.vertices, faces, mesh.name, colours, joined_materials(groups), stiffness)
 
@@ -90,11 +90,11 @@ def _usable(welded: Mesh) -> Bool:
     """Returns (F,) true for faces with three different corners that do not repeat an earlier face in either
     direction."""
     corners = np.sort(welded.faces, 1)
-    whole = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])
+    is_proper = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])
     _, first = np.unique(corners, axis=0, return_index=True)
     once = np.zeros(len(corners), bool)
     once[first] = True
-    return np.asarray(whole & once)
+    return np.asarray(is_proper & once)
 
 
 def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
@@ -104,19 +104,19 @@ def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
         label: (V,) vertices with equal labels are merged.
     """
     # Leave out loose vertices, because manifold3d would count them as solids without faces.
-    kept = np.unique(mesh.faces)
-    _, first, of = np.unique(label[kept], return_index=True, return_inverse=True)
+    used = np.unique(mesh.faces)
+    _, first, of = np.unique(label[used], return_index=True, return_inverse=True)
     target = first[of.reshape(-1)]
-    twice = np.flatnonzero(target != np.arange(len(kept)))
-    properties = np.concatenate([mesh.vertices[kept], kept[:, None].astype(np.float64)], 1)
+    twice = np.flatnonzero(target != np.arange(len(used)))
+    properties = np.concatenate([mesh.vertices[used], used[:, None].astype(np.float64)], 1)
     own = manifold3d.Manifold.reserve_ids(1)
-    made = manifold3d.Mesh64(
+    solid_mesh = manifold3d.Mesh64(
         np.ascontiguousarray(properties),
-        np.ascontiguousarray(np.searchsorted(kept, mesh.faces), np.uint64),
+        np.ascontiguousarray(np.searchsorted(used, mesh.faces), np.uint64),
         merge_from_vert=np.asarray(twice, np.uint64),
         merge_to_vert=np.asarray(target[twice], np.uint64),
         run_index=np.array([0, 3 * len(mesh.faces)], np.uint64),
         run_original_id=np.array([own], np.uint32),
         face_id=np.arange(len(mesh.faces), dtype=np.uint64),
     )
-    return manifold3d.Manifold(made), own
+    return manifold3d.Manifold(solid_mesh), own

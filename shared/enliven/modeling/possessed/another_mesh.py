@@ -43,14 +43,16 @@ def possess_another(
         InputError: if the performers cannot attach to any point of the mesh.
     """
     settings = replace(settings_of(possession), stiffness=(), ends=(), joints=())
-    made = prepared_as(mesh, settings, fit=fit, ends=ends, joints=joints)
+    prepared_mesh = prepared_as(mesh, settings, fit=fit, ends=ends, joints=joints)
     how = replace(
         possession,
-        settings=json.dumps(asdict(made.settings)),
+        settings=json.dumps(asdict(prepared_mesh.settings)),
         place=(),
-        height=made.height,
-        size=made.size,
+        height=prepared_mesh.height,
+        size=prepared_mesh.size,
     )
-    project, name = possess_mesh(project, made.mesh, take, how, nodes=nodes, progress=progress, notes=notes)
-    known = {key: np.reshape(getattr(made.settings, key), (-1, 3)) for key in ("ends", "joints")}
-    return project.with_characters(project.graph(name).with_changes(**known)), name
+    project, name = possess_mesh(
+        project, prepared_mesh.mesh, take, how, nodes=nodes, progress=progress, notes=notes
+    )
+    landmarks = {key: np.reshape(getattr(prepared_mesh.settings, key), (-1, 3)) for key in ("ends", "joints")}
+    return project.with_characters(project.graph(name).with_changes(**landmarks)), name

@@ -20,8 +20,8 @@ def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> Po
     Raises:
         InputError: if there are too few poses, or their times are too far apart.
     """
-    kept, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
-    values = ([pose.linear for pose in kept], [pose.positions for pose in kept])
+    used_poses, seconds, grid = even_times(character, poses, poses[0].time_ns if poses else 0)
+    values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
     linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
     return PoseStream(stream_id, linear, positions, float(grid[1] - grid[0]))
 
@@ -43,8 +43,8 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
         raise InputError("all its poses have the same time", where=where, mend="Record it again.")
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
     if lasts / step * len(character.pivots) > _MOST_PLACES:
-        what = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
-        raise InputError(what, where=where, mend="Record a shorter take.")
+        problem = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
+        raise InputError(problem, where=where, mend="Record a shorter take.")
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 
 

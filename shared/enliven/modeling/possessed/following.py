@@ -52,7 +52,7 @@ def _slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
     square, along = np.zeros((len(rest), 3, 3)), np.zeros((len(rest), 3))
     np.add.at(square, ends[:, 0], ways[:, :, None] * ways[:, None, :])
     np.add.at(along, ends[:, 0], ways * steps[:, None])
-    held = _EVEN * np.trace(square, axis1=1, axis2=2) + 1e-12
-    slopes = np.linalg.solve(square + held[:, None, None] * np.eye(3), along[..., None])[..., 0]
+    damping = _EVEN * np.trace(square, axis1=1, axis2=2) + 1e-12
+    slopes = np.linalg.solve(square + damping[:, None, None] * np.eye(3), along[..., None])[..., 0]
     slopes[node] = 0.0
     return np.asarray(slopes)

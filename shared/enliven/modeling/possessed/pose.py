@@ -37,18 +37,18 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
             maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
         places = part.size * places
         turn, move = part.turn, part.place
-        here = slice(start, start + len(part.nodes))
+        rows = slice(start, start + len(part.nodes))
         if part.ride is not None:
             # Layers that move this part must not also move the part that carries it. So evaluate the carrier
             # without these layers.
-            carriers = [one for one in over if not one.moves[here].any()]
+            carriers = [layer for layer in over if not layer.moves[rows].any()]
             node = np.array([part.ride.node])
-            held = _layered((linear[node], positions[node]), carriers, node)
-            carry = multiply(from_matrix(held[0][0]), conjugate(part.ride.turn))
-            move = rotate(carry, move - part.ride.place) + held[1][0]
+            carrier = _layered((linear[node], positions[node]), carriers, node)
+            carry = multiply(from_matrix(carrier[0][0]), conjugate(part.ride.turn))
+            move = rotate(carry, move - part.ride.place) + carrier[1][0]
             turn = multiply(carry, turn)
-        linear[here] = to_matrix(turn) @ maps @ to_matrix(conjugate(part.axes))
-        positions[here] = rotate(turn, places) + move
+        linear[rows] = to_matrix(turn) @ maps @ to_matrix(conjugate(part.axes))
+        positions[rows] = rotate(turn, places) + move
     return _layered((linear, positions), over, np.arange(len(positions)))
 
 
@@ -67,9 +67,9 @@ def within_layer(
     layer = shape.over[number]
     outer = shape.with_changes(over=shape.over[:number])
     linear = graph_pose(project, outer, time)[0][node]
-    seen = graph_pose(project, shape, time)[1][node]
+    position = graph_pose(project, shape, time)[1][node]
     weight = layer.moment(time, project.length_of(layer)).weight
-    return linear, seen, 0.0 if layer.muted else layer.weight * weight
+    return linear, position, 0.0 if layer.muted else layer.weight * weight
 
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
@@ -104,14 +104,14 @@ def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[F
 
 def _layered(base: tuple[Float, Float], over: Sequence[_Within], nodes: Int) -> tuple[Float, Float]:
     """Returns the maps and positions of some nodes with the layers on top applied."""
-    for one in over:
-        base = over_base(base, one.linear[nodes], one.apart[nodes])
+    for layer in over:
+        base = over_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
 
 
 def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _Within:
     """Evaluates a layer at a time for the ``count`` nodes of its shape."""
-    linear, apart = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+    linear, offsets = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     moves = np.zeros(count, bool)
     moves[layer.own] = True
     stream = smoothed(project.streams[layer.take], layer.smooth)
@@ -123,9 +123,9 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
             maps, places = _mixed((maps, places), _recorded(stream, layer.nodes, at.other), at.share)
         flip, axes = _MIRRORED if layer.mirrored else np.ones(3), to_matrix(layer.axes)
         maps = axes @ (maps * flip * flip[:, None]) @ axes.T
-        apart[layer.own] = weight * layer.size * ((places - layer.rest[layer.nodes]) * flip) @ axes.T
+        offsets[layer.own] = weight * layer.size * ((places - layer.rest[layer.nodes]) * flip) @ axes.T
         linear[layer.own] += weight * (maps - np.eye(3))
-    return _Within(moves, linear, apart)
+    return _Within(moves, linear, offsets)
 
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
@@ -134,10 +134,10 @@ def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Fl
     if part.muted:
         return _recorded(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)
-    found = _recorded(stream, part.nodes, at.second)
+    recorded = _recorded(stream, part.nodes, at.second)
     if at.share > 0.0:
-        found = _mixed(found, _recorded(stream, part.nodes, at.other), at.share)
-    return found if at.weight == 1.0 else _mixed(_recorded(stream, part.nodes, 0.0), found, at.weight)
+        recorded = _mixed(recorded, _recorded(stream, part.nodes, at.other), at.share)
+    return recorded if at.weight == 1.0 else _mixed(_recorded(stream, part.nodes, 0.0), recorded, at.weight)
 
 
 def _recorded(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
@@ -147,8 +147,8 @@ def _recorded(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Flo
     before = min(int(frame), max(last - 1, 0))
     after = min(before + 1, last)
     pairs = (stream.linear, stream.positions)
-    one, other = (tuple(rows[k, nodes] for rows in pairs) for k in (before, after))
-    return _mixed(one, other, frame - before)
+    earlier, later = (tuple(rows[k, nodes] for rows in pairs) for k in (before, after))
+    return _mixed(earlier, later, frame - before)
 
 
 def _mixed(one: tuple[Float, ...], other: tuple[Float, ...], share: float) -> tuple[Float, Float]:

@@ -115,8 +115,8 @@ class GraphRig(RigEdits):
             rest = normalized(multiply(axes.turn, flip.rotations(part.axes)))
             place, ride = centre + axes.vectors(part.place - centre), part.ride
             if ride is not None:
-                held = centre + axes.vectors(ride.place - centre)
-                ride = Ride(ride.node, normalized(axes.rotations(ride.turn)), held)
+                ride_place = centre + axes.vectors(ride.place - centre)
+                ride = Ride(ride.node, normalized(axes.rotations(ride.turn)), ride_place)
             flipped = not part.mirrored
             parts.append(replace(part, turn=turn, axes=rest, place=place, mirrored=flipped, ride=ride))
         mesh = moved_mesh(shape.mesh, centre, axes, centre)

@@ -80,8 +80,8 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
     """
     shape = project.graph(shape_id)
     for number, part, how in _possessed(shape):
-        held = replace(possession, rest=how.rest, solved=how.solved)
-        parts = (*shape.parts[:number], replace(part, possession=held), *shape.parts[number + 1 :])
+        new_possession = replace(possession, rest=how.rest, solved=how.solved)
+        parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
     raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
 
@@ -140,7 +140,7 @@ def solve_again(
         InputError: if the shape does not exist, or its performers cannot attach to any point of a part.
     """
     shape = project.graph(shape_id)
-    due = [one for one in _possessed(shape) if _key(project, shape, one[0]) != one[2].solved]
+    due = [entry for entry in _possessed(shape) if _key(project, shape, entry[0]) != entry[2].solved]
     parts = list(shape.parts)
     for done, (number, part, how) in enumerate(due):
         (bare, rest), take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
@@ -149,7 +149,7 @@ def solve_again(
             if progress is not None:
                 share = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
                 progress(min((done + share) / len(due), 1.0))
-        users = [layer for one in project.characters.values() for layer in one.playing]
+        users = [layer for character in project.characters.values() for layer in character.playing]
         alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
         stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
         solved = replace(how, rest=rest, solved=_key(project, shape, number))
@@ -185,10 +185,10 @@ def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
         return np.asarray((points - middle) @ turn / part.size * flip)
 
     vertices, faces, skin, painted = _surface(shape, own)
-    kept = np.isin(shape.edges, own).all(1)
+    is_own_edge = np.isin(shape.edges, own).all(1)
     rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
     places = back(vertices).astype(np.float32), rest.astype(np.float32)
-    edges = shape.edges[kept] - np.int32(start)
+    edges = shape.edges[is_own_edge] - np.int32(start)
     bare = Character(shape.id, places[0], faces, skin, places[1], edges, stiffness=painted)
     return bare, rest
 
@@ -199,34 +199,36 @@ def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWei
     mesh, skin = shape.mesh, shape.skin
     if len(own) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness
-    here: Bool = np.isin(skin.indices, own)
-    mine = (skin.weights * here).sum(1) > 0.5
+    is_own: Bool = np.isin(skin.indices, own)
+    mine = (skin.weights * is_own).sum(1) > 0.5
     faces = mesh.faces[mine[mesh.faces].all(1)]
     faces = faces if len(faces) else mesh.faces
     used = np.unique(faces)
-    weights = np.where(here, skin.weights, 0.0)[used]
+    weights = np.where(is_own, skin.weights, 0.0)[used]
     weights = weights / np.maximum(weights.sum(1, keepdims=True), 1e-9)
-    indices = np.where(here, skin.indices - own[0], 0)[used]
+    indices = np.where(is_own, skin.indices - own[0], 0)[used]
     number = np.zeros(len(mesh.vertices), np.int32)
     number[used] = np.arange(len(used))
-    told = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))
-    return mesh.vertices[used], number[faces], told, mesh.paint_at(used)[1]
+    own_skin = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))
+    return mesh.vertices[used], number[faces], own_skin, mesh.paint_at(used)[1]
 
 
 def _key(project: Project, shape: GraphShape, number: int) -> str:
     """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None
-    (bare, _), told = _bare(shape, number), hashlib.blake2b(digest_size=16)
+    (bare, _), digest = _bare(shape, number), hashlib.blake2b(digest_size=16)
     for points in (bare.vertices, bare.pivots):
-        told.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
+        digest.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
     for numbers in (bare.faces, bare.edges, bare.skin.indices):
-        told.update(np.ascontiguousarray(numbers, np.int64).tobytes())
+        digest.update(np.ascontiguousarray(numbers, np.int64).tobytes())
     if bare.stiffness is not None:
-        told.update(bare.stiffness.tobytes())
+        digest.update(bare.stiffness.tobytes())
     take: BodyTake = project.bodies[part.possession.take]
     for array in (take.seconds, take.people, take.joints, take.confidence, take.present, take.stature):
-        told.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+        digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
     how = part.possession
-    told.update(repr((how.holds, how.settings, how.height, how.size, how.place, how.start, how.end)).encode())
-    return told.hexdigest()
+    digest.update(
+        repr((how.holds, how.settings, how.height, how.size, how.place, how.start, how.end)).encode()
+    )
+    return digest.hexdigest()

@@ -46,14 +46,14 @@ def cut_graph(
         InputError: if the shape does not exist, or the stroke cuts nothing off.
     """
     shape = project.graph(shape_id)
-    seen = graph_vertices(shape, *graph_pose(project, shape, time))
-    cut = cut_by_stroke(shape.mesh, shape.skin, stroke, seen)
+    posed = graph_vertices(shape, *graph_pose(project, shape, time))
+    cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed)
     off_id = unused(shape_id, project.characters)
     larger, smaller = cut.larger_first
     if notes is not None:
         notes.extend(cut.notes)
-    made = _side(shape, larger, shape_id), _side(shape, smaller, off_id)
-    return project.with_characters(*made), (shape_id, off_id)
+    sides = _side(shape, larger, shape_id), _side(shape, smaller, off_id)
+    return project.with_characters(*sides), (shape_id, off_id)
 
 
 def merge_graphs(project: Project, merge: Merge) -> Project:
@@ -106,22 +106,22 @@ def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
     """Returns one side of a cut, with the nodes that its vertices follow and the nodes that carry their
     parts."""
     assert piece.skin is not None
-    kept = np.zeros(len(shape.positions), bool)
-    kept[piece.skin.indices[piece.skin.weights > 0]] = True
+    is_kept = np.zeros(len(shape.positions), bool)
+    is_kept[piece.skin.indices[piece.skin.weights > 0]] = True
     for part, start in reversed(list(zip(shape.parts, shape.starts, strict=False))):
-        if part.ride is not None and kept[start : start + len(part.nodes)].any():
-            kept[part.ride.node] = True
-    number = np.where(kept, np.cumsum(kept) - 1, 0)
-    parts = [_part_with(part, kept[start:][: len(part.nodes)], number) for part, start in _starting(shape)]
-    edges = shape.edges[kept[shape.edges].all(1)]
+        if part.ride is not None and is_kept[start : start + len(part.nodes)].any():
+            is_kept[part.ride.node] = True
+    number = np.where(is_kept, np.cumsum(is_kept) - 1, 0)
+    parts = [_part_with(part, is_kept[start:][: len(part.nodes)], number) for part, start in _starting(shape)]
+    edges = shape.edges[is_kept[shape.edges].all(1)]
     return GraphShape(
         side_id,
-        shape.positions[kept],
+        shape.positions[is_kept],
         number[edges].astype(np.int32),
         piece.mesh,
         SkinWeights(number[piece.skin.indices].astype(np.uint16), piece.skin.weights),
         tuple(part for part in parts if len(part.nodes)),
-        tuple(_layer_with(layer, kept, number) for layer in shape.over if kept[layer.own].any()),
+        tuple(_layer_with(layer, is_kept, number) for layer in shape.over if is_kept[layer.own].any()),
     )
 
 
@@ -130,27 +130,27 @@ def _starting(shape: GraphShape) -> list[tuple[GraphPart, int]]:
     return list(zip(shape.parts, shape.starts, strict=False))
 
 
-def _part_with(part: GraphPart, kept: Bool, number: Int) -> GraphPart:
+def _part_with(part: GraphPart, is_kept: Bool, number: Int) -> GraphPart:
     """Returns a part with a subset of its nodes, and its ride with the node's new number."""
     ride = None if part.ride is None else replace(part.ride, node=int(number[part.ride.node]))
-    return replace(part, nodes=part.nodes[kept], ride=ride)
+    return replace(part, nodes=part.nodes[is_kept], ride=ride)
 
 
 def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
     """Returns a layer for the subset of its nodes that is kept, with their new numbers."""
-    left = kept[layer.own]
-    return replace(layer, nodes=layer.nodes[left], own=number[layer.own[left]])
+    is_kept = kept[layer.own]
+    return replace(layer, nodes=layer.nodes[is_kept], own=number[layer.own[is_kept]])
 
 
 def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
     """Returns the host's node that carries the graft, and the graft's node nearest to it."""
-    apart = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
+    distances = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
     if node is None:
-        node = int(apart.min(1).argmin())
+        node = int(distances.min(1).argmin())
     if isinstance(node, str) or not 0 <= node < len(ours):
         mend = "Give the number of a node."
         raise InputError(f"node {node} does not exist; there are {len(ours)}", where=host.where, mend=mend)
-    return node, int(apart[node].argmin())
+    return node, int(distances[node].argmin())
 
 
 def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
@@ -168,7 +168,7 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
             ride = replace(ride, turn=normalized(multiply(ride.turn, back)))
         parts.append(replace(part, axes=normalized(multiply(axes, part.axes)), ride=ride))
     mesh = replace(shape.mesh, vertices=vertices)
-    over = tuple(replace(one, axes=normalized(multiply(axes, one.axes))) for one in shape.over)
+    over = tuple(replace(layer, axes=normalized(multiply(axes, layer.axes))) for layer in shape.over)
     return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over)
 
 

@@ -74,8 +74,8 @@ def baked(
     times = frame_times(start, stop, rate, puppet.id)
     places, turns, roots = states_of(project, puppet, times)
     frames = SurfaceFrames(puppet, places, settings.kept)
-    held = [point.vertex for point in puppet.points]
-    surface = bake_surface(puppet.mesh, frames, places, held, settings)
+    point_vertices = [point.vertex for point in puppet.points]
+    surface = bake_surface(puppet.mesh, frames, places, point_vertices, settings)
     ids = (puppet.id, puppet.id) if ids is None else ids
     graph, stream = graph_of(puppet.mesh, surface, turns, roots, 1.0 / rate, ids, start)
     return graph, stream, surface.error
@@ -112,6 +112,6 @@ def frame_times(start: float, end: float, rate: float, name: str) -> Float:
         InputError: if the times are invalid.
     """
     if not (np.isfinite([start, end, rate]).all() and end >= start and 0 < rate <= 1000):
-        what = f"from {start} s to {end} s at {rate} frames a second is not a valid time range"
-        raise InputError(what, where=f"shape {name!r}", mend="Give an end after the start.")
+        problem = f"from {start} s to {end} s at {rate} frames a second is not a valid time range"
+        raise InputError(problem, where=f"shape {name!r}", mend="Give an end after the start.")
     return np.asarray(start + np.arange(round((end - start) * rate) + 1) / rate)

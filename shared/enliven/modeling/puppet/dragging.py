@@ -22,7 +22,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
         InputError: if the puppet plays no take, and as ``add_key_pose``.
     """
     puppet = project.puppet(puppet_id)
-    layer = next((one for one in puppet.layers if not one.muted), None)
+    layer = next((candidate for candidate in puppet.layers if not candidate.muted), None)
     if layer is None:
         raise InputError("it plays no take", where=puppet.where, mend="Choose a take for it first.")
     state = state_at(project, puppet, time)

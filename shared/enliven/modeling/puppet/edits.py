@@ -33,13 +33,13 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
     """
     where = f"puppet {puppet_id!r}"
     if not puppet_id or puppet_id in project.characters:
-        what = "something has that name already" if puppet_id else "it needs a name"
-        raise InputError(what, where=where, mend="Choose another name.")
+        problem = "something has that name already" if puppet_id else "it needs a name"
+        raise InputError(problem, where=where, mend="Choose another name.")
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
-        what = (
+        problem = (
             "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
         )
-        raise InputError(what, where=where, mend="Export the mesh again.")
+        raise InputError(problem, where=where, mend="Export the mesh again.")
     return project.with_characters(Puppet(puppet_id, mesh))
 
 

@@ -74,7 +74,7 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     Raises:
         InputError: if the union of the meshes fails.
     """
-    time, told, before = merge.time, merge.notes, project.puppet(merge.host)
+    time, messages, before = merge.time, merge.notes, project.puppet(merge.host)
     host, graft = (_Side(project, project.puppet(name), time) for name in (merge.host, merge.graft))
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
     host.show(keys)
@@ -82,10 +82,10 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     middle = _meeting(host.seen, graft.seen)
     to_host, to_graft = host.around(middle), graft.around(middle)
     united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), merge)
-    merged = _Merge(host, graft, united_mesh, keys, middle).made(told)
+    merged = _Merge(host, graft, united_mesh, keys, middle).made(messages)
     project = project.without(merge.graft)
-    now = state_at(project.with_characters(merged), merged, time)
-    return project.with_characters(stood_as(merged, now, before, host.state))
+    state = state_at(project.with_characters(merged), merged, time)
+    return project.with_characters(stood_as(merged, state, before, host.state))
 
 
 class _Side:
@@ -172,9 +172,9 @@ class _Merge:
         points = [*ours.values(), *theirs.values()]
         merged = self._with(points)
         size = float(np.linalg.norm(np.ptp(merged.mesh.vertices, axis=0)))
-        known = self._known()
+        is_known = self._known()
         none = np.zeros(0, np.int64)
-        added, worst = points_needed(merged, self._was, known, none, _MOST, _TOLERANCE * size)
+        added, worst = points_needed(merged, self._was, is_known, none, _MOST, _TOLERANCE * size)
         more: dict[str, ControlPoint] = {}
         names = {point.name: point for point in points}
         sides = [ours, theirs]
@@ -189,48 +189,50 @@ class _Merge:
             f"originals by at most {1000 * worst:.1f} mm ({100 * worst / size:.2f} % of its size)."
         )
         if not self.rides:
-            what = f"{graft.id!r} plays another take than {host.id!r}"
-            notes.append(f"{what}: it moves about where it is now, and the surface follows both.")
+            difference = f"{graft.id!r} plays another take than {host.id!r}"
+            notes.append(f"{difference}: it moves about where it is now, and the surface follows both.")
         if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
             notes.append(f"Hard constraints of {graft.id!r} were left out.")
         return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
 
-    def _moved(self, puppet: Puppet, of: Int, taken: set[str], notes: list[str]) -> dict[str, ControlPoint]:
+    def _moved(
+        self, puppet: Puppet, of: Int, used_names: set[str], notes: list[str]
+    ) -> dict[str, ControlPoint]:
         """Returns the control points on the united mesh by their old names. New points come last.
 
         If the union removed a point's vertex, the point moves to the nearest remaining vertex.
         """
-        left = np.flatnonzero(of >= 0)
+        remaining = np.flatnonzero(of >= 0)
         number = np.full(len(puppet.mesh.vertices), -1)
-        number[of[left]] = left
+        number[of[remaining]] = remaining
         out: dict[str, ControlPoint] = {}
         used: set[int] = set()
         for point in puppet.points:
             vertex = int(number[point.vertex])
             if vertex < 0 or vertex in used:
                 gaps = np.linalg.norm(
-                    puppet.mesh.vertices[of[left]] - puppet.mesh.vertices[point.vertex], axis=1
+                    puppet.mesh.vertices[of[remaining]] - puppet.mesh.vertices[point.vertex], axis=1
                 )
-                gaps[np.isin(left, list(used))] = np.inf
-                vertex = int(left[np.argmin(gaps)])
+                gaps[np.isin(remaining, list(used))] = np.inf
+                vertex = int(remaining[np.argmin(gaps)])
                 notes.append(f"{point.name!r} was inside of the other: it sits on the nearest vertex now.")
             used.add(vertex)
             out[point.name] = replace(point, vertex=vertex)
-        return out if not taken else self._renamed(out, taken)
+        return out if not used_names else self._renamed(out, used_names)
 
-    def _renamed(self, points: dict[str, ControlPoint], taken: set[str]) -> dict[str, ControlPoint]:
+    def _renamed(self, points: dict[str, ControlPoint], used_names: set[str]) -> dict[str, ControlPoint]:
         """Renames control points with taken names. Returns them by their old names."""
-        names = dict.fromkeys(taken)
+        names = dict.fromkeys(used_names)
         for old, point in points.items():
             points[old] = replace(point, name=unused(old, names))
             names[points[old].name] = None
         return points
 
     def _with(self, points: list[ControlPoint]) -> Puppet:
-        held = [point.vertex for point in points]
+        vertices = [point.vertex for point in points]
         takes = self._host._project.takes
         poses = tuple(
-            KeyPose(take, frame * takes[take].step, self._was[number][held])
+            KeyPose(take, frame * takes[take].step, self._was[number][vertices])
             for number, (take, frame) in enumerate(self._keys)
         )
         return self._host.puppet.with_changes(
@@ -259,13 +261,13 @@ class _Merge:
             [self._moving(layer, puppet, side) for layer in puppet.layers]
             for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
         )
-        bare = [replace(one, positions=(), velocities=(), couplings=(), travel=False) for one in graft]
+        bare = [replace(layer, positions=(), velocities=(), couplings=(), travel=False) for layer in graft]
         if not bare:
             carried = tuple(point.name for point in theirs.values())
             return tuple(replace(layer, points=(*layer.points, *carried)) for layer in host)
         if self.rides and len(bare) == len(host):
             both = zip(host, bare, strict=True)
-            return tuple(replace(one, points=(*one.points, *other.points)) for one, other in both)
+            return tuple(replace(layer, points=(*layer.points, *other.points)) for layer, other in both)
         return (*host, *bare)
 
     def _moving(self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]) -> PuppetLayer:
@@ -279,7 +281,7 @@ def _in_step(host: Puppet, graft: Puppet) -> bool:
     """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
     graft."""
     played = [
-        {(one.take, one.offset, one.speed, one.loop) for one in puppet.layers if not one.muted}
+        {(layer.take, layer.offset, layer.speed, layer.loop) for layer in puppet.layers if not layer.muted}
         for puppet in (host, graft)
     ]
     return not played[1] or played[0] == played[1]
@@ -288,12 +290,12 @@ def _in_step(host: Puppet, graft: Puppet) -> bool:
 def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
     """Returns the union of both at rest, with the graft moved and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
-    whole = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
-    if whole.failed and not merge.loose:
+    union = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
+    if union.failed and not merge.loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."
-        raise InputError(f"no union can be made: {whole.notes[0]}", where=host.where, mend=mend)
-    merge.notes.extend(whole.notes)
-    return replace(whole, mesh=smoothed(whole.mesh, whole.seam, merge.seam)) if whole.seam.any() else whole
+        raise InputError(f"no union can be made: {union.notes[0]}", where=host.where, mend=mend)
+    merge.notes.extend(union.notes)
+    return replace(union, mesh=smoothed(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 
 
 def _none(puppet: Puppet) -> SkinWeights:
@@ -312,17 +314,17 @@ def _meeting(ours: Float, theirs: Float) -> Float:
     return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
 
 
-def _around(seen: Float, middle: Float, puppet: Puppet) -> Int:
+def _around(points: Float, middle: Float, puppet: Puppet) -> Int:
     """Returns the vertices around a point, by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
-    away = np.linalg.norm(seen - middle, axis=1)
+    away = np.linalg.norm(points - middle, axis=1)
     order = np.argsort(away, kind="stable")
-    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(seen)))
+    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(points)))
     return order[:count]
 
 
 def _rigid(before: Float, after: Float) -> _Rigid:
     """Fits the rigid motion from points (N, 3) to points (N, 3)."""
-    one, other = before.mean(0), after.mean(0)
-    turn = nearest_rotation((after - other).T @ (before - one))
-    return _Rigid(turn, other - turn @ one)
+    old_middle, new_middle = before.mean(0), after.mean(0)
+    turn = nearest_rotation((after - new_middle).T @ (before - old_middle))
+    return _Rigid(turn, new_middle - turn @ old_middle)

@@ -30,8 +30,8 @@ from enliven.rotation import conjugate, from_rotation_vector, multiply, normaliz
 
 def surface_of_puppet(puppet: Puppet) -> PuppetSurface:
     """Returns the solver of the puppet's surface."""
-    held, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
-    return PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+    vertices, weights = [p.vertex for p in puppet.points], [p.weight for p in puppet.points]
+    return PuppetSurface(puppet.mesh, vertices, weights, puppet.surface)
 
 
 def state_at(project: Project, puppet: Puppet, time: float) -> State:
@@ -87,10 +87,10 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
     """Adds a layer's pose at a frame of its take as a key pose, if the examples still differ then."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
-    known = [
+    frames = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
     ]
-    if frame in known:
+    if frame in frames:
         return puppet
     return _with_example(project, puppet, KeyPose(layer.take, frame * take.step, motion.places_at(frame)))
 
@@ -140,11 +140,11 @@ def points_needed(
     Returns:
         The vertices, and the remaining error of the surface in metres.
     """
-    held, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
+    point_vertices, added = [point.vertex for point in puppet.points], [int(vertex) for vertex in among]
     weights = [point.weight for point in puppet.points]
     surface, asked = PuppetSurface(puppet.mesh, [], None, puppet.surface), np.arange(len(was))
     while True:
-        all_held = [*held, *added]
+        all_held = [*point_vertices, *added]
         if not all_held or not len(was):
             return added, 0.0
         surface.hold(all_held, [*weights, *[None] * len(added)])
@@ -165,11 +165,11 @@ def points_needed(
 def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
     """Returns up to ``count`` vertices with errors above the tolerance, the worst first, at a distance from
     one another."""
-    left, chosen = off.copy(), list[int]()
-    apart = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    while len(chosen) < count and (not chosen or left.max() > tolerance):
-        chosen.append(int(np.argmax(left)))
-        left[np.linalg.norm(vertices - vertices[chosen[-1]], axis=1) < apart] = 0.0
+    errors, chosen = off.copy(), list[int]()
+    spacing = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    while len(chosen) < count and (not chosen or errors.max() > tolerance):
+        chosen.append(int(np.argmax(errors)))
+        errors[np.linalg.norm(vertices - vertices[chosen[-1]], axis=1) < spacing] = 0.0
     return chosen
 
 
@@ -237,8 +237,8 @@ def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count
     if not len(among):
         return []
     spots, chosen = vertices[among], list[int]()
-    taken = spots.mean(0)[None] if not len(known) else vertices[list(known)]
-    away = np.linalg.norm(spots[:, None] - taken[None], axis=2).min(1)
+    used_places = spots.mean(0)[None] if not len(known) else vertices[list(known)]
+    away = np.linalg.norm(spots[:, None] - used_places[None], axis=2).min(1)
     while len(chosen) < count and away.max() > 0.0:
         pick = int(np.argmax(away))
         chosen.append(int(among[pick]))
@@ -251,9 +251,11 @@ def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
     return replace(
         layer,
         points=tuple(name for name in layer.points if name in names),
-        positions=tuple(one for one in layer.positions if one.point in names),
-        velocities=tuple(one for one in layer.velocities if one.point in names),
-        couplings=tuple(one for one in layer.couplings if {one.point, one.other} <= names),
+        positions=tuple(constraint for constraint in layer.positions if constraint.point in names),
+        velocities=tuple(constraint for constraint in layer.velocities if constraint.point in names),
+        couplings=tuple(
+            constraint for constraint in layer.couplings if {constraint.point, constraint.other} <= names
+        ),
     )
 
 
@@ -270,8 +272,8 @@ def _leading(puppet: Puppet) -> PuppetLayer | None:
     if not layers:
         return None
     top, names = layers[-1], {point.name for point in puppet.points}
-    whole = top.weight == 1.0 and not top.mirrored and (not top.points or set(top.points) == names)
-    return top if whole else None
+    moves_all = top.weight == 1.0 and not top.mirrored and (not top.points or set(top.points) == names)
+    return top if moves_all else None
 
 
 def _turn(puppet: Puppet, state: State) -> Float:

@@ -37,12 +37,12 @@ def add_point(
             taken.
     """
     puppet = project.puppet(puppet_id)
-    taken = {point.name: point for point in puppet.points}
-    if name in taken:
+    points_by_name = {point.name: point for point in puppet.points}
+    if name in points_by_name:
         mend = "Give it another name."
         raise InputError(f"there is a control point {name!r} already", where=_where(puppet), mend=mend)
     vertex = checked_vertex(puppet, vertex)
-    name = name or unused(f"point {len(taken) + 1}", taken)
+    name = name or unused(f"point {len(points_by_name) + 1}", points_by_name)
     places = surface_places(puppet, vertex) if places is None else places
     poses = [
         replace(pose, places=np.concatenate([pose.places, place[None]]))
@@ -59,9 +59,9 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
         InputError: if there is none with that name.
     """
     puppet = project.puppet(puppet_id)
-    gone = puppet.index(name)
+    index = puppet.index(name)
     points = tuple(point for point in puppet.points if point.name != name)
-    poses = tuple(replace(pose, places=np.delete(pose.places, gone, axis=0)) for pose in puppet.poses)
+    poses = tuple(replace(pose, places=np.delete(pose.places, index, axis=0)) for pose in puppet.poses)
     layers = tuple(_without(layer, name) for layer in puppet.layers if layer.points != (name,))
     return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
@@ -110,12 +110,12 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
         mend = f"It has 0..{count - 1}."
         raise InputError(f"the mesh has no vertex {vertex}", where=_where(puppet), mend=mend)
     if not (puppet.mesh.faces == vertex).any():
-        what = f"vertex {vertex} is loose: no face uses it, so that nothing would follow it"
-        raise InputError(what, where=_where(puppet), mend="Choose a vertex of the surface.")
+        problem = f"vertex {vertex} is loose: no face uses it, so that nothing would follow it"
+        raise InputError(problem, where=_where(puppet), mend="Choose a vertex of the surface.")
     for point in puppet.points:
         if point.vertex == vertex:
-            what = f"{point.name!r} is on vertex {vertex} already"
-            raise InputError(what, where=_where(puppet), mend="Choose another vertex.")
+            problem = f"{point.name!r} is on vertex {vertex} already"
+            raise InputError(problem, where=_where(puppet), mend="Choose another vertex.")
     return int(vertex)
 
 
@@ -125,8 +125,8 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
     rest = puppet.mesh.vertices[vertex]
     if not puppet.points or not puppet.poses:
         return np.tile(rest, (len(puppet.poses), 1))
-    held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
-    surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
+    vertices, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
+    surface = PuppetSurface(puppet.mesh, vertices, weights, puppet.surface)
     return np.stack([surface.settle(pose.places)[vertex] for pose in puppet.poses])
 
 
@@ -145,9 +145,11 @@ def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
     return replace(
         layer,
         points=tuple(other for other in layer.points if other != name),
-        positions=tuple(one for one in layer.positions if one.point != name),
-        velocities=tuple(one for one in layer.velocities if one.point != name),
-        couplings=tuple(one for one in layer.couplings if name not in (one.point, one.other)),
+        positions=tuple(constraint for constraint in layer.positions if constraint.point != name),
+        velocities=tuple(constraint for constraint in layer.velocities if constraint.point != name),
+        couplings=tuple(
+            constraint for constraint in layer.couplings if name not in (constraint.point, constraint.other)
+        ),
     )
 
 
@@ -159,10 +161,13 @@ def _renamed(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
 
     return replace(
         layer,
-        points=tuple(name(one) for one in layer.points),
-        positions=tuple(replace(one, point=name(one.point)) for one in layer.positions),
-        velocities=tuple(replace(one, point=name(one.point)) for one in layer.velocities),
+        points=tuple(name(point) for point in layer.points),
+        positions=tuple(replace(constraint, point=name(constraint.point)) for constraint in layer.positions),
+        velocities=tuple(
+            replace(constraint, point=name(constraint.point)) for constraint in layer.velocities
+        ),
         couplings=tuple(
-            replace(one, point=name(one.point), other=name(one.other)) for one in layer.couplings
+            replace(constraint, point=name(constraint.point), other=name(constraint.other))
+            for constraint in layer.couplings
         ),
     )

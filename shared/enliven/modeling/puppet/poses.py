@@ -92,18 +92,18 @@ def set_symmetry(project: Project, puppet_id: str, plane: Plane | None) -> Proje
     if plane is not None:
         length = float(np.linalg.norm(plane.normal))
         if not np.isfinite([*plane.point, length]).all() or length == 0.0:
-            what = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
-            raise InputError(what, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
+            problem = f"a plane at {plane.point} with the normal {plane.normal} is not valid"
+            raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Give a point and a direction.")
     return project.with_characters(puppet.with_changes(symmetry=plane))
 
 
 def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     """Returns the project with the puppet. Raises an error if its examples can be compared and do not
     differ."""
-    made = project.with_characters(puppet)
-    if not missing(made, puppet):
-        examples_of(made, puppet)
-    return made
+    changed = project.with_characters(puppet)
+    if not missing(changed, puppet):
+        examples_of(changed, puppet)
+    return changed
 
 
 def _pose(puppet: Puppet, number: int) -> KeyPose:
@@ -126,11 +126,13 @@ def _checked(project: Project, puppet: Puppet, pose: KeyPose, number: int | None
         raise InputError(f"the take {pose.take!r} does not exist", where=where, mend=mend)
     frame = frame_at(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
-        what = f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
-        raise InputError(what, where=where, mend="Give one place for each control point.")
-    for other, known in enumerate(puppet.poses):
-        same = known.take == pose.take and frame_at(project.takes[known.take], known.time) == frame
+        problem = (
+            f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
+        )
+        raise InputError(problem, where=where, mend="Give one place for each control point.")
+    for other, existing in enumerate(puppet.poses):
+        same = existing.take == pose.take and frame_at(project.takes[existing.take], existing.time) == frame
         if other != number and same:
-            what = f"key pose {other} is of frame {frame} of {pose.take!r} already"
-            raise InputError(what, where=where, mend="Change that one, or choose another time.")
+            problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
+            raise InputError(problem, where=where, mend="Change that one, or choose another time.")
     return pose

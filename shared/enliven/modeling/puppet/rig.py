@@ -95,8 +95,8 @@ class PuppetRig(RigEdits):
             return np.asarray(vectors, np.float64) * factor
 
         mesh = replace(puppet.mesh, vertices=scaled(puppet.mesh.vertices))
-        made = _mapped(puppet, scaled, lambda normal: normal).with_changes(mesh=mesh)
-        return made.with_changes(place=puppet.place + self.centre(puppet) - self.centre(made))
+        grown = _mapped(puppet, scaled, lambda normal: normal).with_changes(mesh=mesh)
+        return grown.with_changes(place=puppet.place + self.centre(puppet) - self.centre(grown))
 
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
         """Mirrors the puppet's own frame left to right, then rotates it into the mirrored position."""
@@ -104,10 +104,10 @@ class PuppetRig(RigEdits):
         # Mirroring gives M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). S is the reflection in the
         # plane x = 0.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
-        made = _mapped(puppet, flip.vectors, flip.vectors)
-        return made.with_changes(
+        flipped = _mapped(puppet, flip.vectors, flip.vectors)
+        return flipped.with_changes(
             mesh=moved_mesh(puppet.mesh, np.zeros(3), flip, np.zeros(3)),
-            layers=tuple(replace(layer, mirrored=not layer.mirrored) for layer in made.layers),
+            layers=tuple(replace(layer, mirrored=not layer.mirrored) for layer in flipped.layers),
             turn=turn,
             place=stood + axes.vectors(puppet.place - stood),
         )
@@ -139,11 +139,18 @@ def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> Pu
     """Returns a layer with its constraints in other axes or sizes. Each axis is mapped by itself."""
     return replace(
         layer,
-        positions=tuple(replace(one, place=_three(map_of(np.array(one.place)))) for one in layer.positions),
-        velocities=tuple(
-            replace(one, velocity=_three(map_of(np.array(one.velocity)))) for one in layer.velocities
+        positions=tuple(
+            replace(constraint, place=_three(map_of(np.array(constraint.place))))
+            for constraint in layer.positions
         ),
-        couplings=tuple(replace(one, apart=_three(map_of(np.array(one.apart)))) for one in layer.couplings),
+        velocities=tuple(
+            replace(constraint, velocity=_three(map_of(np.array(constraint.velocity))))
+            for constraint in layer.velocities
+        ),
+        couplings=tuple(
+            replace(constraint, apart=_three(map_of(np.array(constraint.apart))))
+            for constraint in layer.couplings
+        ),
     )
 
 

@@ -76,8 +76,8 @@ def suggested_puppet(
         InputError: for fewer than one point or two key poses, and for a take without any motion.
     """
     if points < 1 or (poses is not None and poses < 2):
-        what = f"{points} control points and {poses} key poses are too few"
-        raise InputError(what, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
+        problem = f"{points} control points and {poses} key poses are too few"
+        raise InputError(problem, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
     project = make_puppet(project, mesh, puppet_id)
     plane = _left_right(mesh)
     for vertex in _suggested_vertices(mesh, points, plane):
@@ -87,8 +87,8 @@ def suggested_puppet(
     project = _paired(project, puppet_id, take)
     puppet, clip = project.puppet(puppet_id), project.takes[take]
     joints = [point.joint for point in puppet.points]
-    found = suggest_poses(performed(clip, joints).poses)
-    for frame in sorted(found.frames[: poses or found.count]):
+    suggestion = suggest_poses(performed(clip, joints).poses)
+    for frame in sorted(suggestion.frames[: poses or suggestion.count]):
         project = add_key_pose(project, puppet_id, take, frame * clip.step, puppet.rest)
     return play_take(project, puppet_id, take)
 
@@ -112,10 +112,10 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     partners = None if plane is None else _partners(puppet.rest, plane)
     joints = _with_mirrored(clip, [point.joint for point in puppet.points], partners)
     wanted = [number for number, joint in enumerate(joints) if not joint]
-    taken = [joint for joint in joints if joint]
+    used_joints = [joint for joint in joints if joint]
     motion = joint_motion(clip)
-    found = guess_joints(clip.skeleton, puppet.rest, taken, wanted, motion, partners)
-    for number, joint in zip(wanted, found, strict=True):
+    guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, wanted, motion, partners)
+    for number, joint in zip(wanted, guesses, strict=True):
         joints[number] = joint
     feet = _feet(clip, joints, puppet)
     return tuple(
@@ -139,14 +139,14 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
 def _paired(project: Project, puppet_id: str, take: str) -> Project:
     """Pairs all points and names them after their joints. Keeps one point at each hand or foot."""
     for pair in suggested_pairs(project, puppet_id, take):
-        taken = {point.name: point for point in project.puppet(puppet_id).points}
-        named = {"name": unused(pair.joint, taken), "joint": pair.joint, "foot": pair.foot}
+        points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
+        named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}
         project = change_point(project, puppet_id, pair.point, **named)
     puppet, skeleton = project.puppet(puppet_id), project.takes[take].skeleton
     partners = None if puppet.symmetry is None else _partners(puppet.rest, puppet.symmetry)
     joints = [point.joint for point in puppet.points]
-    kept = one_a_hand(skeleton, joints, partners or range(len(joints)))
-    for number in set(range(len(joints))) - set(kept):
+    chosen = one_a_hand(skeleton, joints, partners or range(len(joints)))
+    for number in set(range(len(joints))) - set(chosen):
         project = remove_point(project, puppet_id, puppet.points[number].name)
     return project
 

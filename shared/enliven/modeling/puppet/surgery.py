@@ -75,22 +75,24 @@ def cut_puppet(
     Raises:
         InputError: if the puppet does not exist, the time is not finite, or the stroke cuts nothing off.
     """
-    puppet, told = project.puppet(puppet_id), [] if notes is None else notes
+    puppet, messages = project.puppet(puppet_id), [] if notes is None else notes
     before, surface = state_at(project, puppet, time), surface_of_puppet(puppet)
-    seen = in_world(puppet, before, surface.settle(before.places))
-    cut = cut_by_stroke(puppet.mesh, None, stroke, seen)
-    told.extend(cut.notes)
+    posed = in_world(puppet, before, surface.settle(before.places))
+    cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
+    messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
-    whole = unfolded(project, with_moment(project, puppet, time))
-    places = [pose.places for pose in whole.poses]
-    was = shown(surface, np.array(places).reshape(len(places), len(whole.points), 3))
+    unfolded_puppet = unfolded(project, with_moment(project, puppet, time))
+    places = [pose.places for pose in unfolded_puppet.poses]
+    old_places = shown(surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3))
     if puppet.symmetry is not None:
-        told.append("The halves have no plane of symmetry; mirrored key poses became their own.")
+        messages.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
     for piece, name in zip(_standing_first(puppet, cut), (puppet_id, off_id), strict=True):
-        half = _Half(project, whole, was, piece, settings or PuppetCutSettings()).made(name, told)
-        now = state_at(project.with_characters(half), half, time)
-        halves.append(stood_as(half, now, puppet, before))
+        half = _Half(project, unfolded_puppet, old_places, piece, settings or PuppetCutSettings()).made(
+            name, messages
+        )
+        state = state_at(project.with_characters(half), half, time)
+        halves.append(stood_as(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
@@ -98,7 +100,7 @@ def _standing_first(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
     """Returns both sides, the one with more feet first. With equal numbers the larger comes first."""
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
-    ours, theirs = (int(np.isin(feet, one.kept).sum()) for one in (first, second))
+    ours, theirs = (int(np.isin(feet, piece.kept).sum()) for piece in (first, second))
     return (second, first) if theirs > ours else (first, second)
 
 
@@ -126,21 +128,21 @@ class _Half:
 
     def made(self, name: str, notes: list[str]) -> Puppet:
         """Returns the half as a puppet."""
-        whole, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
+        puppet, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
         own = [
             replace(point, vertex=int(self._number[point.vertex]))
-            for point in whole.points
+            for point in puppet.points
             if self._number[point.vertex] >= 0
         ]
-        half = self._with(whole, name, own)
+        half = self._with(puppet, name, own)
         begin = spread_over(
             half.mesh.vertices, self._border(), [point.vertex for point in own], self._settings.along
         )
         most, tolerance = self._settings.most, self._settings.tolerance * size
         added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
-        leaders = nearest_paired(whole.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
+        leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
         points, follow = list(own), dict[str, str]()
-        names = {point.name: point for point in whole.points}
+        names = {point.name: point for point in puppet.points}
         for vertex, leader in zip(added, leaders, strict=True):
             point = ControlPoint(
                 unused(f"{leader.name} cut" if leader else "cut", names),
@@ -152,18 +154,18 @@ class _Half:
             if leader:
                 follow[point.name] = leader.name
         self._tell(name, len(added), worst, size, notes)
-        made, gone = without_ambiguous_poses(self._project, self._with(half, name, points))
-        if gone:
+        checked, removed = without_ambiguous_poses(self._project, self._with(half, name, points))
+        if removed:
             notes.append(
-                f"{name!r} has {gone} fewer key poses, since its own joints cannot distinguish them."
+                f"{name!r} has {removed} fewer key poses, since its own joints cannot distinguish them."
             )
-        return made.with_changes(layers=self._layers(follow, {point.name for point in points}))
+        return checked.with_changes(layers=self._layers(follow, {point.name for point in points}))
 
     def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
         """Returns a puppet on this side's mesh with these control points, at their old positions in each key
         pose."""
-        held = [point.vertex for point in points]
-        poses = zip(self._whole.poses, self._was[:, held], strict=True)
+        vertices = [point.vertex for point in points]
+        poses = zip(self._whole.poses, self._was[:, vertices], strict=True)
         return puppet.with_changes(
             id=name,
             mesh=replace(self._piece.mesh, name=name),
@@ -192,7 +194,7 @@ class _Half:
         for layer in self._whole.layers:
             travels = layer.travel and feet <= names
             more = tuple(new for new, leader in follow.items() if leader in layer.points)
-            made = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)
-            if made.points or not layer.points:
-                out.append(made)
+            new_layer = without_points(replace(layer, points=(*layer.points, *more), travel=travels), names)
+            if new_layer.points or not layer.points:
+                out.append(new_layer)
         return tuple(out)

@@ -55,8 +55,8 @@ def rebuilt(shape: Shape, bones: Sequence[Bone], **changes: object) -> Shape:
     spans = tuple(bone.spans for bone in bones)
     names = {bone.name for bone in bones}
     pins = tuple(pin for pin in shape.pins if {pin.joint, pin.start} <= names)
-    made = {"modeling": modeling, "spans": spans, "pins": pins} | changes
-    return shape.with_changes(skeleton=skeleton_of_bones(bones), **made)
+    attributes = {"modeling": modeling, "spans": spans, "pins": pins} | changes
+    return shape.with_changes(skeleton=skeleton_of_bones(bones), **attributes)
 
 
 def numbers_of(shape: Shape, bones: Sequence[Bone], instead: dict[str, str] | None = None) -> Int:

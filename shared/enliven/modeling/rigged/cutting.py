@@ -147,8 +147,8 @@ def _between(project: Project, shape: Shape, j: int, at: float, time: float, nam
     first, second = own_turn(turns, node, j), own_turn(turns, node, j + 1)
     # The upper half must turn as the whole bone did, so its rotation is m a_old a_new^-1. The root below it
     # passes that rotation on to the lower half, so the lower half's own motion is inverted.
-    kept = multiply(multiply(shape.modeling[j], old), conjugate(first))
-    bones[j] = bones[j]._replace(modeling=normalized(kept))
+    upper_modeling = multiply(multiply(shape.modeling[j], old), conjugate(first))
+    bones[j] = bones[j]._replace(modeling=normalized(upper_modeling))
     bones[j + 1] = bones[j + 1]._replace(modeling=normalized(conjugate(second)))
     upper, lower = _at_end(node.with_changes(modeling=np.array([bone.modeling for bone in bones])), j)
     return upper, lower
@@ -158,5 +158,7 @@ def _refuse_bare(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
     """Raises an error if a cut leaves a joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:
-            what = f"no bone would be left {side} the cut at {bones[0].name!r}"
-            raise InputError(what, where=f"shape {shape.id!r}", mend="Cut inside a bone, or remove the node.")
+            problem = f"no bone would be left {side} the cut at {bones[0].name!r}"
+            raise InputError(
+                problem, where=f"shape {shape.id!r}", mend="Cut inside a bone, or remove the node."
+            )

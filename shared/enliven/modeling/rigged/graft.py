@@ -33,17 +33,17 @@ def grafted(
         names[root.name] = unused(root.name, dict.fromkeys([*host.skeleton.names, *names.values()]))
     else:
         names[root.name] = node
-    made = []
+    new_bones = []
     for bone in bones[1:]:
         rest = host.skeleton.positions[j] + axes.vectors(bone.rest - root.rest)
         spans = axes.spans(bone.spans, layers)
         modeling = normalized(axes.rotations(bone.modeling))
         new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
-        made.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
+        new_bones.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
     if names[root.name] != node:
         at_node = host.skeleton.positions[j]
-        made.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
-    return made, names
+        new_bones.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
+    return new_bones, names
 
 
 def _after(root: Bone, bone: Bone) -> Bone:
@@ -58,12 +58,12 @@ def _after(root: Bone, bone: Bone) -> Bone:
 
 def _names(host: Shape, names: list[str]) -> dict[str, str]:
     """Returns an unused name for each joint of the graft except the root, which becomes the node."""
-    taken: dict[str, object] = dict.fromkeys(host.skeleton.names)
-    made = {}
+    used_names: dict[str, object] = dict.fromkeys(host.skeleton.names)
+    new_names = {}
     for name in names[1:]:
-        made[name] = unused(name, taken)
-        taken[made[name]] = None
-    return made
+        new_names[name] = unused(name, used_names)
+        used_names[new_names[name]] = None
+    return new_names
 
 
 def root_has_skin(shape: Shape) -> bool:

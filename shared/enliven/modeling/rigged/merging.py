@@ -106,8 +106,10 @@ def merge(
     surfaces = _surface(host, ours, time), _surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
     moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
-    then = None if time is None else moment(project, merged, time)
-    mesh, skin = _one_surface(merged, surfaces[0], moved, then, loose, seam, [] if notes is None else notes)
+    merged_pose = None if time is None else moment(project, merged, time)
+    mesh, skin = _one_surface(
+        merged, surfaces[0], moved, merged_pose, loose, seam, [] if notes is None else notes
+    )
     del names[graft.skeleton.names[0]]
     merged = merged.with_changes(mesh=mesh, skin=skin)
     return project.without(graft_id).with_characters(merged), names
@@ -118,23 +120,23 @@ def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
 
     A layer equal to one of the host's, as after a cut, is shared with it.
     """
-    known, made = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
-    taken = dict.fromkeys([*known, *(layer.id for layer in graft.layers)])
+    host_layers, converted = {layer.id: layer for layer in host.layers}, dict[str, Layer]()
+    used_ids = dict.fromkeys([*host_layers, *(layer.id for layer in graft.layers)])
     for layer in graft.layers:
         moved = layer if axes.same else axes.layer(layer)
-        if layer.id in known and not same(known[layer.id], moved):
-            moved = replace(moved, id=unused(layer.id, taken))
-            taken[moved.id] = None
-        made[layer.id] = moved
-    return made
+        if layer.id in host_layers and not same(host_layers[layer.id], moved):
+            moved = replace(moved, id=unused(layer.id, used_ids))
+            used_ids[moved.id] = None
+        converted[layer.id] = moved
+    return converted
 
 
 def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
     """Returns the skinned mesh: posed at ``time``, or at rest if ``time`` is None."""
     if shape.mesh is None or shape.skin is None:
         return None
-    seen = shape.mesh.vertices if time is None else posed_vertices(shape, pose.linear, pose.joints)
-    return SkinnedSurface(shape.mesh, shape.skin, seen)
+    posed = shape.mesh.vertices if time is None else posed_vertices(shape, pose.linear, pose.joints)
+    return SkinnedSurface(shape.mesh, shape.skin, posed)
 
 
 def _put(
@@ -144,26 +146,30 @@ def _put(
     if surface is None:
         return None
     mesh = moved_mesh(surface.mesh, graft.skeleton.positions[0], axes, node)
-    seen = mesh.vertices if time is None else surface.seen
-    return SkinnedSurface(mesh, renumbered(surface.skin, numbers), seen)
+    posed = mesh.vertices if time is None else surface.seen
+    return SkinnedSurface(mesh, renumbered(surface.skin, numbers), posed)
 
 
 def _one_surface(
     merged: Shape,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
-    then: ShapePose | None,
+    merged_pose: ShapePose | None,
     loose: bool,
     seam: SeamSettings,
     notes: list[str],
 ) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns the mesh and skin of the merged shape. ``then`` is its pose at the merge, with None for the
-    rest pose."""
+    """Returns the mesh and skin of the merged shape. ``merged_pose`` is its pose at the merge, with None for
+    the rest pose."""
     if host is None or graft is None:
         only = host or graft
         return (None, None) if only is None else (only.mesh, only.skin)
-    skeleton = merged.skeleton if then is None else replace(merged.skeleton, positions=then.joints)
-    maps = no_maps(merged) if then is None else bone_maps(merged, then.linear, then.joints)
+    skeleton = (
+        merged.skeleton if merged_pose is None else replace(merged.skeleton, positions=merged_pose.joints)
+    )
+    maps = (
+        no_maps(merged) if merged_pose is None else bone_maps(merged, merged_pose.linear, merged_pose.joints)
+    )
 
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
         return healed(mesh, skin, skeleton, where, seam)

@@ -69,10 +69,10 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
     Raises:
         InputError: if the given name is taken or empty.
     """
-    taken = dict.fromkeys(shape.skeleton.names)
-    if name is not None and (name in taken or not name):
+    used_names = dict.fromkeys(shape.skeleton.names)
+    if name is not None and (name in used_names or not name):
         raise InputError(f"the name {name!r} is taken", where=f"shape {shape.id!r}", mend="Give another.")
-    return name or unused(f"{shape.skeleton.names[j]} node", taken)
+    return name or unused(f"{shape.skeleton.names[j]} node", used_names)
 
 
 def divided(
@@ -113,27 +113,27 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, joint)
-    gone = bones_of(shape)[j]
+    removed = bones_of(shape)[j]
     where = f"shape {shape_id!r}"
     if j == 0:
         raise InputError(
-            f"{gone.name!r} is the root", where=where, mend="Cut the bone below it to drop the rest."
+            f"{removed.name!r} is the root", where=where, mend="Cut the bone below it to drop the rest."
         )
     bones = [
-        _joined(gone, bone, shape) if bone.parent == gone.name else bone
+        _joined(removed, bone, shape) if bone.parent == removed.name else bone
         for bone in bones_of(shape)
-        if bone.name != gone.name
+        if bone.name != removed.name
     ]
-    kept = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
-    return project.with_characters(with_travel_kept(project, shape, kept))
+    rest = rebuilt(shape, bones, skin=_skin_without(shape, j, bones))
+    return project.with_characters(with_travel_kept(project, shape, rest))
 
 
 def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:
     """Joins two bones when the joint between them is removed."""
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]
-    whole = first + lengths[shape.skeleton.index(lower.name)]
-    share = float(first / whole) if whole > 0 else 0.5
+    total = first + lengths[shape.skeleton.index(lower.name)]
+    share = float(first / total) if total > 0 else 0.5
     spans = joined_spans(upper.spans, lower.spans, share, lower.modeling)
     modeling, spans = without_before(upper.modeling, spans)
     return Bone(lower.name, upper.parent, lower.rest, modeling, spans)

@@ -65,14 +65,14 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
         turns: (N, 4) the world rotations of the whole.
     """
     wanted = dict(zip(whole.skeleton.names, turns, strict=True))
-    now, _ = posed(project, part, time)
+    current, _ = posed(project, part, time)
     modeling = np.array(part.modeling)
     for j, name in enumerate(part.skeleton.names):
         parent = int(part.skeleton.parents[j])
-        if j == 0 or name not in wanted or np.allclose(now[j], wanted[name], atol=1e-12):
+        if j == 0 or name not in wanted or np.allclose(current[j], wanted[name], atol=1e-12):
             continue
-        above = wanted.get(part.skeleton.names[parent], now[parent])
-        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(now, part, j))))
+        above = wanted.get(part.skeleton.names[parent], current[parent])
+        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(current, part, j))))
         modeling[j] = normalized(back)
     return part.with_changes(modeling=modeling)
 

@@ -77,8 +77,10 @@ class ShapeRig(RigEdits):
     def key_layer(self, project: Project, shape: Shape, handle: int) -> int | None:
         """Returns the first layer of keys that moves the bone."""
         laid = {ref.layer for span in shape.spans[handle] for ref in span.refs}
-        found = (k for k, one in enumerate(shape.layers) if one.id in laid and project.takes[one.take].keys)
-        return next(found, None)
+        numbers = (
+            k for k, layer in enumerate(shape.layers) if layer.id in laid and project.takes[layer.take].keys
+        )
+        return next(numbers, None)
 
     def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
         """Adds a layer of rotations, the innermost on the last span of the bone."""
@@ -161,6 +163,8 @@ def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | 
     way = shape.layer(shape.travel)
     turned = replace(way, basis=normalized(multiply(turn, way.basis)))
     if any(ref.layer == way.id for spans in shape.spans for span in spans for ref in span.refs):
-        turned = replace(turned, id=unused(f"{way.id} way", dict.fromkeys(one.id for one in shape.layers)))
+        turned = replace(
+            turned, id=unused(f"{way.id} way", dict.fromkeys(layer.id for layer in shape.layers))
+        )
         return (*shape.layers, turned), turned.id
-    return tuple(turned if one is way else one for one in shape.layers), way.id
+    return tuple(turned if layer is way else layer for layer in shape.layers), way.id

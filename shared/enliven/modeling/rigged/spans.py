@@ -25,9 +25,9 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     C(0)^-1 C(1) = C(0)^-1 C(v) C(v)^-1 C(1). The fixed rotation before the span stays with the upper bone.
     """
     upper, lower, done = [], [], 0.0
-    whole = sum(span.share for span in spans)
+    total = sum(span.share for span in spans)
     for span in spans:
-        start, done = done, done + span.share / whole
+        start, done = done, done + span.share / total
         if done <= at + _SLIVER:
             upper.append(span)
         elif start >= at - _SLIVER:
@@ -107,16 +107,16 @@ def _scaled(spans: Sequence[Span], whole: float) -> Spans:
 
 def _merged(spans: Spans) -> Spans:
     """Merges neighbouring spans if the second continues the first. The shares sum to one."""
-    kept = [spans[0]]
+    merged = [spans[0]]
     for span in spans[1:]:
-        if _goes_on(kept[-1], span):
+        if _goes_on(merged[-1], span):
             ends = tuple(
-                replace(ref, end=after.end) for ref, after in zip(kept[-1].refs, span.refs, strict=True)
+                replace(ref, end=after.end) for ref, after in zip(merged[-1].refs, span.refs, strict=True)
             )
-            kept[-1] = replace(kept[-1], share=kept[-1].share + span.share, refs=ends)
+            merged[-1] = replace(merged[-1], share=merged[-1].share + span.share, refs=ends)
         else:
-            kept.append(span)
-    return tuple(kept)
+            merged.append(span)
+    return tuple(merged)
 
 
 def _goes_on(first: Span, second: Span) -> bool:

@@ -41,25 +41,25 @@ def spread_motion(
     shape = project.shape(shape_id)
     own = group.limb_of(joint)
     if own < 0:
-        known = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
-        what = f"joint {shape.skeleton.names[joint]!r} is of none of these limbs"
-        raise InputError(what, where=f"shape {shape_id!r}", mend=f"They begin at {known}.")
+        limb_names = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
+        problem = f"joint {shape.skeleton.names[joint]!r} is of none of these limbs"
+        raise InputError(problem, where=f"shape {shape_id!r}", mend=f"They begin at {limb_names}.")
     used = dict.fromkeys(
         ref.layer for j in group.limbs[own].joints for span in shape.spans[j] for ref in span.refs
     )
     if not used:
-        what = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
-        raise InputError(what, where=f"shape {shape_id!r}", mend="Bind a chain of it first.")
+        problem = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
+        raise InputError(problem, where=f"shape {shape_id!r}", mend="Bind a chain of it first.")
     layers, spans = {layer.id: layer for layer in shape.layers}, list(shape.spans)
-    taken = dict(project.layer_names)
+    used_names = dict(project.layer_names)
     for number in range(len(group.limbs)):
         if number == own:
             continue
         later = delay * ((number - own) % len(group.limbs))
         linear, fresh = group.between(own, number), dict[str, str]()
         for name in used:
-            fresh[name] = unused(name, taken)
-            taken[fresh[name]] = None
+            fresh[name] = unused(name, used_names)
+            used_names[fresh[name]] = None
             layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
         for start, end in group.joint_map(own, number).items():
             if end != group.joint:

@@ -76,8 +76,8 @@ def cut_stroke(
                 lowers[k] = with_piece(lower, piece, numbers)
         if notes is not None:
             notes.extend(cut.notes)
-    made = (upper, *lowers)
-    return project.with_characters(*made), tuple(part.id for part in made)
+    shapes = (upper, *lowers)
+    return project.with_characters(*shapes), tuple(part.id for part in shapes)
 
 
 def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
@@ -86,7 +86,7 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
     Args:
         joints: (N, 3) metres, positions of the joints when the stroke was drawn.
     """
-    found = []
+    crossings = []
     sides = stroke.field(joints)
     for j in range(1, len(shape.skeleton)):
         parent = int(shape.skeleton.parents[j])
@@ -96,12 +96,12 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
         low, high = 0.0, 1.0
         for _ in range(60):
             middle = (low + high) / 2
-            here = stroke.field((begin + middle * (end - begin))[None])[0]
-            low, high = (middle, high) if (here > 0) == (sides[parent] > 0) else (low, middle)
+            side = stroke.field((begin + middle * (end - begin))[None])[0]
+            low, high = (middle, high) if (side > 0) == (sides[parent] > 0) else (low, middle)
         at = (low + high) / 2
         if stroke.covers((begin + at * (end - begin))[None])[0]:
-            found.append(Crossing(j, at, not sides[parent] > 0))
-    return found
+            crossings.append(Crossing(j, at, not sides[parent] > 0))
+    return crossings
 
 
 def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
@@ -110,14 +110,14 @@ def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
     if not crossings:
         mend = "Draw it right across the part to cut, over a bone."
         raise InputError("the stroke crosses no bone", where=where, mend=mend)
-    for one in crossings:
+    for crossing in crossings:
         for other in crossings:
-            if one.bone != other.bone and other.bone in shape.skeleton.below(one.bone):
-                what = f"the stroke crosses {names[one.bone]!r} and, below it, {names[other.bone]!r}"
-                raise InputError(what, where=where, mend="Cut a limb once at a time.")
+            if crossing.bone != other.bone and other.bone in shape.skeleton.below(crossing.bone):
+                problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
+                raise InputError(problem, where=where, mend="Cut a limb once at a time.")
     if len({crossing.near for crossing in crossings}) > 1:
-        what = "the stroke turns around between two limbs, so that it has no one side"
-        raise InputError(what, where=where, mend="Draw it straighter, or cut one limb at a time.")
+        problem = "the stroke turns around between two limbs, so that it has no one side"
+        raise InputError(problem, where=where, mend="Draw it straighter, or cut one limb at a time.")
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:

@@ -26,9 +26,9 @@ def simplified(points: Float, radii: Float, tolerance: float, longest: float) ->
         longest: maximum length of a bone, in mean diameters; longer ones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    kept = _split(points, radii, along, 0, len(points) - 1, tolerance)
-    out = [kept[0]]
-    for a, b in itertools.pairwise(kept):
+    chosen = _split(points, radii, along, 0, len(points) - 1, tolerance)
+    out = [chosen[0]]
+    for a, b in itertools.pairwise(chosen):
         mean = float(np.mean(radii[a : b + 1]))
         parts = int(np.ceil((along[b] - along[a]) / max(2 * longest * mean, 1e-12) - 1e-9))
         for k in range(1, min(parts, b - a)):
@@ -69,26 +69,26 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     links: list[tuple[int, int]] = []
     for chain in axis.chains:
         points, radii = axis.points[chain], axis.radii[chain]
-        kept = _spaced(points, radii, simplified(points, radii, tolerance, longest))
-        for k in kept:
+        chosen = _spaced(points, radii, simplified(points, radii, tolerance, longest))
+        for k in chosen:
             if chain[k] not in number:
                 number[chain[k]] = len(places)
                 places.append(points[k])
                 widths.append(float(radii[k]))
-        names = [number[chain[k]] for k in kept]
+        names = [number[chain[k]] for k in chosen]
         links += list(itertools.pairwise(names))
     return np.array(places), np.array(widths), links
 
 
-def _spaced(points: Float, radii: Float, kept: list[int]) -> list[int]:
+def _spaced(points: Float, radii: Float, chosen: list[int]) -> list[int]:
     """Removes joints that are too close to the previous one: nearer than the thickness of a knee."""
-    out = [kept[0]]
-    for k in kept[1:-1]:
+    out = [chosen[0]]
+    for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
-        home = float(np.linalg.norm(points[k] - points[kept[-1]]))
+        home = float(np.linalg.norm(points[k] - points[chosen[-1]]))
         if min(far, home) > _APART * radii[k]:
             out.append(k)
-    return [*out, kept[-1]]
+    return [*out, chosen[-1]]
 
 
 def root_of(joints: Float, radii: Float, links: list[tuple[int, int]]) -> int:

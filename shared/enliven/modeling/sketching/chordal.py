@@ -51,35 +51,35 @@ class _Tracer:
 
     def axis(self) -> Axis:
         """Prunes bumps inward from every terminal triangle, then connects the rest."""
-        gone, tips = self._pruned()
-        left = [t for t in range(len(self.triangles)) if not gone[t]]
-        if not left:
+        is_pruned, tips = self._pruned()
+        remaining = [t for t in range(len(self.triangles)) if not is_pruned[t]]
+        if not remaining:
             return self._blob()
-        for t in left:
-            open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not gone[self.beside[t, k]]]
+        for t in remaining:
+            open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
             nodes = [self._chord(t, k) for k in open_sides]
-            closed = [k for k in range(3) if self.beside[t, k] >= 0 and gone[self.beside[t, k]]]
+            closed = [k for k in range(3) if self.beside[t, k] >= 0 and is_pruned[self.beside[t, k]]]
             if len(nodes) == 2:
                 self.links.append((nodes[0], nodes[1]))
             elif len(nodes) == 3:
                 self._junction(t, nodes)
             elif len(nodes) == 1:
                 self._end(t, nodes[0], closed, tips)
-        if len(left) == 1:
+        if len(remaining) == 1:
             return self._blob()
         return self._chained()
 
     def _pruned(self) -> tuple[list[bool], dict[int, list[int]]]:
         """Returns the triangles in bumps, and for each triangle next to one the outline points of the
         bump."""
-        gone = [False] * len(self.triangles)
+        is_pruned = [False] * len(self.triangles)
         bumps: dict[int, list[int]] = {}
         sides = (self.beside >= 0).sum(1)
         waiting: list[int] = np.flatnonzero(sides == 1).tolist()
         while waiting:
             t = waiting.pop()
-            ways = [k for k in range(3) if self.beside[t, k] >= 0 and not gone[self.beside[t, k]]]
-            if len(ways) != 1 or gone[t]:
+            ways = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
+            if len(ways) != 1 or is_pruned[t]:
                 continue
             k = ways[0]
             region = sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])})
@@ -87,11 +87,11 @@ class _Tracer:
             middle, radius = (a + b) / 2, float(np.linalg.norm(a - b)) / 2
             if np.linalg.norm(self.outline[region] - middle, axis=1).max() > _ROUND * radius:
                 continue
-            gone[t] = True
+            is_pruned[t] = True
             other = int(self.beside[t, k])
             bumps[other] = sorted({*bumps.get(other, []), *region})
             waiting.append(other)
-        return gone, bumps
+        return is_pruned, bumps
 
     def _add(self, point: Float, radius: float) -> int:
         self.points.append(point)

@@ -89,8 +89,8 @@ def _both_halves(
     faces = np.concatenate([cells, under[cells][:, ::-1]])
     # A triangle with all corners on the outline would coincide in both halves. So each of its two copies gets
     # an inner point.
-    whole = np.concatenate([upper, lower])
-    return _opened(whole, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
+    vertices = np.concatenate([upper, lower])
+    return _opened(vertices, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
 
 
 def _opened(
@@ -102,7 +102,7 @@ def _opened(
     across = (ends[:, 1] < rim) & (step != 1) & (step != rim - 1)
     touched = across.reshape(-1, 3).any(1)
     upper = (np.arange(len(faces)) < len(faces) // 2)[touched]
-    made: list[Float] = []
+    midpoints: list[Float] = []
     heights: list[float] = []
     out: list[list[int]] = []
     number: dict[tuple[int, int, bool], int] = {}
@@ -114,26 +114,26 @@ def _opened(
             if high < rim and high - low not in (1, rim - 1):
                 key = (low, high, above)
                 if key not in number:
-                    number[key] = len(vertices) + len(made)
+                    number[key] = len(vertices) + len(midpoints)
                     width = depth * float(np.linalg.norm(vertices[a] - vertices[b])) / 2
                     middle = (vertices[a] + vertices[b]) / 2
                     middle[2] = width if above else -width
-                    made.append(middle)
+                    midpoints.append(middle)
                     heights.append(width**2)
                 corners.append(number[key])
         out += _fanned(corners, len(vertices))
-    whole = np.concatenate([vertices, *([np.array(made)] if made else [])])
+    all_vertices = np.concatenate([vertices, *([np.array(midpoints)] if midpoints else [])])
     parts = np.concatenate([faces[~touched], np.array(out, np.int64).reshape(-1, 3)])
-    return whole, parts.astype(np.int32), np.concatenate([squared, np.array(heights)])
+    return all_vertices, parts.astype(np.int32), np.concatenate([squared, np.array(heights)])
 
 
 def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
     """Triangulates a polygon of three to six corners from the new points."""
-    made = [k for k, v in enumerate(corners) if v >= first_made]
-    if not made:
+    new_corners = [k for k, v in enumerate(corners) if v >= first_made]
+    if not new_corners:
         return [corners]
-    if len(made) == 1:
-        k = made[0]
+    if len(new_corners) == 1:
+        k = new_corners[0]
         turn = corners[k:] + corners[:k]
         return [[turn[0], turn[i], turn[i + 1]] for i in range(1, len(turn) - 1)]
     out: list[list[int]] = []

@@ -90,7 +90,7 @@ def _crossings(points: Float, closed: bool) -> Float:
 @njit(cache=True, nogil=True)
 def _crossed(starts, ends, closed):
     """Kernel of :func:`_crossings`. Segments that share an end do not cross."""
-    found = [(0.0, 0.0) for _ in range(0)]
+    crossings = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
         ax, ay = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
@@ -106,8 +106,8 @@ def _crossed(starts, ends, closed):
             x, y = starts[j, 0] - starts[i, 0], starts[j, 1] - starts[i, 1]
             s, t = (x * by - y * bx) / cross, (x * ay - y * ax) / cross
             if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-                found.append((i + s, j + t))
-    return found
+                crossings.append((i + s, j + t))
+    return crossings
 
 
 def _without_ends(points: Float, crossings: Float) -> Float:
@@ -116,8 +116,8 @@ def _without_ends(points: Float, crossings: Float) -> Float:
     near_ends = (crossings[:, 0] < _ENDS * count) & (crossings[:, 1] > (1 - _ENDS) * count)
     if not near_ends.any():
         where = points[int(crossings[0, 0])]
-        what = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
-        raise InputError(what, where=_WHERE, mend="Draw an outline that does not cross itself.")
+        problem = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
+        raise InputError(problem, where=_WHERE, mend="Draw an outline that does not cross itself.")
     # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]
     start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]

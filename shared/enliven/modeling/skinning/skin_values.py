@@ -38,9 +38,9 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
     total = chosen.sum(1, keepdims=True)
     # Let a vertex without weights follow its first bone.
     chosen = np.where(total > 0, chosen / np.where(total > 0, total, 1.0), np.eye(1, some))
-    indices, kept = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
-    indices[:, :some], kept[:, :some] = np.where(chosen > 0, order, 0), chosen
-    return SkinWeights(indices, kept)
+    indices, kept_weights = np.zeros((count, 4), np.uint16), np.zeros((count, 4), np.float32)
+    indices[:, :some], kept_weights[:, :some] = np.where(chosen > 0, order, 0), chosen
+    return SkinWeights(indices, kept_weights)
 
 
 def taken(skin: SkinWeights, vertices: AnyArray) -> SkinWeights:

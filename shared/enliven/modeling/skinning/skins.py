@@ -46,12 +46,12 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
     """
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
-    whole, part = weights[rows, slots], part[rows]
-    first, second = _halves(whole, part)
+    old_weights, part = weights[rows, slots], part[rows]
+    first, second = _halves(old_weights, part)
     free = weights[rows].argmin(1)
     full = weights[rows, free] > 0
-    first = np.where(full, np.where(part >= 0.5, whole, 0), first).astype(np.float32)
-    second = np.where(full, np.where(part >= 0.5, 0, whole), second).astype(np.float32)
+    first = np.where(full, np.where(part >= 0.5, old_weights, 0), first).astype(np.float32)
+    second = np.where(full, np.where(part >= 0.5, 0, old_weights), second).astype(np.float32)
     weights[rows, slots] = second
     moved = first > 0
     target = np.where(second > 0, free, slots)

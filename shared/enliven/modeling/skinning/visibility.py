@@ -116,7 +116,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
     near, who, points = np.empty(some), np.empty(some, np.int64), np.empty((some, 3))
     for v in range(count):
         # Find the nearest segments by insertion into a sorted list.
-        found = 0
+        near_count = 0
         for s in range(segments.shape[0]):
             a, b = segments[s, 0], segments[s, 1]
             along, long = 0.0, 0.0
@@ -127,9 +127,9 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             square = 0.0
             for k in range(3):
                 square += (vertices[v, k] - a[k] - u * (b[k] - a[k])) ** 2
-            if found == some and square >= near[some - 1]:
+            if near_count == some and square >= near[some - 1]:
                 continue
-            i = found if found < some else some - 1
+            i = near_count if near_count < some else some - 1
             while i > 0 and near[i - 1] > square:
                 near[i], who[i] = near[i - 1], who[i - 1]
                 for k in range(3):
@@ -138,21 +138,21 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             near[i], who[i] = square, s
             for k in range(3):
                 points[i, k] = a[k] + u * (b[k] - a[k])
-            found = min(found + 1, some)
+            near_count = min(near_count + 1, some)
         # Take the nearest visible segment, and other visible segments at nearly the same distance.
-        taken = 0
-        for i in range(found):
+        chosen_count = 0
+        for i in range(near_count):
             far = np.sqrt(near[i])
-            if taken and far > (1.0 + tie) * distance[v]:
+            if chosen_count and far > (1.0 + tie) * distance[v]:
                 break
             if _hidden(v, points[i], vertices, normals[v], faces, offsets, inside, low, cell, size):
                 continue
-            if taken == 0:
+            if chosen_count == 0:
                 distance[v] = far
-            chosen[v, taken] = who[i]
-            taken += 1
+            chosen[v, chosen_count] = who[i]
+            chosen_count += 1
         # If the nearest segments are occluded, increase the distance.
-        if taken:
+        if chosen_count:
             distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
     return chosen, distance
 
@@ -182,7 +182,7 @@ def nearest_seen(
     cell = max(extent / 64, 2.0 * float(edges.mean()) if len(edges) else extent)
     size: Int = np.maximum(1, np.ceil((high - low) / cell + 1e-9)).astype(np.int64)
     offsets, inside = grid_of(vertices, faces, low, cell, size)
-    seen: tuple[Int32, Float] = _seen(
+    nearest: tuple[Int32, Float] = _seen(
         vertices, normals, faces, np.ascontiguousarray(segments), offsets, inside, low, cell, size, tie
     )
-    return seen
+    return nearest

@@ -150,8 +150,13 @@ class _Limbs:
 
     def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
         self.positions, self.at, self._ways = positions, positions[tips], ways
-        apart = ways[:, tips] + np.where(np.eye(len(tips), dtype=bool), np.inf, 0.0)
-        half = np.where(np.isfinite(apart), apart, 0.0).min(1, where=np.isfinite(apart), initial=np.inf) / 2
+        tip_distances = ways[:, tips] + np.where(np.eye(len(tips), dtype=bool), np.inf, 0.0)
+        half = (
+            np.where(np.isfinite(tip_distances), tip_distances, 0.0).min(
+                1, where=np.isfinite(tip_distances), initial=np.inf
+            )
+            / 2
+        )
         self.out = lengths
         self.length = np.maximum(lengths, np.where(np.isfinite(half), half, 0.0))
         self._owner = ways.argmin(0)

@@ -35,18 +35,18 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
     if ends is not None and len(ends):
         if np.shape(ends) != (5, 3):
             mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
-            what = f"there are {len(ends)} ends, expected 5"
-            raise InputError(what, where=f"the mesh {mesh.name!r}", mend=mend)
-        found = limb_ends(mesh, nodes=_NODES)
-        return human_in_mesh(found, given_ends(found, np.asarray(ends, np.float64)))
-    found = limb_ends(mesh, nodes=_NODES)
-    best = five_ends(found, _STRANGE)
+            problem = f"there are {len(ends)} ends, expected 5"
+            raise InputError(problem, where=f"the mesh {mesh.name!r}", mend=mend)
+        extremities = limb_ends(mesh, nodes=_NODES)
+        return human_in_mesh(extremities, given_ends(extremities, np.asarray(ends, np.float64)))
+    extremities = limb_ends(mesh, nodes=_NODES)
+    best = five_ends(extremities, _STRANGE)
     if best is None:
         return None
     low, high = mesh.bounds
     if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
         return None
-    return human_in_mesh(found, best)
+    return human_in_mesh(extremities, best)
 
 
 def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:

@@ -91,9 +91,9 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     first, second = heads[chosen[:, 0]].T
     of_head = (between[first] + between[second] - between[first, second][:, None]) / 2
     rows = np.arange(len(chosen))
-    apart = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
-    apart += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
-    cost, trees = ways_misfit(np.stack(apart, 1))
+    distances = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
+    distances += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
+    cost, trees = ways_misfit(np.stack(distances, 1))
     cost += _left_out(found, between, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _unlikely_heights(found, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_LOOKED_AT]
@@ -104,8 +104,8 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
         if best is not None and cost[k] > best.cost + best.margin:
             break
         head, *others = chosen[k]
-        one, more = _looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
-        looked.append(one)
+        candidate, more = _looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
+        looked.append(candidate)
         total.append(float(cost[k]) + more)
         best = _with_margin(looked, np.array(total), _OTHER * found.longest)
     return best if best is not None and best.cost <= most else None
@@ -116,8 +116,8 @@ def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
     nearest = np.array([np.linalg.norm(found.points - point, axis=1).argmin() for point in points])
     ways = found.ways_from(nearest)
     between = ways[:, nearest]
-    apart = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
-    cost, trees = ways_misfit(np.array([apart]))
+    distances = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
+    cost, trees = ways_misfit(np.array([distances]))
     tree = LimbTree(*trees[0])
     chest, pelvis = (weighted_place(found.points, ways, want) for want in (tree.from_chest, tree.from_pelvis))
     return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
@@ -161,20 +161,20 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
     return heads, np.column_stack([head, ends[:, 2:]])[~clash]
 
 
-def _left_out(found: LimbEnds, between: Float, chosen: Int) -> Float:
+def _left_out(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
     """Returns (K,) the cost of limbs that belong to none of the chosen ends, (K, 6)."""
-    near = between < _LIMB * found.longest
-    taken = near[chosen].any(1)
-    length = np.minimum(found.prominence / found.longest, _LONG)
-    level = found.points[:, 1] - found.points[:, 1].min()
-    leg = (level[found.ends] < _FEET * level.max()) & (length > _LEG)
-    return np.asarray(~taken @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
+    near = between < _LIMB * extremities.longest
+    is_near_chosen = near[chosen].any(1)
+    length = np.minimum(extremities.prominence / extremities.longest, _LONG)
+    level = extremities.points[:, 1] - extremities.points[:, 1].min()
+    leg = (level[extremities.ends] < _FEET * level.max()) & (length > _LEG)
+    return np.asarray(~is_near_chosen @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
 
 
-def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
+def _unlikely_heights(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
     """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
-    level = found.points[:, 1] - found.points[:, 1].min()
-    at = level[found.ends] / max(float(level.max()), 1e-12)
+    level = extremities.points[:, 1] - extremities.points[:, 1].min()
+    at = level[extremities.ends] / max(float(level.max()), 1e-12)
     head = at[heads].mean(1)[chosen[:, 0]]
     hands, feet = at[chosen[:, 1:3]], at[chosen[:, 3:]]
     rise = (head + hands.mean(1)) / 2 - feet.mean(1)
@@ -183,15 +183,17 @@ def _unlikely_heights(found: LimbEnds, heads: Int, chosen: Int) -> Float:
 
 
 def _looked_at(
-    found: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
+    extremities: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
     """Returns a choice with its chest and pelvis, and the cost of its trunk and head."""
     first, second = head
-    of_head = (ways[first] + ways[second] - ways[first, found.ends[second]]) / 2
+    of_head = (ways[first] + ways[second] - ways[first, extremities.ends[second]]) / 2
     rows = np.vstack([of_head, ways[others]])
-    at = found.points[found.ends[others]]
-    crown = found.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
-    chest, pelvis = (weighted_place(found.points, rows, want) for want in (tree.from_chest, tree.from_pelvis))
+    at = extremities.points[extremities.ends[others]]
+    crown = extremities.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
+    chest, pelvis = (
+        weighted_place(extremities.points, rows, want) for want in (tree.from_chest, tree.from_pelvis)
+    )
     up, along = unit(chest - pelvis), unit(crown - chest)
     more = _HEAD_ALONG * (1.0 - float(along @ up)) + _UPRIGHT * (1.0 - float(up[1]))
     return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
@@ -203,16 +205,18 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
     """
     first = int(total.argmin())
     best, least = choices[first], float(total[first])
-    apart = np.linalg.norm(np.array([one.points for one in choices])[:, :, None] - best.points, axis=3)
-    arms, legs = (_pairs(apart[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
-    elsewhere = np.max([apart[:, HEAD, HEAD], arms, legs], axis=0) > far
+    distances = np.linalg.norm(
+        np.array([choice.points for choice in choices])[:, :, None] - best.points, axis=3
+    )
+    arms, legs = (_pairs(distances[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
+    elsewhere = np.max([distances[:, HEAD, HEAD], arms, legs], axis=0) > far
     margin = float(total[elsewhere].min(initial=np.inf)) - least
     return replace(best, cost=least, margin=margin)
 
 
-def _pairs(apart: Float) -> Float:
+def _pairs(distances: Float) -> Float:
     """Returns (K,) the distance of the farther end of a pair from another pair, (K, 2, 2), under the
     better assignment.
     """
-    straight, crossed = apart[:, [0, 1], [0, 1]], apart[:, [0, 1], [1, 0]]
+    straight, crossed = distances[:, [0, 1], [0, 1]], distances[:, [0, 1], [1, 0]]
     return np.asarray(np.where(straight.sum(1) < crossed.sum(1), straight.max(1), crossed.max(1)))

@@ -49,19 +49,21 @@ class CutBox:
             not (np.isfinite(self.low).all() and np.isfinite(self.high).all())
             or (self.low >= self.high).any()
         ):
-            what = "a box has two corners, the first one lower, farther left and farther back"
-            raise InputError(what, where="box", mend="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1.")
+            problem = "a box has two corners, the first one lower, farther left and farther back"
+            raise InputError(
+                problem, where="box", mend="Give x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1."
+            )
 
     def planes(self) -> list[tuple[Float, float]]:
         """Returns the six (normal (3,), offset) in the world; a point is inside if normal . x > offset for
         all.
         """
         turn, place = self.upright_from_world[:3, :3], self.upright_from_world[:3, 3]
-        found = []
+        planes = []
         for axis in range(3):
-            found.append((turn[axis], float(self.low[axis] - place[axis])))
-            found.append((-turn[axis], float(place[axis] - self.high[axis])))
-        return found
+            planes.append((turn[axis], float(self.low[axis] - place[axis])))
+            planes.append((-turn[axis], float(place[axis] - self.high[axis])))
+        return planes
 
 
 def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) -> CutOut:
@@ -80,16 +82,18 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     if -_UNDER < low[1] < s.clearance:
         low[1] = s.clearance
     if low[1] >= box.high[1]:
-        what = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
-        raise InputError(what, where="box", mend="Make it higher.")
+        problem = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
+        raise InputError(problem, where="box", mend="Make it higher.")
     inside = _near(mesh, box)
     for normal, offset in CutBox(low, box.high, box.upright_from_world).planes():
         inside = above_plane(inside, normal, offset)
     if inside.area < s.least_area:
-        there = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
-        what = "no surface that was scanned lies in the box"
-        reach = " to ".join(",".join(f"{x:.2f}" for x in corner) for corner in (there.min(0), there.max(0)))
-        raise InputError(what, where="box", mend=f"The scanned surface reaches from {reach}.")
+        level_vertices = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
+        problem = "no surface that was scanned lies in the box"
+        reach = " to ".join(
+            ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
+        )
+        raise InputError(problem, where="box", mend=f"The scanned surface reaches from {reach}.")
     return set_down(inside, box.upright_from_world, float(low[1]), s)
 
 

@@ -62,7 +62,7 @@ class KnownImage:
 
 def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None) -> Int32:
     """Returns (N,) the earlier state at points (N, 3), world: 1 free space, -1 a surface, 0 unknown."""
-    seen, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
+    observed, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
     model = noise or DepthNoiseModel()
     limits = np.array([_SLACK, _DEVIATIONS * model.constant, _DEVIATIONS * model.quadratic, model.start])
     points = np.ascontiguousarray(points, np.float64)
@@ -70,8 +70,8 @@ def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel
         lens = image.intrinsics
         camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
         metres = np.asarray(image.depth, np.float32) * np.float32(1e-3)
-        _look_through(points, inverse(image.world_from_camera), camera, metres, limits, seen, through)
-    air = through >= _FREE * seen
+        _look_through(points, inverse(image.world_from_camera), camera, metres, limits, observed, through)
+    air = through >= _FREE * observed
     return np.where(air, through >= _LOOKS, -1).astype(np.int32)
 
 
@@ -95,12 +95,12 @@ def _look_through(points, pose, camera, depth, limits, seen, through):
         column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
         if column < 0 or row < 0 or column >= width or row >= height or depth[row, column] <= 0.0:
             continue
-        there = depth[row, column]
-        near = limits[0] + limits[1] + limits[2] * (there - limits[3]) ** 2
-        if deep > there + near:
+        surface_depth = depth[row, column]
+        near = limits[0] + limits[1] + limits[2] * (surface_depth - limits[3]) ** 2
+        if deep > surface_depth + near:
             continue
         seen[n] += 1
-        through[n] += deep < there - near
+        through[n] += deep < surface_depth - near
 
 
 def cut_what_is_new(
@@ -123,44 +123,44 @@ def cut_what_is_new(
     s = settings or CutOutSettings()
     fresh = _smoothed(mesh.faces, compared(mesh.vertices, images, noise)) > 0
     new = np.asarray(fresh[mesh.faces].all(1))
-    found = submesh(mesh, new)
-    if not new.any() or found.area < s.least_area:
-        what = "no new object stands there"
+    new_part = submesh(mesh, new)
+    if not new.any() or new_part.area < s.least_area:
+        problem = "no new object stands there"
         mend = (
             "Show the same place both times, the second time with the object, and look at it from all sides."
         )
-        raise InputError(what, where="scan", mend=mend)
-    thing = _large(found, s)
+        raise InputError(problem, where="scan", mend=mend)
+    thing = _large(new_part, s)
     support = _support(mesh, new, thing, ground)
     above = above_plane(mesh, support.normal, support.offset + s.clearance)
-    told = _smoothed(above.faces, compared(above.vertices, images, noise))
+    earlier = _smoothed(above.faces, compared(above.vertices, images, noise))
     away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN)
     # So close to the support, the comparison cannot separate the object from the support. There, everything
     # above the support and next to the object counts as object.
     low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
-    meant = (told >= 0) & np.isfinite(away) | low
-    kept = np.asarray(meant[above.faces].any(1))
-    cut = submesh(above, kept | _islands(above, ~kept, told >= 0))
+    meant = (earlier >= 0) & np.isfinite(away) | low
+    kept_faces = np.asarray(meant[above.faces].any(1))
+    cut = submesh(above, kept_faces | _islands(above, ~kept_faces, earlier >= 0))
     return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
-def _islands(mesh: Mesh, left: Bool, free: Bool) -> Bool:
+def _islands(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
 
     Args:
-        left: (F,) the faces that were excluded.
+        excluded: (F,) the faces that were excluded.
         free: (V,) whether no surface was observed before.
     """
-    faces = mesh.faces[left]
+    faces = mesh.faces[excluded]
     label = np.asarray(shells(faces, len(mesh.vertices)))
     low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
     np.minimum.at(low, label[faces.ravel()], mesh.vertices[faces.ravel()])
     np.maximum.at(high, label[faces.ravel()], mesh.vertices[faces.ravel()])
     small = np.asarray(((high - low) < _PATCH).all(1), np.bool_)
     small[label[faces[~free[faces].all(1)].ravel()]] = False
-    found = np.zeros(len(mesh.faces), np.bool_)
-    found[left] = small[label[faces[:, 0]]]
-    return found
+    is_island = np.zeros(len(mesh.faces), np.bool_)
+    is_island[excluded] = small[label[faces[:, 0]]]
+    return is_island
 
 
 def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
@@ -173,14 +173,14 @@ def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
     return submesh(mesh, large[label])
 
 
-def _smoothed(faces: Int32, told: Int32) -> Int32:
+def _smoothed(faces: Int32, states: Int32) -> Int32:
     """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
     for _ in range(_TOLD):
-        votes, of_face = np.zeros(len(told)), told[faces].sum(1)
+        votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):
-            votes += np.bincount(faces[:, corner], of_face, len(told))
-        told = np.sign(votes).astype(np.int32)
-    return told
+            votes += np.bincount(faces[:, corner], of_face, len(states))
+        states = np.sign(votes).astype(np.int32)
+    return states
 
 
 def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Ground:
@@ -192,9 +192,9 @@ def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Groun
     high[1] = own[:, 1].min() + _BELOW
     beside = ~new & (place > low).all(1) & (place < high).all(1)
     try:
-        found = find_ground(submesh(mesh, beside), up) if beside.any() else None
+        plane = find_ground(submesh(mesh, beside), up) if beside.any() else None
     except InputError:
-        found = None
-    if found is not None:
-        return found
+        plane = None
+    if plane is not None:
+        return plane
     return ground or Ground(up, float((thing.vertices @ up).min()), 0.0)

@@ -48,13 +48,13 @@ def set_down(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOu
         level_from_world: (4, 4) to a frame with +y up and the supporting plane at y = 0.
         cut_at: metres above y = 0 of the cut. The feet are extended down again by this height.
     """
-    kept, parts = without_specks(mesh)
-    area = kept.area
-    vertices = kept.vertices @ level_from_world[:3, :3].T + level_from_world[:3, 3]
+    cleaned, parts = without_specks(mesh)
+    area = cleaned.area
+    vertices = cleaned.vertices @ level_from_world[:3, :3].T + level_from_world[:3, 3]
     feet = vertices[:, 1] < cut_at + _LEVEL
     if 0.0 < cut_at < settings.clearance + _LEVEL:
         vertices[feet, 1] = 0.0
     low, high = vertices.min(0), vertices.max(0)
     # If the floor is kept, leave it at y = 0.
     vertices -= [(low[0] + high[0]) / 2, low[1] if cut_at > 0.0 else 0.0, (low[2] + high[2]) / 2]
-    return CutOut(close_holes(replace(kept, vertices=vertices), feet, settings), parts, area)
+    return CutOut(close_holes(replace(cleaned, vertices=vertices), feet, settings), parts, area)

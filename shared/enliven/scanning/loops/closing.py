@@ -84,9 +84,9 @@ def closed_way(
     """
     s = settings.loops
     pieces = split_way(poses, history.numbers, s.piece_metres, s.piece_radians)
-    made = [_made(history, piece, poses, preparation) for piece in pieces]
-    links = _links(made, settings)
-    anchors = [piece.pose for piece in made]
+    placed = [_made(history, piece, poses, preparation) for piece in pieces]
+    links = _links(placed, settings)
+    anchors = [piece.pose for piece in placed]
     felt = [ups[piece.anchor] for piece in pieces]
     better, belief = settled(anchors, links, felt, s.level, s.doubt)
     true = [link for link, trust in zip(links, belief, strict=True) if not link.sure and trust > _BELIEVED]
@@ -95,7 +95,7 @@ def closed_way(
     bent = _bent(poses, [piece.anchor for piece in pieces], better)
     moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
     return ClosedWay(
-        bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in made]
+        bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in placed]
     )
 
 
@@ -122,10 +122,10 @@ def _made(
 def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
     """Returns the tracked links between successive submaps, and the loops that hold in both directions."""
     wanted = _candidates(pieces, settings.loops)
-    found = _found(pieces, wanted, settings)
+    alignments = _found(pieces, wanted, settings)
     links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
-    for (n, m), laid in found.items():
-        if (m, n) in found and _agree(pieces, n, m, laid, found[m, n], settings.loops):
+    for (n, m), laid in alignments.items():
+        if (m, n) in alignments and _agree(pieces, n, m, laid, alignments[m, n], settings.loops):
             links.append(_link(pieces, n, m, laid, settings.loops))
     return links
 
@@ -137,7 +137,7 @@ def _found(
 
     Both directions of each pair are tried.
     """
-    found: dict[tuple[int, int], Alignment] = {}
+    alignments: dict[tuple[int, int], Alignment] = {}
     beside: list[list[int]] = [[] for _ in pieces]
     for n, m in wanted:
         beside[n].append(m)
@@ -148,19 +148,19 @@ def _found(
         for m in beside[n]:
             laid = _laid(tracker, pieces[m], pieces[n], settings)
             if laid is not None:
-                found[n, m] = laid
+                alignments[n, m] = laid
 
     each_in_two_threads(
         lay, [n for n, others in enumerate(beside) if others], lambda: piece_tracker(settings)
     )
-    return dict(sorted(found.items()))
+    return dict(sorted(alignments.items()))
 
 
 def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
     """Returns the link of a submap to the next one, from tracking."""
-    seen = inverse(pieces[n].pose) @ pieces[n + 1].pose
+    relative = inverse(pieces[n].pose) @ pieces[n + 1].pose
     sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
-    return PoseLink(n, n + 1, seen, sure)
+    return PoseLink(n, n + 1, relative, sure)
 
 
 def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
@@ -187,8 +187,8 @@ def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
     columns = np.linspace(0, points.shape[1] - 1, _GRID).astype(int)
     some = points[np.ix_(rows, columns)].reshape(-1, 3)
     some = some[some[:, 2] > 0]
-    there = inverse(other.pose) @ piece.pose
-    local = some @ there[:3, :3].T + there[:3, 3]
+    other_from_piece = inverse(other.pose) @ piece.pose
+    local = some @ other_from_piece[:3, :3].T + other_from_piece[:3, 3]
     ahead = local[:, 2] > _NEAREST
     if not ahead.any():
         return 0.0
@@ -202,20 +202,20 @@ def _laid(
     tracker: CameraTracker, piece: PlacedPiece, onto: PlacedPiece, settings: ScanSettings
 ) -> Alignment | None:
     """Returns the alignment of a submap's anchor image with another submap, or None if it fails."""
-    found = tracker.align(piece.view, piece.pose)
-    if not _good(found, settings):
+    alignment = tracker.align(piece.view, piece.pose)
+    if not _good(alignment, settings):
         other = tracker.align(piece.view, onto.pose)
-        found = max(found, other, key=lambda laid: laid.agreeing * laid.overlap)
-    return found if _good(found, settings) else None
+        alignment = max(alignment, other, key=lambda laid: laid.agreeing * laid.overlap)
+    return alignment if _good(alignment, settings) else None
 
 
-def _good(found: Alignment, settings: ScanSettings) -> bool:
+def _good(alignment: Alignment, settings: ScanSettings) -> bool:
     """Returns whether an alignment is good enough for a link."""
     s = settings.loops
     return (
-        found.agreeing > s.agreeing
-        and found.overlap > settings.tracking.overlap
-        and found.deviation < settings.tracking.unsure
+        alignment.agreeing > s.agreeing
+        and alignment.overlap > settings.tracking.overlap
+        and alignment.deviation < settings.tracking.unsure
     )
 
 
@@ -223,8 +223,8 @@ def _agree(
     pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
 ) -> bool:
     """Returns whether the alignment of m with n is consistent with that of n with m."""
-    there = one.world_from_camera @ inverse(pieces[m].pose)
-    move, turn = apart(pieces[n].pose, there @ other.world_from_camera)
+    correction = one.world_from_camera @ inverse(pieces[m].pose)
+    move, turn = apart(pieces[n].pose, correction @ other.world_from_camera)
     return move < s.agree_metres and turn < s.agree_radians
 
 
@@ -234,8 +234,8 @@ def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSet
     both = np.kron(np.eye(2), turn)
     covariance = both @ laid.covariance @ both.T
     covariance += np.diag([s.metres**2] * 3 + [s.radians**2] * 3)
-    seen = inverse(pieces[n].pose) @ laid.world_from_camera
-    return PoseLink(n, m, seen, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
+    relative = inverse(pieces[n].pose) @ laid.world_from_camera
+    return PoseLink(n, m, relative, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
 
 
 def _bent(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:

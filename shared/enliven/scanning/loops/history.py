@@ -43,7 +43,7 @@ class FrameHistory:
     @property
     def numbers(self) -> list[int]:
         """The numbers of the images that are still stored."""
-        return [kept.number for kept in self._kept]
+        return [stored.number for stored in self._kept]
 
     def add(self, number: int, frame: DepthFrame) -> None:
         """Stores an image; numbers must ascend."""
@@ -55,12 +55,12 @@ class FrameHistory:
         self._held += len(packed)
         while self._held > self._most and len(self._kept) > 1:
             self._every *= 2
-            self._kept = [kept for kept in self._kept if kept.number % self._every == 0]
-            self._held = sum(len(kept.packed) for kept in self._kept)
+            self._kept = [stored for stored in self._kept if stored.number % self._every == 0]
+            self._held = sum(len(stored.packed) for stored in self._kept)
 
     def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
         """Yields the stored images with the given numbers, or all, with their numbers."""
         wanted = None if numbers is None else set(numbers)
-        for kept in self._kept:
-            if wanted is None or kept.number in wanted:
-                yield kept.number, unpack_depth(kept.packed)
+        for stored in self._kept:
+            if wanted is None or stored.number in wanted:
+                yield stored.number, unpack_depth(stored.packed)

@@ -63,17 +63,17 @@ def settled(
         level: radians, standard deviation of these.
         doubt: squared Mahalanobis distance at which a link that is not sure has a quarter of its weight.
     """
-    now, felt = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
+    current, felt = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
     belief = np.ones(len(links))
     if not links or len(poses) < 2:
-        return now, belief
+        return current, belief
     loose = np.array([not link.sure for link in links])
     for turn in range(_ROUNDS if loose.any() else 1):
-        now = _solved(now, links, belief, felt, level)
-        squares = _squares(now, links)
+        current = _solved(current, links, belief, felt, level)
+        squares = _squares(current, links)
         scale = doubt * _NARROWER ** (_ROUNDS - 1 - turn)
         belief = np.where(loose, (scale / (scale + squares)) ** 2, 1.0)
-    return _solved(now, links, belief, felt, level), belief
+    return _solved(current, links, belief, felt, level), belief
 
 
 def cost_of(
@@ -96,9 +96,9 @@ def cost_of(
 
 def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
     """Returns (6,) the error of a link, metres and radians: the actual second pose relative to the link's."""
-    turn, seen = first[:3, :3].T, link.first_from_second
-    place = turn @ (second[:3, 3] - first[:3, 3]) - seen[:3, 3]
-    off = turn @ second[:3, :3] @ seen[:3, :3].T
+    turn, relative = first[:3, :3].T, link.first_from_second
+    place = turn @ (second[:3, 3] - first[:3, 3]) - relative[:3, 3]
+    off = turn @ second[:3, :3] @ relative[:3, :3].T
     return np.concatenate([place, rotation.to_rotation_vector(rotation.from_matrix(off))])
 
 
@@ -173,11 +173,11 @@ def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float
     axes.
     """
     error = residual_of(link, first, second)
-    turn, apart = first[:3, :3].T, second[:3, 3] - first[:3, 3]
+    turn, offset = first[:3, :3].T, second[:3, 3] - first[:3, 3]
     turned = _inverse_of_turning(error[3:]) @ turn
     of_first, of_second = np.zeros((6, 6)), np.zeros((6, 6))
     of_first[:3, :3], of_second[:3, :3] = -turn, turn
-    of_first[:3, 3:] = turn @ cross_matrix(apart)
+    of_first[:3, 3:] = turn @ cross_matrix(offset)
     of_first[3:, 3:], of_second[3:, 3:] = -turned, turned
     return error, of_first, of_second
 

@@ -108,8 +108,8 @@ def piece_tracker(settings: ScanSettings) -> CameraTracker:
     reaches = (plain.reach, plain.far)
     # With a larger stride, each point carries more independent information, because the noise of neighbouring
     # pixels is correlated.
-    told = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
+    independent = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
         [DistanceVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
-        replace(t, fine_stride=_STRIDE, independent=told),
+        replace(t, fine_stride=_STRIDE, independent=independent),
     )

@@ -49,9 +49,9 @@ def floor_plane(
     )
     if np.count_nonzero(floor) < _FEWEST:
         return None
-    one = rotation.unit(np.cross(ground.normal, np.eye(3)[np.abs(ground.normal).argmin()]))
+    tangent = rotation.unit(np.cross(ground.normal, np.eye(3)[np.abs(ground.normal).argmin()]))
     columns = np.stack(
-        [np.ones(floor.sum()), level[floor] @ one, level[floor] @ np.cross(ground.normal, one)], 1
+        [np.ones(floor.sum()), level[floor] @ tangent, level[floor] @ np.cross(ground.normal, tangent)], 1
     )
     root = np.sqrt(view.worth[some][floor])[:, None]
     return np.asarray(np.linalg.lstsq(columns * root, heights[floor] * root[:, 0], rcond=None)[0])

@@ -113,17 +113,17 @@ class ObjectFollower:
         Args:
             room_from_camera: (4, 4) approximate camera pose in the room.
         """
-        found = self._aligned(view, self._likely, room_from_camera)
-        if found is None or not self._holds(found):
+        alignment = self._aligned(view, self._likely, room_from_camera)
+        if alignment is None or not self._holds(alignment):
             starts = [self._likely, self._pose, *self._begun(room_from_camera)]
-            again = (self._aligned(view, start, room_from_camera, _FAR) for start in starts)
-            there = [one for one in (found, *again) if one is not None]
-            found = max(there, key=lambda one: (self._holds(one), _fit(one)), default=None)
-        sure = found is not None and self._holds(found)
-        pose = found.world_from_camera if sure and found is not None else self._pose
+            retries = (self._aligned(view, start, room_from_camera, _FAR) for start in starts)
+            candidates = [candidate for candidate in (alignment, *retries) if candidate is not None]
+            alignment = max(candidates, key=lambda one: (self._holds(one), _fit(one)), default=None)
+        sure = alignment is not None and self._holds(alignment)
+        pose = alignment.world_from_camera if sure and alignment is not None else self._pose
         distance = distances_in(self._model.volumes[_FAR], view, pose)
         own = np.abs(distance) < _ABOUT
-        return Followed(sure, pose, own & self._above(view, room_from_camera), found)
+        return Followed(sure, pose, own & self._above(view, room_from_camera), alignment)
 
     def _begun(self, room_from_camera: Float) -> list[Float]:
         """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
@@ -160,10 +160,10 @@ class ObjectFollower:
             self._going = inverse(self._pose) @ found.object_from_camera
         self.missed, self._pose = 0, found.object_from_camera
         self._likely = self._pose @ self._going
-        own, known = self.own(view, room_from_camera)
+        own, is_known = self.own(view, room_from_camera)
         self._model.fuse(only(view, own), self._pose)
         if self._model.size < self._most:
-            points = view.points[known] @ self._pose[:3, :3].T + self._pose[:3, 3]
+            points = view.points[is_known] @ self._pose[:3, :3].T + self._pose[:3, 3]
             self._model.grow(points)
         self.history.add(len(self.poses), frame)
         self.poses.append(self._pose)
@@ -171,13 +171,13 @@ class ObjectFollower:
     def own(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
         """Returns (h, w) the points that are fused, and those of them that were known before."""
         distance = distances_in(self._model.volumes[_NEAR], view, self._pose)
-        known = np.abs(distance) < _OWN
+        is_known = np.abs(distance) < _OWN
         # A point in front of a known surface lies in observed free space, so it belongs to a hand.
         new = np.isnan(distance) | (distance < -_OWN)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
         may = self._model.reaches(local, _MARGIN) & self._above(view, room_from_camera)
-        own = (known | (new & ~self._of_room(view, room_from_camera))) & may & (view.worth > 0)
-        return own, own & known
+        own = (is_known | (new & ~self._of_room(view, room_from_camera))) & may & (view.worth > 0)
+        return own, own & is_known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
         """Yields the fused images, restricted to points on the current surface of the object, and their
@@ -202,18 +202,18 @@ class ObjectFollower:
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
         return tracker.align(only(view, near), start, coarsest=coarsest)
 
-    def _holds(self, found: Alignment) -> bool:
+    def _holds(self, alignment: Alignment) -> bool:
         """Returns whether an alignment determines the object's pose reliably."""
         s = self.settings.tracking
-        if found.overlap < s.overlap or found.agreeing < s.agreeing:
+        if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return False
-        if found.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
+        if alignment.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
             return False
         # Compute the motion of the object relative to the camera, about the centre of the object.
-        step = inverse(found.world_from_camera) @ self._pose
+        step = inverse(alignment.world_from_camera) @ self._pose
         cosine = (np.trace(step[:3, :3]) - 1.0) / 2.0
         middle = np.append(self._model.middle, 1.0)
-        way = inverse(found.world_from_camera) @ middle - inverse(self._pose) @ middle
+        way = inverse(alignment.world_from_camera) @ middle - inverse(self._pose) @ middle
         images = 1 + self.missed
         return bool(cosine > np.cos(min(_TURNED * images, np.pi)) and np.linalg.norm(way) < _MOVED * images)
 
@@ -234,6 +234,6 @@ class ObjectFollower:
         return np.asarray((np.abs(distance) < _ROOM) & ~self._rest.held(view, room_from_camera))
 
 
-def _fit(found: Alignment) -> float:
+def _fit(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
-    return found.agreeing * found.overlap
+    return alignment.agreeing * alignment.overlap

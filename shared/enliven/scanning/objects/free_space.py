@@ -61,6 +61,6 @@ def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) ->
         column = np.floor((lens.fx * x / z + lens.cx + 0.5) / view.scale).astype(int)
         row = np.floor((lens.fy * y / z + lens.cy + 0.5) / view.scale).astype(int)
         inside = (column >= 0) & (row >= 0) & (row < view.depth.shape[0]) & (column < view.depth.shape[1])
-        seen = view.depth[row[inside], column[inside]]
-        count[ahead[inside][(seen > 0) & (z[inside] < seen - clearance)]] += 1
+        depths = view.depth[row[inside], column[inside]]
+        count[ahead[inside][(depths > 0) & (z[inside] < depths - clearance)]] += 1
     return np.asarray(count >= _LOOKS)

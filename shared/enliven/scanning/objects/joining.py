@@ -43,30 +43,30 @@ def joined_object(
     """Returns the surface of an object from all images at rests and in between, metres, the first rest's
     world.
     """
-    whole = DistanceVolume(settings.volume)
+    volume = DistanceVolume(settings.volume)
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue
-        before = surface_of(whole) if number else None
+        before = surface_of(volume) if number else None
         pose = rest.object_from_room
         if before is not None and len(before.faces):
             pose = _bettered(rest, pose, before)
         for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
-            whole.integrate(view, pose @ room_from_camera)
+            volume.integrate(view, pose @ room_from_camera)
             if count % _CLEANED == _CLEANED - 1:
-                whole.clean()
+                volume.clean()
     for follower in followers:
         for count, (view, pose) in enumerate(follower.views()):
-            whole.integrate(view, pose)
+            volume.integrate(view, pose)
             if count % _CLEANED == _CLEANED - 1:
-                whole.clean()
-    return largest(surface_of(whole))
+                volume.clean()
+    return largest(surface_of(volume))
 
 
-def _bettered(rest: ObjectRest, pose: Float, whole: Mesh) -> Float:
+def _bettered(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
-    grid = nearest_grid(sampled(largest(whole), _POINTS), _CELL, _REACH)
+    grid = nearest_grid(sampled(largest(earlier), _POINTS), _CELL, _REACH)
     poses, _ = laid(grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _STEPS, _NEAR, _WIDTHS)
     return np.asarray(poses[0])

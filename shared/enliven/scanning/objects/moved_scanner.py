@@ -134,15 +134,15 @@ class MovedScanner:
         follower, room = self._follower, self._room
         assert follower is not None and room is not None
         view = room.scanner.prepared(frame)
-        found = follower.find(view, room.scanner.predicted)
-        step = room.scanner.add(frame, up, LeftAside(found.own))
-        follower.take(frame, view, found, step.world_from_camera)
+        followed = follower.find(view, room.scanner.predicted)
+        step = room.scanner.add(frame, up, LeftAside(followed.own))
+        follower.take(frame, view, followed, step.world_from_camera)
         if follower.missed > self.settings.moved.missed:
             self._follower = None
             return None
-        pose = found.object_from_camera @ inverse(step.world_from_camera)
-        state = ObjectState.FOLLOWED if found.sure else ObjectState.LOST
-        return MovedStep(step, state, pose if found.sure else None, len(self.rests), followed=found)
+        pose = followed.object_from_camera @ inverse(step.world_from_camera)
+        state = ObjectState.FOLLOWED if followed.sure else ObjectState.LOST
+        return MovedStep(step, state, pose if followed.sure else None, len(self.rests), followed=followed)
 
     def close_loops(self) -> None:
         """Closes the loops of the camera's trajectory at each rest, as :meth:`Scanner.close_loops` does."""
@@ -192,12 +192,12 @@ class MovedScanner:
         Raises:
             InputError: if no object stands on a floor.
         """
-        first, whole = self.rests[0], self.surface()
-        ground = find_ground(whole, settings=self.settings.cut_out)
+        first, surface = self.rests[0], self.surface()
+        ground = find_ground(surface, settings=self.settings.cut_out)
         self._place_all()
         if len(self.rests) == 1 and not self.followed:
             focus = focus_of([pose for _, pose in first.scanner.poses])
-            return cut_out(whole, ground, focus, self.settings.cut_out)
+            return cut_out(surface, ground, focus, self.settings.cut_out)
         mesh = self.joined()
         if not len(mesh.faces):
             mend = "Let it stand for a second before it is turned, and turn it more slowly."
@@ -284,9 +284,9 @@ class MovedScanner:
         for number, part in enumerate(rest.parts):
             if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _LARGER * size:
                 continue
-            found = registered(model, rest.scanned(number), self.settings.registration)
-            if found is not None:
-                rest.object_from_room = found.model_from_part
+            registration = registered(model, rest.scanned(number), self.settings.registration)
+            if registration is not None:
+                rest.object_from_room = registration.model_from_part
                 rest.mean(number)
                 self.rests.append(rest)
                 return True
@@ -297,10 +297,10 @@ class MovedScanner:
         none.
         """
         if self._known is None or self._known[0] != len(self.rests):
-            known = known_of(self.rests)
-            if known is None:
+            scanned = known_of(self.rests)
+            if scanned is None:
                 return None
-            self._known = len(self.rests), known
+            self._known = len(self.rests), scanned
         return self._known[1]
 
     def _step(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:

@@ -52,8 +52,10 @@ class MovedStep:
         in its frame.
         """
         if self.followed is not None and self.state is ObjectState.FOLLOWED:
-            found = self.followed
-            return ScanStep(ScanState.SCANNING, found.object_from_camera, found.alignment, self.scan.room)
+            followed = self.followed
+            return ScanStep(
+                ScanState.SCANNING, followed.object_from_camera, followed.alignment, self.scan.room
+            )
         return replace(self.scan, state=ScanState.LOST) if self.state is ObjectState.LOST else self.scan
 
     @property

@@ -22,15 +22,17 @@ def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Flo
     Args:
         world_from_camera: (4, 4) pose of the camera in the volume's world.
     """
-    found = np.full(view.worth.shape, np.nan, np.float32)
-    in_pieces(_distances, len(found), _ROWS, view.point_arrays, world_from_camera, volume.field, found)
-    return found
+    distances = np.full(view.worth.shape, np.nan, np.float32)
+    in_pieces(
+        _distances, len(distances), _ROWS, view.point_arrays, world_from_camera, volume.field, distances
+    )
+    return distances
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _distances(points, pose, field, found, first, last):
     """Fills some rows of (h, w) distances; those of points without weight stay unchanged."""
-    here, cache = np.empty(4), np.empty(4, np.int64)
+    sample, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40
     for v in range(first, last):
         for u in range(found.shape[1]):
@@ -40,5 +42,5 @@ def _distances(points, pose, field, found, first, last):
             x = pose[0, 0] * px + pose[0, 1] * py + pose[0, 2] * pz + pose[0, 3]
             y = pose[1, 0] * px + pose[1, 1] * py + pose[1, 2] * pz + pose[1, 3]
             z = pose[2, 0] * px + pose[2, 1] * py + pose[2, 2] * pz + pose[2, 3]
-            if look_up(field, x, y, z, here, cache):
-                found[v, u] = here[0]
+            if look_up(field, x, y, z, sample, cache):
+                found[v, u] = sample[0]

@@ -66,9 +66,15 @@ def turns(count: int) -> Float:
     """Returns (count, 3, 3) evenly spread rotations: super-Fibonacci spirals (Alexa, CVPR 2022)."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
-    one, two = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _GOLDEN
+    inner_angle, outer_angle = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _GOLDEN
     spiral = np.stack(
-        [inner * np.sin(one), inner * np.cos(one), outer * np.sin(two), outer * np.cos(two)], -1
+        [
+            inner * np.sin(inner_angle),
+            inner * np.cos(inner_angle),
+            outer * np.sin(outer_angle),
+            outer * np.cos(outer_angle),
+        ],
+        -1,
     )
     return np.asarray(rotation.to_matrix(spiral))
 
@@ -94,16 +100,18 @@ def registered(
     best = _distinct(poses, scores, s.looked_at)
     more = part.surface.some(s.fine_points)
     poses, agreeing = laid(grid, more, poses[best], _FINE_STEPS, s.near)
-    kept = _distinct(poses, agreeing, s.looked_at)
-    poses, agreeing = poses[kept], agreeing[kept]
+    distinct = _distinct(poses, agreeing, s.looked_at)
+    poses, agreeing = poses[distinct], agreeing[distinct]
     through = np.array([_through(model, part, pose, s) for pose in poses])
     scores = agreeing - s.doubt * through
     order = np.argsort(-scores)
     first = order[0]
     margin = float(scores[first] - scores[order[1]]) if len(order) > 1 else 1.0
-    found = Registration(poses[first], float(agreeing[first]), float(through[first]), margin)
+    registration = Registration(poses[first], float(agreeing[first]), float(through[first]), margin)
     return (
-        found if found.agreeing >= s.agreeing and found.through <= s.through and margin >= s.clear else None
+        registration
+        if registration.agreeing >= s.agreeing and registration.through <= s.through and margin >= s.clear
+        else None
     )
 
 
@@ -111,11 +119,11 @@ def _through(model: Scanned, part: Scanned, pose: Float, s: RegistrationSettings
     """Returns the fraction of points in space that the other's images saw through, the larger of both
     directions.
     """
-    there = part.surface.some(s.fine_points).moved(pose)
-    one = seen_through(there.points, model.views, s.clearance).mean()
+    moved_part = part.surface.some(s.fine_points).moved(pose)
+    part_share = seen_through(moved_part.points, model.views, s.clearance).mean()
     back = inverse(pose)
-    here = model.surface.some(s.fine_points).moved(back)
-    return float(max(one, seen_through(here.points, part.views, s.clearance).mean()))
+    moved_model = model.surface.some(s.fine_points).moved(back)
+    return float(max(part_share, seen_through(moved_model.points, part.views, s.clearance).mean()))
 
 
 def _starts(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
@@ -152,14 +160,14 @@ def laid(
 
 def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
-    kept: list[int] = []
+    chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
-        near = (apart(poses[n], poses[k]) for k in kept)
+        near = (apart(poses[n], poses[k]) for k in chosen)
         if not any(move < _SAME[0] and turn < _SAME[1] for move, turn in near):
-            kept.append(int(n))
-            if len(kept) == most:
+            chosen.append(int(n))
+            if len(chosen) == most:
                 break
-    return kept
+    return chosen
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -189,12 +197,12 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                 nx, ny, nz = normals[at, 0], normals[at, 1], normals[at, 2]
                 # Reject the pair if the two normals point to different sides.
                 x, y, z = facing[n, 0], facing[n, 1], facing[n, 2]
-                alike = (
+                cosine = (
                     nx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z)
                     + ny * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z)
                     + nz * (pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z)
                 )
-                if alike < _FACING:
+                if cosine < _FACING:
                     continue
                 # Compute the point-to-plane residual, and count the points on the surface.
                 dx, dy, dz = qx - points[at, 0], qy - points[at, 1], qz - points[at, 2]

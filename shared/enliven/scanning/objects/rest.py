@@ -139,24 +139,24 @@ class ObjectRest:
         s = self.settings.moved
         # If the room has too little structure for a reliable camera pose, the pose is still approximately
         # right.
-        seen = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
-        if step.state not in seen or view is None:
+        usable_states = (ScanState.SCANNING, ScanState.UNSURE) if s.followed else (ScanState.SCANNING,)
+        if step.state not in usable_states or view is None:
             return False
         if self.ground is None or self._region is None or self._middle is None:
             return False
         own = shown_in(self._region, view, pose)
-        floor, apart = floor_plane(view, pose, self.ground, self._middle, own), False
+        floor, is_apart = floor_plane(view, pose, self.ground, self._middle, own), False
         if floor is not None and len(self._floors) < _FIRST:
             # The ground was found in coarse voxels. So measure the reference height of the floor in the first
             # images instead.
             self._floors.append(floor)
         elif floor is not None:
             gap = floor - np.median(self._floors, axis=0)
-            apart = bool(abs(gap[0]) > s.lifted or np.hypot(gap[1], gap[2]) > s.tilted)
+            is_apart = bool(abs(gap[0]) > s.lifted or np.hypot(gap[1], gap[2]) > s.tilted)
         fit = self.scanner.tracker.judged(only(view, own), pose)
-        apart = apart or (fit.overlap > self.settings.tracking.overlap and fit.agreeing < _FOLLOWS)
-        apart = apart or (s.followed and self._left(view, pose))
-        self._apart = self._apart + 1 if apart else 0
+        is_apart = is_apart or (fit.overlap > self.settings.tracking.overlap and fit.agreeing < _FOLLOWS)
+        is_apart = is_apart or (s.followed and self._left(view, pose))
+        self._apart = self._apart + 1 if is_apart else 0
         return self._apart >= _TWICE
 
     def _left(self, view: DepthView, pose: Float) -> bool:
@@ -178,11 +178,11 @@ class ObjectRest:
             return False
         points = self._stood[0]
         some = numbers[:: max(len(numbers) // _LOOKS, 1)]
-        found = [
+        shares = [
             share_vacated(points, self.scanner.prepared(frame), self.scanner.poses[number][1], self._clear)
             for number, frame in self.scanner.history.frames(some)
         ]
-        return float(np.median(found)) < _VACATED
+        return float(np.median(shares)) < _VACATED
 
     @property
     def _clear(self) -> float:
@@ -217,8 +217,8 @@ class ObjectRest:
         if self._scanned is None or self._scanned[0] != self.count:
             numbers = self.scanner.history.numbers
             chosen = numbers[:: max(len(numbers) // _VIEWS, 1)]
-            found = self.scanner.history.frames(chosen)
-            views = [seen_depth(self.scanner.prepared(f), self.scanner.poses[n][1]) for n, f in found]
+            frames = self.scanner.history.frames(chosen)
+            views = [seen_depth(self.scanner.prepared(f), self.scanner.poses[n][1]) for n, f in frames]
             self._scanned = self.count, Scanned(sampled(self.parts[0], _POINTS), views)
         if not number:
             return self._scanned[1]

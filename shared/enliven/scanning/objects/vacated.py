@@ -36,7 +36,7 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     column = np.floor((lens.fx * x / z + lens.cx + 0.5) / 2).astype(int)
     row = np.floor((lens.fy * y / z + lens.cy + 0.5) / 2).astype(int)
     inside = (column >= 0) & (row >= 0) & (row < depth.shape[0]) & (column < depth.shape[1])
-    seen, z = nearest[row[inside], column[inside]], z[inside]
-    shown = (seen < 1e8) & (z < seen + clearance)
+    measured, z = nearest[row[inside], column[inside]], z[inside]
+    shown = (measured < 1e8) & (z < measured + clearance)
     count = int(np.count_nonzero(shown))
-    return float(np.count_nonzero(shown & (z < seen - clearance))) / count if count >= _FEWEST else 0.0
+    return float(np.count_nonzero(shown & (z < measured - clearance))) / count if count >= _FEWEST else 0.0
