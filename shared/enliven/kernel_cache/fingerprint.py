@@ -61,8 +61,8 @@ def _hash_function(function: FunctionType) -> tuple[str, tuple[FunctionType, ...
 def describe_code(code: CodeType) -> str:
     """Returns byte code, names and constants of a code object, without docstrings and line numbers.
 
-    Parameters count by name, since they may be passed by keyword. Other local variables count by number: the byte
-    code reads them by their index.
+    Parameters count by name, since they may be passed by keyword. Other local variables count by number: the
+    byte code reads them by their index.
     """
     constants = code.co_consts[1:] if _starts_with_docstring(code) else code.co_consts
     parameters = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
