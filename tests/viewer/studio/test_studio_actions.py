@@ -166,10 +166,10 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     ]
     for room in ("", "Here", "There"):
         in_room = [action for action in actions if (room in action.rooms if room else not action.rooms)]
-        keys = [key for action in in_room for key in actions.keys_of(action)]
-        assert len(keys) == len(set(keys)), "a key has one meaning in a workspace"
+        room_keys = [key for action in in_room for key in actions.keys_of(action)]
+        assert len(room_keys) == len(set(room_keys)), "a key has one meaning in a workspace"
         reopened.room = lambda room=room: room
-        for key in keys:
+        for key in room_keys:
             done.clear()
             assert reopened.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
 
