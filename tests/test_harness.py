@@ -22,9 +22,9 @@ FILES = [str(HERE / "shared" / name) for name in ("test_health.py", "test_masks.
 def collected(*options: str) -> list[str]:
     """The tests of three files in the order in which they would be run."""
     command = [sys.executable, "-m", "pytest", "--collect-only", *options, *FILES]
-    said = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300)
-    assert said.returncode == 0, said.stdout
-    return [line for line in said.stdout.splitlines() if "::" in line]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300)
+    assert result.returncode == 0, result.stdout
+    return [line for line in result.stdout.splitlines() if "::" in line]
 
 
 def seen_in_a_run() -> list[int]:
@@ -41,8 +41,8 @@ def seen_in_a_run() -> list[int]:
 
 def test_laws_see_the_same_examples_unless_asked_to_search():
     steady = hypothesis.settings.get_current_profile_name() == "steady"
-    one, other = seen_in_a_run(), seen_in_a_run()
-    assert len(one) > 50 and (one == other) == steady
+    first, second = seen_in_a_run(), seen_in_a_run()
+    assert len(first) > 50 and (first == second) == steady
 
 
 def test_a_shuffled_order_has_every_test_once_and_keeps_files_together():
@@ -59,11 +59,11 @@ def test_the_longest_files_run_first():
     assert [path for path in table if not path.is_file()] == [], "run: make test ARGS=--record-durations"
     shortest = str(list(table)[-1])
     command = [sys.executable, "-m", "pytest", "--collect-only", *FILES, shortest]
-    said = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300).stdout
-    files = [line.split("::")[0] for line in said.splitlines() if "::" in line]
+    output = subprocess.run(command, capture_output=True, text=True, cwd=HERE.parent, timeout=300).stdout
+    files = [line.split("::")[0] for line in output.splitlines() if "::" in line]
     assert (HERE.parent / files[0]).samefile(shortest) and not (HERE.parent / files[-1]).samefile(shortest)
-    taken = {"tests/a/test_b.py": 7.4, "tests/test_c.py": 90.0, "tests/test_short.py": 0.1}
-    assert table_of(taken) == "90 test_c.py\n7 a/test_b.py\n"
+    seconds_of = {"tests/a/test_b.py": 7.4, "tests/test_c.py": 90.0, "tests/test_short.py": 0.1}
+    assert table_of(seconds_of) == "90 test_c.py\n7 a/test_b.py\n"
 
 
 def test_rounding_is_let_through_and_nothing_else():

@@ -228,13 +228,13 @@ def _volumes() -> Iterator[Figure]:
                 solver.set_handles([Handle(str(k), tuple(end)) for k, end in enumerate(ends)])
                 shift = np.array([0.0, by * tall, 0.0])
                 for _ in range(40):
-                    made = solver.solve(
+                    solved = solver.solve(
                         {
                             str(k): mesh.vertices[end] + side * shift
                             for k, (end, side) in enumerate(zip(ends, (1, -1), strict=True))
                         }
                     )
-                drift[kind] = abs(_volume(mesh, made) / _volume(mesh, mesh.vertices) - 1)
+                drift[kind] = abs(_volume(mesh, solved) / _volume(mesh, mesh.vertices) - 1)
             yield Figure(
                 f"arap.volume_drift_{way}_{shape}",
                 drift[True],

@@ -66,14 +66,14 @@ def _round(mesh: Mesh, wanted: Float) -> Figure:
         maps = Maps(mesh.vertices, pivots, own, weight, _FREE).of(wanted)
         return _off(mesh.vertices, pivots, own, weight, maps, wanted)
 
-    found = ours()
+    fitted = ours()
     took = _least(ours, 5)
     begun = time.perf_counter()
     own, weight = plain_weights(mesh.vertices, pivots, start, candidates, wanted)
     maps = plain_maps(mesh.vertices, pivots, own, weight, wanted)
     theirs = time.perf_counter() - begun
     off = _off(mesh.vertices, pivots, own, weight, maps, wanted)
-    np.testing.assert_allclose(found, off, rtol=0.2, err_msg="both rounds should come out alike")
+    np.testing.assert_allclose(fitted, off, rtol=0.2, err_msg="both rounds should come out alike")
     return Figure("examples.bake_round_s_10k", took, "s", "numpy and scipy", theirs / took)
 
 
@@ -89,9 +89,9 @@ def plain_weights(
         heavy = 1e3 * max(float(np.linalg.norm(away)), 1e-12)
         matrix = np.concatenate([away.T, np.full((1, len(among)), heavy)])
         right = np.append(np.zeros(matrix.shape[0] - 1), heavy)
-        kept = np.argsort(nnls(matrix, right)[0])[-4:]
-        found = nnls(matrix[:, kept], right)[0]
-        indices[v], weights[v] = among[kept], found / found.sum()
+        largest = np.argsort(nnls(matrix, right)[0])[-4:]
+        solution = nnls(matrix[:, largest], right)[0]
+        indices[v], weights[v] = among[largest], solution / solution.sum()
     return indices, weights
 
 
@@ -105,8 +105,8 @@ def plain_maps(rest: Float, pivots: Float, indices: Int32, weights: Float, wante
     values = (weights[:, :, None] * local).ravel()
     design = sparse.csc_matrix((values, (rows, columns)), shape=(len(rest), 4 * count))
     normal = (design.T @ design + 1e-8 * sparse.eye(4 * count)).tocsc()
-    found = splu(normal).solve(design.T @ wanted.reshape(len(rest), -1))
-    return np.ascontiguousarray(found.reshape(count, 4, frames, 3).transpose(2, 0, 1, 3))
+    solution = splu(normal).solve(design.T @ wanted.reshape(len(rest), -1))
+    return np.ascontiguousarray(solution.reshape(count, 4, frames, 3).transpose(2, 0, 1, 3))
 
 
 def bean(count: int) -> Mesh:

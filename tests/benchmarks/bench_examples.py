@@ -71,12 +71,16 @@ def figures() -> Iterator[Figure]:
     live = LiveExamples(mapping, STEP, 6)
     took = [_timed(lambda pose=pose: live.push(pose)) for pose in poses[:600]]
     yield Figure("examples.live_ms", 1000 * float(np.median(took[10:])), "ms")
-    found = list(travels())
-    if found:
-        offsets = [one.offset for one in found]
+    travelled = list(travels())
+    if travelled:
+        offsets = [travel.offset for travel in travelled]
         yield Figure("examples.travel_offset_m", max(offsets), "m")
         yield Figure("examples.travel_offset_m_median", float(np.median(offsets)), "m")
-        steps = [one.slide for one in found if one.take in ("walks", "strolls") and "*" in one.pairs]
+        steps = [
+            travel.slide
+            for travel in travelled
+            if travel.take in ("walks", "strolls") and "*" in travel.pairs
+        ]
         yield Figure("examples.walk_slide_cm_s", max(steps), "cm/s")
 
 
@@ -120,8 +124,8 @@ def plain_solution(mapping: ExampleMap, poses: Float) -> Float:
             right[f * each : f * each + most] = nodes.right[p, f]
         to_places = sparse.block_diag(maps, "csc")
         bent = bend @ to_places
-        found = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
-        places[p] = (to_places @ found).reshape(frames, 3)
+        solution = spsolve((sparse.block_diag(blocks, "csc") + bent.T @ bent).tocsc(), right)
+        places[p] = (to_places @ solution).reshape(frames, 3)
     return mapping.in_metres(places)
 
 

@@ -80,15 +80,15 @@ def _synthetic() -> Iterator[Figure]:
         collectors.append(collector)
     streams = {c.name: c.stream() for c in collectors}
     start = time.perf_counter()
-    made = calibrate(list(streams.values()))
+    calibration = calibrate(list(streams.values()))
     yield Figure(f"{NAME}.calibration_s", time.perf_counter() - start, "s")
-    space = made.space({c.name: c.level_from_camera for c in collectors})
-    found = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
+    space = calibration.space({c.name: c.level_from_camera for c in collectors})
+    pose = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     offset = space.sensors["right"].clock_offset_ns - space.sensors["left"].clock_offset_ns
     clock = abs(offset * 1e-6 - 1e3 * (CLOCKS["left"] - CLOCKS["right"]))
-    yield Figure(f"{NAME}.calibration_error_mm", 1e3 * float(np.linalg.norm((found - true)[:3, 3])), "mm")
-    yield Figure(f"{NAME}.calibration_error_deg", float(np.degrees(angle_between(found, true))), "deg")
+    yield Figure(f"{NAME}.calibration_error_mm", 1e3 * float(np.linalg.norm((pose - true)[:3, 3])), "mm")
+    yield Figure(f"{NAME}.calibration_error_deg", float(np.degrees(angle_between(pose, true))), "deg")
     yield Figure(f"{NAME}.calibration_clock_ms", clock, "ms")
     frames = {c.name: c.frames_in_level() for c in collectors}
     both = list(fused(frames, space, Fuser(eyes(space))))
@@ -133,18 +133,18 @@ def _real(study: int) -> Iterator[Figure]:
     (path,) = MULTITRACK.glob(f"Study_{study}_*.csv")
     reader = MultiTrackReader()
     reader.clock = "Skeleton_Time"
-    seen = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
-    made = calibrate([stream_of(name, frames) for name, frames in seen.items()])
-    space = made.space()
-    both = list(fused(seen, space, Fuser(eyes(space))))
-    alone = [_in_space(seen[name], space, name) for name in KINECTS]
+    frames_of = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
+    calibration = calibrate([stream_of(name, frames) for name, frames in frames_of.items()])
+    space = calibration.space()
+    both = list(fused(frames_of, space, Fuser(eyes(space))))
+    alone = [_in_space(frames_of[name], space, name) for name in KINECTS]
     minutes = (both[-1].time_ns - both[0].time_ns) / 6e10
     fits = [agreement(both, frames) for frames in alone]
     name = f"{NAME}.study_{study}"
-    yield Figure(f"{name}.calibration_rms_mm", 1e3 * made.pairs[0].quality.rms, "mm")
+    yield Figure(f"{name}.calibration_rms_mm", 1e3 * calibration.pairs[0].quality.rms, "mm")
     yield Figure(f"{name}.swaps_per_minute", sum(changes for _, changes in fits) / minutes, "1/min")
     yield Figure(f"{name}.identities", len({b.id for f in both for b in f.bodies}), "")
-    yield Figure(f"{name}.agreement_mm", float(np.mean([apart for apart, _ in fits])), "mm")
+    yield Figure(f"{name}.agreement_mm", float(np.mean([distance for distance, _ in fits])), "mm")
     calm, before = jitter_mm(both), float(np.mean([jitter_mm(frames) for frames in alone]))
     yield Figure(f"{name}.jitter_mm", calm, "mm", "one Kinect alone", before / calm)
 
@@ -158,7 +158,7 @@ def _cost() -> Iterator[Figure]:
     took = []
     for n in range(400):
         now = n * 33_333_333
-        told = [
+        reports = [
             [
                 Body(i, person + spot + 0.01 * random.normal(size=(20, 3)), np.ones(20))
                 for i, spot in enumerate(spots)
@@ -166,7 +166,7 @@ def _cost() -> Iterator[Figure]:
             for _ in fuser.views
         ]
         start = time.perf_counter()
-        for view, bodies in zip(fuser.views, told, strict=True):
+        for view, bodies in zip(fuser.views, reports, strict=True):
             fuser.update(view.name, bodies, now)
         fuser.bodies(now)
         took.append(time.perf_counter() - start)

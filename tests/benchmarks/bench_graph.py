@@ -39,15 +39,15 @@ def _limbs() -> Iterator[Figure]:
         limbs = Limbs.of(mesh, case)
         for nodes in NODES:
             graph, other = DeformationGraph.build(mesh, nodes), plain_graph(mesh, nodes)
-            for sums, one, skin in (
+            for sums, built, skin in (
                 (ours, graph, graph.skin(mesh)),
                 (plain, other, plain_skin(mesh, other)),
             ):
-                sums[0] += limbs.joined(one.positions, one.edges)
-                sums[1] += 0 if case.name in SHELLS else detours(mesh, one.positions, one.edges)
-                sums[2] += limbs.misled(one.positions, skin)
-    told = ("edges", "edges", "vertices")
-    for name, mine, other, unit in zip(("joined_legs", "detours", "misled"), ours, plain, told, strict=True):
+                sums[0] += limbs.joined(built.positions, built.edges)
+                sums[1] += 0 if case.name in SHELLS else detours(mesh, built.positions, built.edges)
+                sums[2] += limbs.misled(built.positions, skin)
+    units = ("edges", "edges", "vertices")
+    for name, mine, other, unit in zip(("joined_legs", "detours", "misled"), ours, plain, units, strict=True):
         yield Figure(
             f"graph.{name}", mine, unit, f"Euclidean 4-NN's {other}", max(other, 1e-9) / max(mine, 1)
         )

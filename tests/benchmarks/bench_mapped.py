@@ -39,21 +39,21 @@ bone."""
 def figures() -> Iterator[Figure]:
     """Yields limbs found, bodies found with certainty, processor time, the performer's position, and the
     attachment."""
-    found, before, certain, times = 0, 0, 0, []
+    limb_count, before, certain, times = 0, 0, 0, []
     off, far = [], []
     for make in BODIES.values():
-        known = make()
-        graph = DeformationGraph.build(known.mesh, nodes=128)
+        body = make()
+        graph = DeformationGraph.build(body.mesh, nodes=128)
         start = time.process_time()
-        like = find_body_in_mesh(known.mesh, graph)
+        like = find_body_in_mesh(body.mesh, graph)
         times.append(1e3 * (time.process_time() - start))
-        found += sum(limbs_found(like.joints, known).values())
-        before += sum(limbs_found(body_by_extremities(graph).joints, known).values())
+        limb_count += sum(limbs_found(like.joints, body).values())
+        before += sum(limbs_found(body_by_extremities(graph).joints, body).values())
         certain += not like.doubts
-        fitted, joints = _in_fitted(known)
+        fitted, joints = _in_fitted(body)
         off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))
         far.append(100.0 * _held_far(fitted, joints))
-    yield Figure("mapped.limbs", found, "of 40 arms and legs", PEER, found / before)
+    yield Figure("mapped.limbs", limb_count, "of 40 arms and legs", PEER, limb_count / before)
     yield Figure("mapped.certain", certain, "of 10 bodies")
     yield Figure("mapped.stand_off_cm", max(off), "cm from back to back, the worst of ten")
     yield Figure("mapped.held_far_pct", float(np.mean(far)), "% of the hold is on another limb's skin")

@@ -38,10 +38,10 @@ def figures() -> Iterator[Figure]:
         graph.add_edges_from(
             (a, b, {"length": float(np.linalg.norm(positions[a] - positions[b]))}) for a, b in links
         )
-        found = plain_matching.candidates(graph)
-        _same(matcher, source, view, plain_matching.ranked(found, source, view.axes, BLUR))
+        candidates = plain_matching.candidates(graph)
+        _same(matcher, source, view, plain_matching.ranked(candidates, source, view.axes, BLUR))
         ours = _milliseconds(lambda m=matcher: m.rank(source, view), REPEATS)
-        plain = _milliseconds(lambda f=found: plain_matching.ranked(f, source, view.axes, BLUR), 5)
+        plain = _milliseconds(lambda f=candidates: plain_matching.ranked(f, source, view.axes, BLUR), 5)
         yield Figure(f"matching.rank_ms_{joints}", ours, "ms", "plain networkx", plain / ours)
         yield Figure(f"matching.prepare_ms_{joints}", prepared, "ms")
 

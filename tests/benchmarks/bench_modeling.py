@@ -91,18 +91,18 @@ def cut_figure() -> Figure:
 def split_by_library(mesh: Mesh) -> None:
     """Converts to the library's mesh, cuts, and converts back: both sides with caps, everywhere the plane
     intersects."""
-    made = manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices, mesh.faces.astype(np.uint64)))
-    for side in made.split_by_plane((0.0, 0.0, 1.0), 0.97):
+    solid = manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices, mesh.faces.astype(np.uint64)))
+    for side in solid.split_by_plane((0.0, 0.0, 1.0), 0.97):
         side.to_mesh64()
 
 
 def union_figure() -> Figure:
-    made = trimesh.creation.icosphere(5)
-    first = Mesh(made.vertices, made.faces, "first")
-    second = Mesh(made.vertices * 0.8 + np.array([0.9, 0.1, 0.05]), made.faces, "second")
+    sphere = trimesh.creation.icosphere(5)
+    first = Mesh(sphere.vertices, sphere.faces, "first")
+    second = Mesh(sphere.vertices * 0.8 + np.array([0.9, 0.1, 0.05]), sphere.faces, "second")
     skins = [one_bone(mesh) for mesh in (first, second)]
     ours = least(lambda: united(first, skins[0], second, skins[1], 1))
-    faces = made.faces.astype(np.int64)
+    faces = sphere.faces.astype(np.int64)
     peer = least(
         lambda: igl.copyleft.cgal.mesh_boolean(first.vertices, faces, second.vertices, faces, "union"), 0.0, 2
     )

@@ -51,12 +51,12 @@ def figures() -> Iterator[Figure]:
         actor = PuppetActor(project, puppet)
         actor.warm_up()
         runs.append(_performed(actor))
-    poses, seen, _ = runs[0]
+    poses, bodies_seen, _ = runs[0]
     took = np.min([run[2] for run in runs], axis=0)
     frame = float(np.median(took[30:]))
     mapping = ExampleMap(examples_of(project, puppet), puppet.examples)
     samples = actor.settings.rate / RATE
-    theirs = samples * _plain(mapping, seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
+    theirs = samples * _plain(mapping, bodies_seen, 1.0 / actor.settings.rate, actor.settings.lag + 1 + _OUT)
     yield Figure("puppets.frame_ms", 1000 * frame, "ms", "scipy spsolve", theirs / frame)
     yield Figure("puppets.frame_p99_ms", 1000 * float(np.percentile(took[30:], 99)), "ms")
     yield Figure("puppets.delay_ms", 1000 * (actor.settings.lag + 1) / actor.settings.rate, "ms")
@@ -64,7 +64,7 @@ def figures() -> Iterator[Figure]:
     messages = [
         pack_stream(pose_to_message(pose, codec, revision=1, sequence=k)) for k, pose in enumerate(poses)
     ]
-    yield Figure("puppets.pose_bytes", float(np.median([len(one) for one in messages])), "bytes")
+    yield Figure("puppets.pose_bytes", float(np.median([len(message) for message in messages])), "bytes")
     yield Figure("puppets.surface_ms", 1000 * _surface(actor, poses), "ms")
 
 

@@ -105,9 +105,9 @@ def _convention(model: Path) -> str:
 def _pinned_glb(model: Path, take: Clip) -> bytes:
     """Returns the GLB that the command writes with ``--travel --pin``."""
     shape = read_gltf(model).shape
-    made = retarget(shape, take, replace(automatic(take, shape), travel=True, pin=True))
+    result = retarget(shape, take, replace(automatic(take, shape), travel=True, pin=True))
     rate = min(60.0, 1.0 / take.step)
-    return glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
+    return glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
 
 
 def _people_figures() -> Iterator[Figure]:
@@ -118,17 +118,17 @@ def _people_figures() -> Iterator[Figure]:
         shape, convention = read_gltf(model).shape, _convention(model)
         for path in takes:
             take = _take(path)
-            made = retarget(shape, take)
+            result = retarget(shape, take)
             rate = min(60.0, 1.0 / take.step)
-            glb = glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
+            glb = glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
             errors = limb_errors(path, glb, convention)
             medians.append(max(float(np.median(some)) for some in errors.values()))
             p90s.append(max(float(np.percentile(some, 90)) for some in errors.values()))
-            pinned = retarget(shape, take, replace(made.plan, travel=True, pin=True))
+            pinned = retarget(shape, take, replace(result.plan, travel=True, pin=True))
             quality = quality_of(pinned.project, shape.id, take, pinned.duration, pinned.plan)
             slides.append(quality.slide or 0.0)
-            told = ", ".join(f"{limb} {np.median(some):.1f}" for limb, some in errors.items())
-            lines.append(f"{model.stem:26s} {path.stem:38s} {told}; with --travel --pin: {quality}")
+            limb_text = ", ".join(f"{limb} {np.median(some):.1f}" for limb, some in errors.items())
+            lines.append(f"{model.stem:26s} {path.stem:38s} {limb_text}; with --travel --pin: {quality}")
     if not medians:
         return
     out = HERE / "out" / "retarget_people.txt"
@@ -150,14 +150,16 @@ def _model_figures() -> Iterator[Figure]:
     out.write_text("\n".join(_line(*row) for row in rows) + "\n", encoding="utf-8")
     for name, chosen in (("", rows), ("_sealed", [row for row in rows if _sealed(row[0], row[1])])):
         quality = [row[2] for row in chosen]
-        stretch = np.array([one.stretch for one in quality])
+        stretch = np.array([motion.stretch for motion in quality])
         yield Figure(f"retarget.stretch_p99{name}", float(stretch.max()), "ratio")
         yield Figure(f"retarget.stretch_p99_median{name}", float(np.median(stretch)), "ratio")
         yield Figure(f"retarget.stretch_within_pct{name}", 100.0 * float((stretch <= BOUND).mean()), "%")
-        off = np.array([max(one.sunk, one.afloat or 0.0) for one in quality if one.sunk is not None])
+        off = np.array(
+            [max(motion.sunk, motion.afloat or 0.0) for motion in quality if motion.sunk is not None]
+        )
         yield Figure(f"retarget.floor_pct{name}", 100.0 * float((off <= LEVEL).mean()), "%")
         yield Figure(f"retarget.floor_off_worst_pct{name}", 100.0 * float(off.max()), "% of the height")
-        slides = [one.slide for one in quality if one.slide is not None]
+        slides = [motion.slide for motion in quality if motion.slide is not None]
         yield Figure(f"retarget.slide_cm_s{name}", float(np.median(slides)), "cm/s")
         yield Figure(f"retarget.slide_cm_s_mean{name}", float(np.mean(slides)), "cm/s")
     symmetric = np.array([row[3] for row in rows if row[3] is not None])
@@ -185,9 +187,9 @@ def _take(path: Path) -> Clip:
 
 def _measured(shape: Shape, take: Clip) -> tuple[MotionQuality, bool | None]:
     plan = replace(automatic(take, shape), travel=True, pin=True)
-    made = retarget(shape, take, plan)
-    quality = quality_of(made.project, made.shape_id, take, made.duration, plan)
-    return quality, _symmetric(plan, shape.skeleton, made.model_facing)
+    result = retarget(shape, take, plan)
+    quality = quality_of(result.project, result.shape_id, take, result.duration, plan)
+    return quality, _symmetric(plan, shape.skeleton, result.model_facing)
 
 
 def _symmetric(plan: Plan, skeleton: Skeleton, facing: float) -> bool | None:

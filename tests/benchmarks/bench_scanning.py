@@ -79,11 +79,11 @@ def figures() -> Iterator[Figure]:
     if folder.is_dir():
         posed = list(itertools.islice(PosedDepthReader().read(sorted(folder.iterdir())), 300))
         settings = ScanSettings(volume=VolumeSettings(voxel=0.01, reach=5.0))
-        scanner, told = Scanner(settings), [frame.world_from_camera for frame in posed]
-        found, _ = _way(scanner, posed, told[0])
-        yield Figure("scanning.ate_mm_kitchen_tracked", 1e3 * _apart(found, told), "mm")
+        scanner, true_poses = Scanner(settings), [frame.world_from_camera for frame in posed]
+        poses, _ = _way(scanner, posed, true_poses[0])
+        yield Figure("scanning.ate_mm_kitchen_tracked", 1e3 * _apart(poses, true_poses), "mm")
         scanner.close_loops()
-        ours, theirs = _matched(scanner, posed, told)
+        ours, theirs = _matched(scanner, posed, true_poses)
         yield Figure("scanning.ate_mm_kitchen", 1e3 * _apart(ours, theirs), "mm")
         images = {frame.time_ns: frame for frame in posed}
         fused = [images[time_ns] for time_ns, _ in scanner.poses]
@@ -151,39 +151,39 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
             tracked.append(time.perf_counter() - start)
 
     scanner.tracker.align = timed
-    found, took = _way(scanner, frames, truth[0])
+    poses, took = _way(scanner, frames, truth[0])
     yield Figure("scanning.track_ms", 1e3 * float(np.median(tracked)), "ms")
     yield Figure("scanning.fps", 1.0 / float(np.median(took)), "1/s")
-    yield Figure("scanning.ate_mm_object", 1e3 * _apart(found, truth), "mm")
+    yield Figure("scanning.ate_mm_object", 1e3 * _apart(poses, truth), "mm")
     start = time.perf_counter()
     closed = scanner.close_loops()
     yield Figure("scanning.close_s", time.perf_counter() - start, "s")
     if closed is not None and closed.taken:
-        found, truth = _matched(scanner, frames, truth)
+        poses, truth = _matched(scanner, frames, truth)
     meshed = time.perf_counter()
     thing = scanner.thing()
     yield Figure("scanning.mesh_s", time.perf_counter() - meshed, "s")
-    made = decimated(thing, 50_000)
+    reduced = decimated(thing, 50_000)
     with tempfile.TemporaryDirectory() as folder:
-        save_mesh(made.mesh, Path(folder) / "chair.glb")
+        save_mesh(reduced.mesh, Path(folder) / "chair.glb")
         cast_mesh(load_mesh(Path(folder) / "chair.glb").mesh, "chair").warm_up()
     yield Figure("scanning.to_possess_s", time.perf_counter() - start, "s")
     yield Figure("scanning.triangles", float(len(thing.faces)), "triangles")
-    yield Figure("scanning.decimated_mm", 1e3 * made.mean, "mm")
+    yield Figure("scanning.decimated_mm", 1e3 * reduced.mean, "mm")
     yield Figure("scanning.mb", scanner.megabytes, "MB")
-    turn, move = _laid(np.array([p[:3, 3] for p in found]), np.array([p[:3, 3] for p in truth]))
-    whole = scanner.surface()
-    near = _near(Mesh(whole.vertices @ turn.T + move, whole.faces), scan.thing)
+    turn, move = _laid(np.array([p[:3, 3] for p in poses]), np.array([p[:3, 3] for p in truth]))
+    surface = scanner.surface()
+    near = _near(Mesh(surface.vertices @ turn.T + move, surface.faces), scan.thing)
     points = _sampled(scan.thing, 600_000)
     error = _errors(near, points)
     yield Figure("scanning.surface_mm", 1e3 * float(error.mean()), "mm")
     yield Figure("scanning.surface_mm_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     # A million samples are closer together than NEAR; with a tenth of them, an eighth of a complete surface
     # would seem missing.
-    there = cKDTree(_sampled(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
-    seen = _seen(scan, points[0][::12], points[1][::12])
-    yield Figure("scanning.completeness", float(there[seen].mean()), "of what the camera's way shows")
-    yield Figure("scanning.completeness_all", float(there.mean()), "of the surface, undersides included")
+    is_near = cKDTree(_sampled(near, 1_000_000)[0]).query(points[0][::12])[0] < NEAR
+    is_seen = _seen(scan, points[0][::12], points[1][::12])
+    yield Figure("scanning.completeness", float(is_near[is_seen].mean()), "of what the camera's way shows")
+    yield Figure("scanning.completeness_all", float(is_near.mean()), "of the surface, undersides included")
 
 
 def _laid_down(chair: Mesh) -> Iterator[Figure]:
@@ -252,16 +252,16 @@ def _way(
     scanner: Scanner, frames: list[DepthFrame], first: np.ndarray
 ) -> tuple[list[np.ndarray], list[float]]:
     """Returns the poses estimated for frames without poses, except the first, and the seconds for each."""
-    found, took = [], []
+    poses, took = [], []
     for n, frame in enumerate(frames):
-        told = DepthFrame(
+        posed_frame = DepthFrame(
             frame.depth, frame.intrinsics, frame.time_ns, frame.sensor, world_from_camera=None if n else first
         )
         start = time.perf_counter()
-        step = scanner.add(told)
+        step = scanner.add(posed_frame)
         took.append(time.perf_counter() - start)
-        found.append(step.world_from_camera)
-    return found, took
+        poses.append(step.world_from_camera)
+    return poses, took
 
 
 def _matched(
@@ -281,7 +281,7 @@ def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSetti
         scanner.tracker.judged(scanner.prepared(frame), pose)
         for frame, pose in zip(frames, poses, strict=True)
     )
-    return float(np.mean([found.error for found in judged]))
+    return float(np.mean([match.error for match in judged]))
 
 
 def _laid(these: np.ndarray, those: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,9 +48,11 @@ def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
     """Yields the distance between the scan and the object, above the floor, and the completeness."""
     low, high = truth.bounds
     inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)
-    made = whole.with_faces(inside[whole.faces].all(1))
-    error = distances(truth, sampled(made, 20_000).points)
+    inner = whole.with_faces(inside[whole.faces].all(1))
+    error = distances(truth, sampled(inner, 20_000).points)
     yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
-    there = cKDTree(sampled(made, 400_000).points).query(sampled(truth, 20_000).points)[0] < NEAR
-    yield Figure(f"scanning.completeness_{name}", float(there.mean()), "of the surface, undersides included")
+    is_near = cKDTree(sampled(inner, 400_000).points).query(sampled(truth, 20_000).points)[0] < NEAR
+    yield Figure(
+        f"scanning.completeness_{name}", float(is_near.mean()), "of the surface, undersides included"
+    )

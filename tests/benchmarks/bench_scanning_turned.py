@@ -79,5 +79,5 @@ def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     yield Figure(f"scanning.too_much_{name}", float((error > NEAR).mean()), "of the mesh, hands and the like")
     tree = cKDTree(sampled(made, 200_000).points)
-    there = tree.query(sampled(truth, 20_000).points)[0] < NEAR
-    yield Figure(f"scanning.completeness_{name}", float(there.mean()), "of the surface, within 1 cm")
+    is_near = tree.query(sampled(truth, 20_000).points)[0] < NEAR
+    yield Figure(f"scanning.completeness_{name}", float(is_near.mean()), "of the surface, within 1 cm")

@@ -63,11 +63,11 @@ def figures() -> Iterator[Figure]:
     fast, plain = _fps([lambda: ours.depth(left, right), lambda: peer.depth(left, right)])
     yield Figure("sensors.stereo_fps", fast, "images a second on one core", PEER, fast / plain)
     for z in DISTANCES:
-        error, known, wrong = _judged(ours.depth, scenes[z])
+        error, known_share, wrong = _judged(ours.depth, scenes[z])
         others, _, others_wrong = _judged(peer.depth, scenes[z])
         name = "" if z == 2 else f".{z}m"
         yield Figure(f"sensors.stereo_error_mm{name}", error, f"mm at {z} m", PEER, others / error)
-        yield Figure(f"sensors.stereo_known{name}", 100 * known, "% of the person")
+        yield Figure(f"sensors.stereo_known{name}", 100 * known_share, "% of the person")
         yield Figure(f"sensors.stereo_wrong{name}", 100 * wrong, "% of that", PEER, others_wrong / wrong)
 
 
@@ -88,15 +88,15 @@ def _judged(
 ) -> tuple[float, float, float]:
     """Returns (median error in millimetres, fraction of the person with depth, fraction of that which is
     wrong)."""
-    off, known, all_off = [], [], []
+    off, shares, all_off = [], [], []
     for left, right, truth, body in scenes:
-        found = 1e-3 * depth(left, right)
-        there = body & (found > 0)
-        off.append(np.abs(found - truth)[there])
-        all_off.append(off[-1] / truth[there])
-        known.append(there.sum() / body.sum())
+        metres = 1e-3 * depth(left, right)
+        is_known = body & (metres > 0)
+        off.append(np.abs(metres - truth)[is_known])
+        all_off.append(off[-1] / truth[is_known])
+        shares.append(is_known.sum() / body.sum())
     median = 1e3 * float(np.median(np.concatenate(off)))
-    return median, float(np.mean(known)), float((np.concatenate(all_off) > WRONG).mean())
+    return median, float(np.mean(shares)), float((np.concatenate(all_off) > WRONG).mean())
 
 
 def _fps(works: list[Callable[[], object]]) -> list[float]:

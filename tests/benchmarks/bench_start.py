@@ -76,8 +76,8 @@ def _help() -> float:
 
 def _frames() -> list[float]:
     """Returns the milliseconds of each of the first frames."""
-    made = subprocess.run([sys.executable, "-c", FIRST_FRAME], check=True, capture_output=True, text=True)
-    return [float(line) for line in made.stdout.split()]
+    result = subprocess.run([sys.executable, "-c", FIRST_FRAME], check=True, capture_output=True, text=True)
+    return [float(line) for line in result.stdout.split()]
 
 
 def first_pose(patience: float = PATIENCE, **environment: str) -> float:

@@ -61,13 +61,13 @@ def figures() -> Iterator[Figure]:
 
 def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
     total, rough = Scores(), Scores()
-    first, one = [], []
+    first, single_costs = [], []
     for sequence in sequences(split):
         scores = evaluated(sequence)
         (rough if sequence.kind == "trouble" else total).add(scores)
         first.append(scores.cost[0])
         if sequence.kind in ("accuracy", "still") and len(sequence.people) == 1:
-            one += scores.cost[_SETTLED:]
+            single_costs += scores.cost[_SETTLED:]
     minutes = total.minutes
     yield Figure(f"{prefix}.within_10cm", total.within, "of visible joints")
     yield Figure(f"{prefix}.within_10cm_from_first", total.within_from_first, "the same from frame 0 on")
@@ -77,24 +77,28 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
         f"{prefix}.confident_and_wrong", wrong, "of joints: off by 10 cm with confidence 0.9 or more"
     )
     yield Figure(f"{prefix}.p99_ms", 1e3 * float(np.percentile(total.cost, 99)), "ms a frame, all films")
-    yield Figure(f"{prefix}.median_ms_1", 1e3 * float(np.median(one)), "ms a frame, one performer")
-    yield Figure(f"{prefix}.p99_ms_1", 1e3 * float(np.percentile(one, 99)), "ms a frame, one performer")
+    yield Figure(f"{prefix}.median_ms_1", 1e3 * float(np.median(single_costs)), "ms a frame, one performer")
+    yield Figure(
+        f"{prefix}.p99_ms_1", 1e3 * float(np.percentile(single_costs, 99)), "ms a frame, one performer"
+    )
     yield Figure(f"{prefix}.first_frame_ms", 1e3 * max(first), "ms, the slowest first frame")
     if total.jitter:
         yield Figure(f"{prefix}.jitter_mm", float(np.mean(total.jitter)), "mm")
     if total.recovery:
         yield Figure(f"{prefix}.recovery_ms", mean_recovery(total), "ms")
-        found = float(np.mean(np.isfinite(total.recovery)))
-        yield Figure(f"{prefix}.recovered", found, "of forced losses")
+        recovered = float(np.mean(np.isfinite(total.recovery)))
+        yield Figure(f"{prefix}.recovered", recovered, "of forced losses")
     yield Figure(f"{prefix}.swaps_per_minute", (total.identity + total.mirrored) / minutes, "1/min")
     yield Figure(f"{prefix}.identity_swaps_per_minute", total.identity / minutes, "1/min")
     yield Figure(f"{prefix}.left_right_swaps_per_minute", total.mirrored / minutes, "1/min")
     yield Figure(f"{prefix}.false_bodies_per_minute", total.false / minutes, "1/min")
     yield Figure(f"{prefix}.within_when_sure", total.trusted(0.9), "of joints with confidence 0.9 or more")
-    told = rough.told + total.told
-    if told:
+    reported = rough.told + total.told
+    if reported:
         yield Figure(f"{prefix}.trouble.within_10cm", rough.within, "of visible joints, bad input")
-        yield Figure(f"{prefix}.trouble.told", float(np.mean(told)), "of troubles with the input were said")
+        yield Figure(
+            f"{prefix}.trouble.told", float(np.mean(reported)), "of troubles with the input were said"
+        )
     for part, degrees in total.turned.items():
         if degrees:
             yield Figure(f"{prefix}.turned_wrong.{part}", float(np.median(degrees)), "degrees, median")
@@ -108,7 +112,7 @@ def _accuracy(split: str, prefix: str) -> Iterator[Figure]:
 def _floor(split: str, prefix: str) -> Iterator[Figure]:
     """Yields the floor's tilt error, the sensor height's error, and the time of detection: the worst of all
     films."""
-    tilts, heights, found = [], [], []
+    tilts, heights, delays = [], [], []
     for sequence in sequences(split):
         tracker, since = Tracker(), np.inf
         frames = [frame for frame, _ in rendered(sequence)[:_FLOOR_FRAMES]]
@@ -123,17 +127,17 @@ def _floor(split: str, prefix: str) -> Iterator[Figure]:
         assert fitted is not None, sequence.name
         tilts.append(np.degrees(np.arccos(min(1.0, float(true[1, :3] @ fitted[1, :3])))))
         heights.append(100.0 * abs(float(true[1, 3] - fitted[1, 3])))
-        found.append(since)
+        delays.append(since)
     yield Figure(f"{prefix}.floor_tilt_max", max(tilts), "degrees, the worst film")
     yield Figure(f"{prefix}.floor_height_max", max(heights), "cm, the worst film")
-    yield Figure(f"{prefix}.floor_found_max", max(found), "s, the latest film")
+    yield Figure(f"{prefix}.floor_found_max", max(delays), "s, the latest film")
 
 
 def _speed() -> Iterator[Figure]:
     """Yields frames per second on one core at 640 x 400, with one performer and with four."""
     for name, only in (("fps_1", "h traffic"), ("fps_4", "h four")):
-        found = sequences(HELD_OUT, only) or sequences(HELD_OUT, "h one leg")
-        frames = [frame for frame, _ in rendered(found[0])]
+        films = sequences(HELD_OUT, only) or sequences(HELD_OUT, "h one leg")
+        frames = [frame for frame, _ in rendered(films[0])]
         tracker, cost, people = Tracker(), [], []
         for frame in frames:
             start = time.perf_counter()

@@ -113,7 +113,7 @@ def _size() -> Iterator[Figure]:
     It has four skeletons of the cactus' performer, three possessed chairs and three puppets, each with its
     own take. Memory is what Python reports after reading.
     """
-    project, made = Project(), list[str]()
+    project, names = Project(), list[str]()
     dance = _long(next(iter(cactus_project().takes.values())))
     puppet = play_take(cactus_project().with_takes(dance), "cactus", dance.id)
     dancer = Project().with_takes(dance).with_characters(still_shape("dancer", dance.skeleton))
@@ -123,15 +123,15 @@ def _size() -> Iterator[Figure]:
     for source, character, count in ((dancer, "dancer", 4), (chair, name, 3), (puppet, "cactus", 3)):
         for number in range(count):
             project, pasted = paste_character(project, _later(source, number), character)
-            made.append(pasted)
-    assert len(set(made)) == len(project.characters) == 10
+            names.append(pasted)
+    assert len(set(names)) == len(project.characters) == 10
     stored = project_bytes(project)
     tracemalloc.start()
     read = project_of(stored)
-    held = tracemalloc.get_traced_memory()[0]
+    used_bytes = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert (len(read.characters), len(read.takes), len(read.streams)) == (10, 6, 3)
-    yield Figure("window.project_mb", held / 1e6, "MB")
+    yield Figure("window.project_mb", used_bytes / 1e6, "MB")
     yield Figure("window.project_disk_mb", len(stored) / 1e6, "MB")
 
 
@@ -140,12 +140,12 @@ def _later(project: Project, number: int) -> Project:
     motion."""
     by = 7 * number
     takes = [
-        replace(one, turns=np.roll(one.turns, by, 0), root=np.roll(one.root, by, 0))
-        for one in project.takes.values()
+        replace(take, turns=np.roll(take.turns, by, 0), root=np.roll(take.root, by, 0))
+        for take in project.takes.values()
     ]
     streams = [
-        replace(one, linear=np.roll(one.linear, by, 0), positions=np.roll(one.positions, by, 0))
-        for one in project.streams.values()
+        replace(stream, linear=np.roll(stream.linear, by, 0), positions=np.roll(stream.positions, by, 0))
+        for stream in project.streams.values()
     ]
     return project.with_takes(*takes).with_streams(*streams)
 

@@ -36,7 +36,9 @@ def figures() -> Iterator[Figure]:
     camera.frame(box, SIZE[0] / SIZE[1], at_once=True)
     wall, busy = [], []
     for frame in range(FRAMES + 3):
-        actors = tuple(SceneCharacter(one, _pose(one, frame / 30 + k)) for k, one in enumerate(crowd))
+        actors = tuple(
+            SceneCharacter(character, _pose(character, frame / 30 + k)) for k, character in enumerate(crowd)
+        )
         began, before = time.perf_counter(), time.process_time()
         renderer.draw(Scene(actors, (), PLAIN, extent=box), camera.view(SIZE[0] / SIZE[1]))
         ctx.finish()
@@ -76,8 +78,10 @@ def _character(name: str, number: int, texture: Texture) -> Character:
     weights[:, 0], weights[:, 1] = 1 - share, share
     pivots = place + np.linspace([0, 0, 0], [0, 1.7, 0], BONES)
     uv = np.stack([around / np.pi, 2 * height], -1).reshape(-1, 1, 2).astype(np.float32)
-    told = json.dumps({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.1}})
-    materials = MeshMaterials((told,), (texture,), np.zeros(len(faces), np.int32), uv[faces])
+    definition = json.dumps(
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.1}}
+    )
+    materials = MeshMaterials((definition,), (texture,), np.zeros(len(faces), np.int32), uv[faces])
     skin, edges = SkinWeights(indices, weights), np.zeros((0, 2), np.int32)
     return Character(
         name,

@@ -44,8 +44,8 @@ def write_when_whole(of_day: dict[str, list[Figure]], known: Collection[str], pa
 def written(page: str, figures: list[Figure], machine: str, day: date) -> str:
     """Returns the page with the table of these figures instead of the previous one."""
     rows = [
-        f"| `{one.name}` | {one.value:.4g} {one.unit} | {_compared(one)} |"
-        for one in sorted(figures, key=lambda one: one.name)
+        f"| `{figure.name}` | {figure.value:.4g} {figure.unit} | {_compared(figure)} |"
+        for figure in sorted(figures, key=lambda one: one.name)
     ]
     head = [
         f"Measured on {day.isoformat()} on {machine}.",

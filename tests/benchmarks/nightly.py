@@ -21,7 +21,7 @@ FUZZ_S = 600
 
 def rooms(headlines: Sequence[ratchet.Headline]) -> list[str]:
     """Returns the benchmarks that measure the figures, each once."""
-    return list(dict.fromkeys(ratchet.room_of(one.name) for one in headlines))
+    return list(dict.fromkeys(ratchet.room_of(headline.name) for headline in headlines))
 
 
 def steps(update: bool, names: Sequence[str]) -> dict[str, list[str]]:

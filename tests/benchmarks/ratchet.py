@@ -114,30 +114,32 @@ def measured_in(path: Path) -> dict[str, float]:
 
 def complaints(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[str]:
     """Returns a sentence for each figure that got worse or was not measured."""
-    said = []
-    for one in headlines:
-        if one.name not in measured:
-            said.append(f"{one.name} was not measured. Run: make bench ONLY={room_of(one.name)}.")
-        elif one.is_worse(measured[one.name]):
-            value = measured[one.name]
-            if one.value is None or not math.isfinite(value):
-                said.append(f"{one.name} is {value}, which is not a figure.")
-                continue
-            word = "at least" if one.better == "higher" else "at most"
-            said.append(
-                f"{one.name} got worse: {value:.4g} instead of {one.value:.4g}; "
-                f"{word} {one.bound:.4g} passes."
+    sentences = []
+    for headline in headlines:
+        if headline.name not in measured:
+            sentences.append(
+                f"{headline.name} was not measured. Run: make bench ONLY={room_of(headline.name)}."
             )
-    return said
+        elif headline.is_worse(measured[headline.name]):
+            value = measured[headline.name]
+            if headline.value is None or not math.isfinite(value):
+                sentences.append(f"{headline.name} is {value}, which is not a figure.")
+                continue
+            word = "at least" if headline.better == "higher" else "at most"
+            sentences.append(
+                f"{headline.name} got worse: {value:.4g} instead of {headline.value:.4g}; "
+                f"{word} {headline.bound:.4g} passes."
+            )
+    return sentences
 
 
 def improved(headlines: Iterable[Headline], measured: Mapping[str, float]) -> list[Headline]:
     """Returns the committed figures with the values that got better; a worse value changes nothing."""
     return [
-        replace(one, value=measured[one.name])
-        if one.name in measured and one.is_improved(measured[one.name])
-        else one
-        for one in headlines
+        replace(headline, value=measured[headline.name])
+        if headline.name in measured and headline.is_improved(measured[headline.name])
+        else headline
+        for headline in headlines
     ]
 
 
@@ -152,24 +154,27 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--update", action="store_true", help="store values that got better")
     parser.add_argument("--measured", type=Path, default=RESULT, help="what the benchmarks wrote")
     parser.add_argument("--headlines", type=Path, default=HEADLINES, help="the committed figures")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        headlines, measured = read_headlines(given.headlines), measured_in(given.measured)
+        headlines, measured = read_headlines(options.headlines), measured_in(options.measured)
     except BadHeadlines as error:
         print(error, file=sys.stderr)
         return 2
-    said = complaints(headlines, measured)
-    for line in said:
+    sentences = complaints(headlines, measured)
+    for line in sentences:
         print(line)
     better = improved(headlines, measured)
     changed = [new for new, old in zip(better, headlines, strict=True) if new != old]
-    if given.update and changed:
-        rows = ",\n".join(" " + json.dumps(asdict(one)) for one in better)
-        given.headlines.write_text(f"[\n{rows}\n]\n", encoding="utf-8")
-    for one in changed:
-        print(f"{one.name} got better: {one.value:.4g}" + ("" if given.update else "; --update stores it"))
-    print(f"{len(headlines) - len(said)} of {len(headlines)} headline figures hold")
-    return 1 if said else 0
+    if options.update and changed:
+        rows = ",\n".join(" " + json.dumps(asdict(headline)) for headline in better)
+        options.headlines.write_text(f"[\n{rows}\n]\n", encoding="utf-8")
+    for headline in changed:
+        print(
+            f"{headline.name} got better: {headline.value:.4g}"
+            + ("" if options.update else "; --update stores it")
+        )
+    print(f"{len(headlines) - len(sentences)} of {len(headlines)} headline figures hold")
+    return 1 if sentences else 0
 
 
 if __name__ == "__main__":

@@ -30,22 +30,22 @@ RESULT = HERE.parents[1] / "bench.json"
 
 def main(names: list[str]) -> int:
     """Returns the exit code: 0 if every benchmark ran."""
-    known = {path.stem.removeprefix("bench_"): path for path in sorted(HERE.glob("bench_*.py"))}
-    asked = {name: [key for key in known if key == name or key.startswith(name + "_")] for name in names}
-    unknown = [name for name, found in asked.items() if not found]
+    benchmarks = {path.stem.removeprefix("bench_"): path for path in sorted(HERE.glob("bench_*.py"))}
+    asked = {name: [key for key in benchmarks if key == name or key.startswith(name + "_")] for name in names}
+    unknown = [name for name, matches in asked.items() if not matches]
     if unknown:
-        print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(known)}", file=sys.stderr)
+        print(f"no benchmark called {', '.join(unknown)}; known: {', '.join(benchmarks)}", file=sys.stderr)
         return 2
     missing: list[str] = []
-    for name in dict.fromkeys(key for found in asked.values() for key in found) or known:
+    for name in dict.fromkeys(key for matches in asked.values() for key in matches) or benchmarks:
         figures = []
-        for figure in _module(known[name]).figures():
+        for figure in _module(benchmarks[name]).figures():
             print(figure, flush=True)
             _keep(figure)
             figures.append(figure)
-        missing = write_when_whole(gathered(name, figures, this_machine(), date.today()), known)
-    said = f"not measured here today, so {PAGE.name} is as it was: {', '.join(missing)}"
-    print(said if missing else f"{PAGE.name} is written", file=sys.stderr)
+        missing = write_when_whole(gathered(name, figures, this_machine(), date.today()), benchmarks)
+    message = f"not measured here today, so {PAGE.name} is as it was: {', '.join(missing)}"
+    print(message if missing else f"{PAGE.name} is written", file=sys.stderr)
     return 0
 
 

@@ -103,11 +103,11 @@ def test_a_file_that_is_not_one_of_figures_is_refused(tmp_path, capsys, text, wo
 
 def test_the_committed_figures_are_measured_by_benchmarks() -> None:
     headlines = ratchet.read_headlines(ratchet.HEADLINES)
-    assert len(headlines) > 20 and len({one.name for one in headlines}) == len(headlines)
-    known = "\n".join(path.read_text(encoding="utf-8") for path in HERE.rglob("*.py"))
-    for one in headlines:
-        assert (HERE / f"bench_{ratchet.room_of(one.name)}.py").is_file(), one.name
-        assert one.name.rsplit(".", 1)[1] in known, one.name
+    assert len(headlines) > 20 and len({headline.name for headline in headlines}) == len(headlines)
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in HERE.rglob("*.py"))
+    for headline in headlines:
+        assert (HERE / f"bench_{ratchet.room_of(headline.name)}.py").is_file(), headline.name
+        assert headline.name.rsplit(".", 1)[1] in sources, headline.name
 
 
 def test_a_night_forgets_older_figures_and_runs_each_step(tmp_path) -> None:

@@ -97,7 +97,11 @@ def main() -> int:
                 recogniser, row = Recogniser(PHRASES), np.zeros(6, int)
                 for phrase in PHRASES:
                     heard, other = listen(recogniser, speak(phrase, voice, folder), noise)
-                    row[:3] += heard == [phrase], any(one != phrase for one in heard), bool(other)
+                    row[:3] += (
+                        heard == [phrase],
+                        any(other_phrase != phrase for other_phrase in heard),
+                        bool(other),
+                    )
                 for text in OTHER:
                     heard, other = listen(recogniser, speak(text, voice, folder), noise)
                     row[3:] += bool(heard), bool(other), not heard and not other

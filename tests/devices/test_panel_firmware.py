@@ -21,9 +21,9 @@ NO_EDGE = 0.05
 
 @pytest.fixture
 def board(firmware):
-    made = Board(firmware)
-    yield made
-    made.close()
+    opened = Board(firmware)
+    yield opened
+    opened.close()
 
 
 def counts(said: bytes) -> str:
@@ -55,15 +55,15 @@ def test_panel_greets_again_on_request(board):
 
 @pytest.mark.parametrize("button", range(1, len(BUTTONS) + 1))
 def test_each_button_counts_its_own_presses(board, button):
-    said = board.run(50)
+    output = board.run(50)
     for _ in range(2):
         board.press(button, True)
-        said += board.run(30)
+        output += board.run(30)
         board.press(button, False)
-        said += board.run(30)
-    assert counts(said) == "".join("2" if place == button else "0" for place in range(1, 10))
+        output += board.run(30)
+    assert counts(output) == "".join("2" if place == button else "0" for place in range(1, 10))
     keys = PanelKeys()
-    assert keys.feed(said) == [str(button)] * 2
+    assert keys.feed(output) == [str(button)] * 2
 
 
 def test_press_is_sent_within_30_ms(board):
@@ -73,13 +73,13 @@ def test_press_is_sent_within_30_ms(board):
 
 
 def test_bouncing_or_held_contact_is_one_press(board):
-    said = board.run(50)
+    output = board.run(50)
     for edge in (True, False):
         for bounce in range(13):
             board.press(1, edge == (bounce % 2 == 0))
-            said += board.run(1.3)
-        said += board.run(600)
-    assert counts(said) == "100000000"
+            output += board.run(1.3)
+        output += board.run(600)
+    assert counts(output) == "100000000"
 
 
 def test_spike_on_the_wire_is_not_a_press(board):
@@ -183,8 +183,8 @@ def test_framing_error_spoils_only_its_message(board):
 @example(b"$" * 100, True)
 @example(b"\n" * 100, False)
 def test_message_after_noise_is_heard(board, noise, steady):
-    said = Decoder().feed(noise)
-    assume(not said)
+    heard = Decoder().feed(noise)
+    assume(not heard)
     for start in range(0, len(noise), 40):
         board.feed(noise[start : start + 40])
         board.run(15)
@@ -194,28 +194,28 @@ def test_message_after_noise_is_heard(board, noise, steady):
 
 
 def test_oversized_message_is_dropped_and_panel_continues(board):
-    said = board.run(50)
+    output = board.run(50)
     for _ in range(20):
         board.feed(encode("?") * 7)
-        said += board.run(15)
-    said += board.run(200)
-    greetings = Decoder().feed(said).count("H01P")
+        output += board.run(15)
+    output += board.run(200)
+    greetings = Decoder().feed(output).count("H01P")
     assert 20 < greetings < 140, "it cannot answer as fast as it is asked"
-    assert len(Decoder().feed(said)) == said.count(b"$") == said.count(b"\n"), "no message is cut short"
+    assert len(Decoder().feed(output)) == output.count(b"$") == output.count(b"\n"), "no message is cut short"
     board.press(1, True)
     assert counts(board.run(300)) == "100000000"
 
 
 @pytest.mark.parametrize("bytes_sent", [1, 2, 8, 16, 19])
 def test_reset_in_mid_message_is_followed_by_whole_messages(board, bytes_sent):
-    said = board.run(100)
+    output = board.run(100)
     board.reset_after(bytes_sent)
-    said += board.run(1000)
-    bodies = Decoder().feed(said)
+    output += board.run(1000)
+    bodies = Decoder().feed(output)
     assert "H01E" in bodies
     after = bodies[bodies.index("H01E") + 1 :]
     assert after[:3] == ["P0000000000000", "P0001000000000", "P0002000000000"]
-    assert PanelKeys().feed(said) == []
+    assert PanelKeys().feed(output) == []
 
 
 @pytest.mark.parametrize("interrupts_too", [False, True])

@@ -71,22 +71,22 @@ class Stand:
 
 @pytest.fixture
 def panel(firmware, tmp_path):
-    made = LivePanel(firmware, tmp_path / "panel")
-    yield made
-    made.close()
+    opened = LivePanel(firmware, tmp_path / "panel")
+    yield opened
+    opened.close()
 
 
 @pytest.fixture
 def stand(panel, caplog):
     caplog.set_level(logging.INFO)
-    given = ControlSettings(
+    settings = ControlSettings(
         "serial", MAP, port=str(panel.path), sends="panel", baud=38400, debounce=0.0, retry=0.02
     )
-    with open_controls({"panel": given}) as controls:
-        made = Stand(controls, panel)
-        until(made.is_there)
-        yield made
-        made.close()
+    with open_controls({"panel": settings}) as controls:
+        opened = Stand(controls, panel)
+        until(opened.is_there)
+        yield opened
+        opened.close()
 
 
 def test_presses_arrive_and_lamps_are_set(stand):
@@ -105,7 +105,7 @@ def test_line_noise_neither_loses_nor_adds_presses(stand, caplog):
     pressed = [button for _ in range(3) for button in (1, 5, 9, 2)]
     for count, button in enumerate(pressed, 1):
         stand.panel.click(button)
-        stand.says([MAP[str(one)] for one in pressed[:count]])
+        stand.says([MAP[str(number)] for number in pressed[:count]])
     stand.shows(possess=1.0, locked=1.0)
     assert stand.panel.hits > 3
     assert stand.is_there() and "which its map does not have" not in caplog.text

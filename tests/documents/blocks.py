@@ -45,23 +45,25 @@ class Block:
 
 def blocks_of(page: Path) -> list[Block]:
     """All blocks of a document: between fences, or moved in by four spaces."""
-    lines, found, reason, n = page.read_text(encoding="utf-8").splitlines(), [], "", 0
+    lines, blocks, reason, n = page.read_text(encoding="utf-8").splitlines(), [], "", 0
     while n < len(lines):
         line, start = lines[n], n
         if line.startswith(_FENCE):
             n = lines.index(_FENCE, n + 1) + 1
-            found.append(Block(page, start + 1, line[3:], "\n".join(lines[start + 1 : n - 1]) + "\n", reason))
+            blocks.append(
+                Block(page, start + 1, line[3:], "\n".join(lines[start + 1 : n - 1]) + "\n", reason)
+            )
         elif line.startswith("    ") and not (start and lines[start - 1].strip()):
             while n < len(lines) and (lines[n].startswith("    ") or not lines[n]):
                 n += 1
             text = "\n".join(part[4:] for part in lines[start:n]).rstrip() + "\n"
-            found.append(Block(page, start + 1, _kind(text), text, reason))
+            blocks.append(Block(page, start + 1, _kind(text), text, reason))
         else:
             n += 1
-        said = _REASON.fullmatch(line.strip())
+        reason_match = _REASON.fullmatch(line.strip())
         # A reason holds for the block that follows it, over blank lines.
-        reason = said[1] if said else reason if not line.strip() else ""
-    return found
+        reason = reason_match[1] if reason_match else reason if not line.strip() else ""
+    return blocks
 
 
 def _kind(text: str) -> str:

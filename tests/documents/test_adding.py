@@ -60,7 +60,9 @@ def test_a_tool_is_one_class_and_one_line(tmp_path, monkeypatch):
     exec(compile(next(code for code in CODE if "FloorTool" in code), "CONTRIBUTING.md", "exec"), names)
     # The line in tools/registry.py: modules that read it are loaded already.
     before, after = TOOLS, (*TOOLS, names["FloorTool"])
-    for module in [one for name, one in sys.modules.items() if name.startswith("enliven_viewer.studio.")]:
+    for module in [
+        loaded for name, loaded in sys.modules.items() if name.startswith("enliven_viewer.studio.")
+    ]:
         if vars(module).get("TOOLS") is before:
             monkeypatch.setattr(module, "TOOLS", after)
     workspace = Workspace.new(Editor(), tmp_path)

@@ -101,9 +101,9 @@ def without_processes(monkeypatch):
 
 def runs_on_another_page(page: Path, words: list[str]) -> bool:
     """Returns True if a README command writes no file and is already run as part of another page."""
-    made = {"-o", "--record"} & set(words)
+    is_output = {"-o", "--record"} & set(words)
     others = (block for block in BLOCKS if block.page != page and block.kind == "shell" and not block.reason)
-    return page == ROOT / "README.md" and not made and any(words in block.commands for block in others)
+    return page == ROOT / "README.md" and not is_output and any(words in block.commands for block in others)
 
 
 @named(pages_of("shell"))

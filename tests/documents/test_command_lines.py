@@ -101,7 +101,7 @@ def test_every_command_line_of_a_document_parses(block: Block):
 
 def unmade(commands: list[list[str]]) -> list[str]:
     """Returns lower-case files that a line reads, that no earlier line writes, and that are not shipped."""
-    made: set[str] = set()
+    written: set[str] = set()
     missing = []
     for words in commands:
         for before, word in zip(["", *words], words, strict=False):
@@ -113,9 +113,9 @@ def unmade(commands: list[list[str]]) -> list[str]:
                 name.stem.strip("*/").upper() == name.stem.strip("*/")
                 or str(name.parent) == str(name.parent).upper() != "."
             )
-            if before not in MADE and named[1] not in made and not own and not (ROOT / name).exists():
+            if before not in MADE and named[1] not in written and not own and not (ROOT / name).exists():
                 missing.append(named[1])
-        made |= {word for before, word in itertools.pairwise(words) if before in MADE}
+        written |= {word for before, word in itertools.pairwise(words) if before in MADE}
     return missing
 
 

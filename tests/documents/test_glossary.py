@@ -33,8 +33,8 @@ def test_every_class_that_it_names_is_there():
 def test_entries_are_alphabetical_single_sentences():
     words = [row[0].lower() for row in ROWS]
     assert words == sorted(words)
-    for word, said, _ in ROWS:
-        assert re.match(r"[A-Z].+\.$", said), word
+    for word, sentence, _ in ROWS:
+        assert re.match(r"[A-Z].+\.$", sentence), word
 
 
 TERMS = {

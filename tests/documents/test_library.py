@@ -35,15 +35,15 @@ def test_every_name_is_imported_and_used_by_an_example():
 
 def test_every_public_name_has_a_docstring():
     for name in enliven.__all__:
-        said = inspect.getdoc(getattr(enliven, name)) or ""
-        assert re.match(r"[A-Z`].*[.:]", said), f"{name}: {said[:60]!r}"
-        assert not said.startswith(f"{name}("), f"{name} has no docstring of its own"
+        docstring = inspect.getdoc(getattr(enliven, name)) or ""
+        assert re.match(r"[A-Z`].*[.:]", docstring), f"{name}: {docstring[:60]!r}"
+        assert not docstring.startswith(f"{name}("), f"{name} has no docstring of its own"
 
 
 def test_an_import_loads_nothing_else():
     code = "import sys, enliven; print(sorted({name.partition('.')[0] for name in sys.modules}))"
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "'lazy_loader'" in said
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "'lazy_loader'" in output
     assert [
-        name for name in ("numpy", "scipy", "numba", "trimesh", "zmq", "typer") if f"'{name}'" in said
+        name for name in ("numpy", "scipy", "numba", "trimesh", "zmq", "typer") if f"'{name}'" in output
     ] == []

@@ -16,28 +16,28 @@ def text_of(page: Path) -> str:
 
 def headings(page: Path) -> set[str]:
     """The anchors of a page's headings, as GitHub makes them."""
-    found: list[str] = []
+    anchors: list[str] = []
     for line in re.findall(r"^#+ (.+)$", text_of(page), re.MULTILINE):
         plain = re.sub(r"[^\w\- ]", "", line.lower()).strip().replace(" ", "-")
-        found.append(plain if plain not in found else f"{plain}-{found.count(plain)}")
-    return set(found)
+        anchors.append(plain if plain not in anchors else f"{plain}-{anchors.count(plain)}")
+    return set(anchors)
 
 
 def broken(page: Path, root: Path = ROOT) -> list[str]:
     """A sentence for each link of a page that leads nowhere."""
-    said = []
+    complaints = []
     for link in LINK.findall(text_of(page)):
         where, _, anchor = link.partition("#")
         if re.match(r"[a-z]+:", link):
             continue
         target = (page.parent / where).resolve() if where else page
         if not target.exists():
-            said.append(f"{page.name}: {link} is not there")
+            complaints.append(f"{page.name}: {link} is not there")
         elif not target.is_relative_to(root):
-            said.append(f"{page.name}: {link} leads out of the project")
+            complaints.append(f"{page.name}: {link} leads out of the project")
         elif anchor and anchor not in headings(target):
-            said.append(f"{page.name}: {link} names no heading of {target.name}")
-    return said
+            complaints.append(f"{page.name}: {link} names no heading of {target.name}")
+    return complaints
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -26,31 +26,31 @@ def test_every_setting_of_a_page_has_a_sentence():
 
 
 def test_figures_page_needs_all_parts_from_one_machine_and_day(tmp_path):
-    kept, page, known = tmp_path / "out" / "day.json", tmp_path / "figures.md", ["arap", "road"]
+    day_file, page, parts = tmp_path / "out" / "day.json", tmp_path / "figures.md", ["arap", "road"]
     page.write_text("before <!-- figures --> old <!-- end --> after", encoding="utf-8")
     day, machine = date(2026, 11, 21), "two cores"
     late, frame = Figure("road.late", 7.0, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)
-    of_day = figures_page.gathered("road", [late], machine, day, kept)
-    assert figures_page.write_when_whole(of_day, known, page) == ["arap"] and " old " in page.read_text()
-    of_day = figures_page.gathered("arap", [frame], machine, day, kept)
+    of_day = figures_page.gathered("road", [late], machine, day, day_file)
+    assert figures_page.write_when_whole(of_day, parts, page) == ["arap"] and " old " in page.read_text()
+    of_day = figures_page.gathered("arap", [frame], machine, day, day_file)
     assert of_day == {"road": [late], "arap": [frame]}
-    assert figures_page.write_when_whole(of_day, known, page) == []
+    assert figures_page.write_when_whole(of_day, parts, page) == []
     assert "| `road.late` | 7 ms |" in page.read_text() and " old " not in page.read_text()
     for other in (("road", [late], "four cores", day), ("road", [late], machine, date(2026, 11, 22))):
-        assert figures_page.gathered(*other, kept) == {"road": [late]}, "figures of two machines or days"
+        assert figures_page.gathered(*other, day_file) == {"road": [late]}, "figures of two machines or days"
 
 
 def test_a_whole_run_of_benchmarks_writes_the_table_of_figures():
     page = figures_page.PAGE.read_text(encoding="utf-8")
-    made = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
-    once = figures_page.written(page, made, "two cores", date(2026, 11, 21))
+    figures = [Figure("road.late", 7.125, "ms"), Figure("arap.frame", 3.6, "ms", "libigl", 7.5)]
+    once = figures_page.written(page, figures, "two cores", date(2026, 11, 21))
     assert "Measured on 2026-11-21 on two cores." in once
     rows = [line for line in once.splitlines() if line.startswith(("| `road.late", "| `arap.frame"))]
     assert rows == [
         "| `arap.frame` | 3.6 ms | 7.5 times better than libigl |",
         "| `road.late` | 7.125 ms |  |",
     ]
-    assert figures_page.written(once, made, "two cores", date(2026, 11, 21)) == once
+    assert figures_page.written(once, figures, "two cores", date(2026, 11, 21)) == once
     before, _, after = page.partition("<!-- figures -->")
     assert once.startswith(before) and once.endswith(after.partition("<!-- end -->")[2])
     assert "cores of" in figures_page.this_machine()

@@ -98,10 +98,10 @@ def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_
     """Its images reach the stage byte for byte; images larger than a message are not sent."""
     picture = np.frombuffer(b"\x89PNG\r\n\x1a\n" + bytes(range(200)), np.uint8)
     uvs = np.random.default_rng(3).random((len(MESH.faces), 3, 1, 2)).astype(np.float32)
-    told = '{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}'
-    own = MeshMaterials((told,), (Texture(picture),), np.zeros(len(MESH.faces), np.int32), uvs)
+    definition = '{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}'
+    own = MeshMaterials((definition,), (Texture(picture),), np.zeros(len(MESH.faces), np.int32), uvs)
     project = project_of_mesh(replace(MESH, materials=own), "chair")
-    for most, kept in (
+    for most, is_kept in (
         (MAX_TEXTURE_BYTES, True),
         (len(picture), True),
         (len(picture) - 1, False),
@@ -110,11 +110,13 @@ def test_a_character_that_is_put_brings_its_textures_as_far_as_the_wire_carries_
         stage = Stage()
         data = character_bytes(project, "chair", most)
         send(Arrivals(stage, SETTINGS), data, order_of(data))
-        there = stage.actors["chair"].character.materials
-        assert (there is not None) == kept
-        if there is not None:
-            assert there.textures[0].image.tobytes() == picture.tobytes() and there.definitions == (told,)
-            np.testing.assert_array_equal(there.uvs, uvs)
+        materials = stage.actors["chair"].character.materials
+        assert (materials is not None) == is_kept
+        if materials is not None:
+            assert materials.textures[0].image.tobytes() == picture.tobytes() and materials.definitions == (
+                definition,
+            )
+            np.testing.assert_array_equal(materials.uvs, uvs)
             back = message_to_character(character_to_message(stage.actors["chair"].character, 1)).materials
             assert back is not None and back.textures[0].image.tobytes() == picture.tobytes()
 
@@ -182,13 +184,15 @@ def test_data_that_is_cut_or_changed_is_refused_in_a_sentence(at, by, cut):
         with pytest.raises(InputError):
             arrivals.put(order_of(data or b"x"))
     else:
-        made = stage.characters["chair"].vertices
-        np.testing.assert_allclose(made, MESH.vertices, atol=1e-6)  # a byte that no reader uses
+        vertices = stage.characters["chair"].vertices
+        np.testing.assert_allclose(vertices, MESH.vertices, atol=1e-6)  # a byte that no reader uses
 
 
 def wild_star():
-    made = star()
-    return made.with_changes(mesh=replace(made.mesh, vertices=made.mesh.vertices * [1, 1, np.nan]))
+    character = star()
+    return character.with_changes(
+        mesh=replace(character.mesh, vertices=character.mesh.vertices * [1, 1, np.nan])
+    )
 
 
 @pytest.mark.parametrize(

@@ -52,9 +52,9 @@ def test_a_missing_decoder_names_the_extra_and_the_file(monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ResourceError) as refused:
         compression._load_decoder(module, "horse.glb")
-    said = str(refused.value)
-    assert said.startswith(f"horse.glb: it is compressed, and the library {module}")
-    assert 'pip install "enliven[compressed]"' in said
+    message = str(refused.value)
+    assert message.startswith(f"horse.glb: it is compressed, and the library {module}")
+    assert 'pip install "enliven[compressed]"' in message
 
 
 def test_a_bag_packed_by_lz4_names_the_extra(monkeypatch, tmp_path):
@@ -65,8 +65,8 @@ def test_a_bag_packed_by_lz4_names_the_extra(monkeypatch, tmp_path):
 
 
 def test_every_extra_that_is_named_exists():
-    known = {name: extras(folder) for name, folder in FOLDERS.items()}
-    known |= {f"./{folder}": extras(folder) for folder in FOLDERS.values()}
+    extras_by_package = {name: extras(folder) for name, folder in FOLDERS.items()}
+    extras_by_package |= {f"./{folder}": extras(folder) for folder in FOLDERS.values()}
     places = [path for folder in FOLDERS.values() for path in (ROOT / folder).glob("enliven*/**/*.py")]
     places += [
         ROOT / "README.md",
@@ -78,7 +78,7 @@ def test_every_extra_that_is_named_exists():
         for path in places
         for package, some in NAMED.findall(path.read_text())
         for extra in some.split(",")
-        if package in known
+        if package in extras_by_package
     ]
     assert len(named) > 10
-    assert not [one for one in named if one[2] not in known[one[1]]]
+    assert not [entry for entry in named if entry[2] not in extras_by_package[entry[1]]]

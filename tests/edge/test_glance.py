@@ -49,33 +49,33 @@ def body_and_depth(place: np.ndarray) -> tuple[Body, np.ndarray]:
 def test_preview_joints_lie_on_the_image(mirrored) -> None:
     place = tilted()
     body, depth = body_and_depth(place)
-    told = Glance().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
-    assert told is not None and width_of(told) == pytest.approx(4 / 3, rel=0.02)
+    preview = Glance().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
+    assert preview is not None and width_of(preview) == pytest.approx(4 / 3, rel=0.02)
     if mirrored:  # by the vertical plane through the line of sight
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
         )
-    (one,) = seen([body], told)
-    picture = np.frombuffer(told.nearness, np.uint8).reshape(told.height, told.width)
-    places = np.round(one.places * told.height - 0.5).astype(int)
+    (skeleton,) = seen([body], preview)
+    picture = np.frombuffer(preview.nearness, np.uint8).reshape(preview.height, preview.width)
+    places = np.round(skeleton.places * preview.height - 0.5).astype(int)
     assert (picture[places[:, 1], places[:, 0]] > 0).all()
-    near = 1 + 254 * np.clip((6000 - 1000 * one.depth) / 5600, 0, 1)
+    near = 1 + 254 * np.clip((6000 - 1000 * skeleton.depth) / 5600, 0, 1)
     np.testing.assert_allclose(picture[places[:, 1], places[:, 0]], near, atol=30)
 
 
 def test_preview_is_sent_every_other_frame_and_needs_a_pose() -> None:
     glance, frame = Glance(), lambda n: DepthFrame(np.full((240, 320), 2000, np.uint16), LENS, n * STEP, "s")
-    told = [glance.of(frame(n), tilted()) is not None for n in range(7)]
-    assert told == [True, False, True, False, True, False, True]
+    sent = [glance.of(frame(n), tilted()) is not None for n in range(7)]
+    assert sent == [True, False, True, False, True, False, True]
     assert Glance().of(frame(0), None) is None
-    again = glance.of(frame(0), tilted())
-    assert again is not None, "a recording begins anew"
+    preview = glance.of(frame(0), tilted())
+    assert preview is not None, "a recording begins anew"
 
 
 def test_body_sensor_publishes_only_its_pose() -> None:
-    told = Glance().of(BodyFrame([], 0, "kinect2"), tilted())
-    assert told is not None and told.height == 0 and told.nearness == b""
-    assert told.place == pytest.approx(tilted()[:3].ravel().tolist())
+    preview = Glance().of(BodyFrame([], 0, "kinect2"), tilted())
+    assert preview is not None and preview.height == 0 and preview.nearness == b""
+    assert preview.place == pytest.approx(tilted()[:3].ravel().tolist())
 
 
 @pytest.mark.parametrize("size", [(480, 640), (424, 512), (576, 640), (120, 160), (50, 200), (1080, 1920)])
@@ -84,5 +84,5 @@ def test_any_image_becomes_a_small_picture(size) -> None:
     depth[0, 0], depth[0, -1] = 0, 65535
     small = nearness(depth)
     assert small[0, 0] == 0 and max(small.shape) <= 128 and small.shape[0] <= 72
-    told = Glance().of(DepthFrame(depth, Intrinsics(size[1], size[0], 300, 300, 5, 5), 0, "s"), tilted())
-    assert told is not None and picture_of(told).shape == (*small.shape, 3)
+    preview = Glance().of(DepthFrame(depth, Intrinsics(size[1], size[0], 300, 300, 5, 5), 0, "s"), tilted())
+    assert preview is not None and picture_of(preview).shape == (*small.shape, 3)

@@ -60,24 +60,24 @@ class Frames:
 @pytest.fixture
 def outlet(tmp_path):
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
-    with Outlet(wire, "given", record=tmp_path / "take.mcap") as made:
-        yield made
+    with Outlet(wire, "given", record=tmp_path / "take.mcap") as opened:
+        yield opened
 
 
 def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
     """Runs an edge on the frames; returns the problems in its heartbeat after each."""
     monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
     edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
-    said: list[set[str]] = []
+    reported: list[set[str]] = []
     listen = edge._listen
 
     def heard() -> None:
-        said.append({state.kind for state in outlet.publisher.status.health})
+        reported.append({state.kind for state in outlet.publisher.status.health})
         listen()
 
     edge._listen = heard
     edge.run()
-    return said
+    return reported
 
 
 def published(outlet, tmp_path) -> list[tuple[int, list[Body]]]:
@@ -95,13 +95,13 @@ def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path
     for i in range(30, 45):
         frames[i] = dataclasses.replace(frames[i], depth=np.zeros_like(frames[i].depth))
     late = [*frames[:60], frames[50], *frames[60:]]
-    said = serve(late, outlet)
-    assert said[29] <= {HealthKind.LEARNING_ROOM}
-    assert HealthKind.COVERED in said[44]
-    assert HealthKind.OUT_OF_ORDER in said[60] and HealthKind.COVERED not in said[60]
-    told = published(outlet, tmp_path)
-    assert [time_ns for time_ns, _ in told] == [frame.time_ns for frame in frames]
-    (body,) = told[-1][1]
+    reported = serve(late, outlet)
+    assert reported[29] <= {HealthKind.LEARNING_ROOM}
+    assert HealthKind.COVERED in reported[44]
+    assert HealthKind.OUT_OF_ORDER in reported[60] and HealthKind.COVERED not in reported[60]
+    sent = published(outlet, tmp_path)
+    assert [time_ns for time_ns, _ in sent] == [frame.time_ns for frame in frames]
+    (body,) = sent[-1][1]
     assert body.orientations.shape == (20, 4) and body.contacts.min() > 0.5
     assert body.height == pytest.approx(1.75, abs=0.25)
 
@@ -109,9 +109,9 @@ def test_heartbeat_reports_problems_and_late_frames_are_dropped(outlet, tmp_path
 def test_silent_sensor_is_reported_while_it_is_silent(outlet):
     with SyntheticSensor(choreography="idle", width=160, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(3)]
-    said = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)
-    assert HealthKind.NO_FRAMES not in said[1]
-    assert HealthKind.NO_FRAMES not in said[-1]
+    reported = serve([*frames[:2], *[None] * 3, frames[2]], outlet, silent=PATIENCE)
+    assert HealthKind.NO_FRAMES not in reported[1]
+    assert HealthKind.NO_FRAMES not in reported[-1]
 
     class Slow(Frames):
         def read(self, timeout=None):

@@ -61,11 +61,11 @@ def test_command_reproduces_the_shipped_recording(tmp_path: Path, monkeypatch: p
         tmp_path / "chair.mcap", choreography="chair", profile="kinect1", seed=0, width=320, noise=True,
         level=19, overwrite=False,
     )  # fmt: skip
-    made, shipped = Recording(tmp_path / "chair.mcap"), Recording(CHAIR)
-    about = made.info.metadata["about"]
+    reproduced, shipped = Recording(tmp_path / "chair.mcap"), Recording(CHAIR)
+    about = reproduced.info.metadata["about"]
     assert about.pop("version") == "1", "recordings of 0.1, as the shipped one, state none"
-    assert made.info.metadata == shipped.info.metadata, AGAIN
-    frames, truth = list(made.frames()), list(made.truth())
+    assert reproduced.info.metadata == shipped.info.metadata, AGAIN
+    frames, truth = list(reproduced.frames()), list(reproduced.truth())
     assert len(frames) == len(truth) == MADE_AGAIN
     for new, old in zip(frames, shipped.frames(), strict=False):
         assert (new.time_ns, new.intrinsics) == (old.time_ns, old.intrinsics), AGAIN

@@ -41,23 +41,23 @@ def depth(tmp_path):
 
 
 def test_depth_becomes_a_take(depth, tmp_path):
-    made = tmp_path / "bodies.mcap"
-    assert f"{FRAMES} frames of bodies, 1 person" in run(depth, "-o", made)
-    clip, _ = read_take(made)
+    take = tmp_path / "bodies.mcap"
+    assert f"{FRAMES} frames of bodies, 1 person" in run(depth, "-o", take)
+    clip, _ = read_take(take)
     assert clip.duration > 1.0
-    tracker, found = Tracker(), []
+    tracker, expected_frames = Tracker(), []
     for frame in Recording(depth).frames():
-        found.append([body.joints for body in tracker.track(frame)])
-    written = [[body.joints for body in frame.bodies] for frame in Recording(made).frames()]
-    assert [len(each) for each in written] == [len(each) for each in found]
-    for one, other in zip(written, found, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-5)  # recordings keep float32 of metres
-    before = made.read_bytes()
+        expected_frames.append([body.joints for body in tracker.track(frame)])
+    written = [[body.joints for body in frame.bodies] for frame in Recording(take).frames()]
+    assert [len(each) for each in written] == [len(each) for each in expected_frames]
+    for actual, expected in zip(written, expected_frames, strict=True):
+        np.testing.assert_allclose(actual, expected, atol=1e-5)  # recordings keep float32 of metres
+    before = take.read_bytes()
     with pytest.raises(InputError, match="exists already"):
-        run(depth, "-o", made)
+        run(depth, "-o", take)
     with pytest.raises(InputError, match="the recording has no depth images"):
-        run(made, "-o", tmp_path / "again.mcap")
-    assert made.read_bytes() == before and not list(tmp_path.glob("*.part"))
+        run(take, "-o", tmp_path / "again.mcap")
+    assert take.read_bytes() == before and not list(tmp_path.glob("*.part"))
 
 
 def test_person_at_the_start_is_found_in_the_first_image(depth, tmp_path):
@@ -77,15 +77,15 @@ def image(depth, tmp_path):
 def test_single_image_gives_a_take(image, tmp_path):
     """The joints equal those of the same image in a recording, except for the sensor's stated pose."""
     path, frame, lens = image
-    made = tmp_path / "bodies.mcap"
-    output = run(path, "-o", made, "--lens", lens)
+    take = tmp_path / "bodies.mcap"
+    output = run(path, "-o", take, "--lens", lens)
     assert "1 frames of bodies, 1 person" in output
     assert f"fx {frame.intrinsics.fx:.1f}" in output, "the camera is said"
-    (written,) = Recording(made).frames()
+    (written,) = Recording(take).frames()
     (body,) = written.bodies
     (expected,) = tracked([replace(frame, world_from_camera=None)], TrackerSettings())
     np.testing.assert_allclose(body.joints, expected.bodies[0].joints, atol=1e-5)
-    clip, _ = read_take(made)
+    clip, _ = read_take(take)
     assert 0.0 < clip.duration < 0.1, "one pose, held"
 
 

@@ -63,9 +63,9 @@ def kernels_of(*, warm: bool) -> dict[str, list[str]]:
 
 @pytest.mark.timeout(700)
 def test_warm_up_compiles_all_kernels():
-    found = kernels_of(warm=True)
-    assert len(found) == 7
-    assert {kind: names for kind, names in found.items() if names} == {}
+    kernels = kernels_of(warm=True)
+    assert len(kernels) == 7
+    assert {kind: names for kind, names in kernels.items() if names} == {}
 
 
 @pytest.mark.timeout(700)

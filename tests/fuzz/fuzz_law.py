@@ -66,8 +66,10 @@ def check(target: Target, seed: str, folder: Path, keep: Path) -> None:
             raise
         kept = keep / f"broken-{target.name.replace(' ', '-')}-{seed}.bin"
         kept.write_bytes(data)
-        what = f"{target.name}, seed {seed}: {type(error).__name__}: {str(error)[:300]}; the file is {kept}"
-        raise Broken(what) from error
+        summary = (
+            f"{target.name}, seed {seed}: {type(error).__name__}: {str(error)[:300]}; the file is {kept}"
+        )
+        raise Broken(summary) from error
 
 
 @contextmanager

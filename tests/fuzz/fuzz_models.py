@@ -29,19 +29,19 @@ from enliven_edge.sensors.drivers.playback import write_playback
 @functools.cache
 def project() -> bytes:
     """Returns a project of shapes, layers, a mesh and a possessed box."""
-    made, random = random_project(1)
-    shape = made.shapes["shape 0"]
+    world, random = random_project(1)
+    shape = world.shapes["shape 0"]
     count = 6
     mesh = Mesh(random.normal(size=(count, 3)), random.integers(0, count, (5, 3)).astype(np.int32), "blob")
     indices = random.integers(0, len(shape.skeleton), (count, 4)).astype(np.uint16)
     skin = SkinWeights(indices, random.random((count, 4)).astype(np.float32))
     graph, stream = graph_shape_of(character(), poses(), "dance")
-    made = (
-        made.with_characters(shape.with_changes(mesh=mesh, skin=skin))
+    world = (
+        world.with_characters(shape.with_changes(mesh=mesh, skin=skin))
         .with_streams(stream)
         .with_characters(graph)
     )
-    return project_bytes(made)
+    return project_bytes(world)
 
 
 def orbbec_bag() -> bytes:
@@ -56,7 +56,7 @@ def orbbec_bag() -> bytes:
 def realsense_database() -> bytes:
     """Returns a recording in librealsense's format since 2.57, of one small image."""
     words = "width=6;height=4;fx=5;fy=5;ppx=2;ppy=1;model=Brown Conrady;coeffs=0.1,0,0,0,0"
-    said = {
+    topics = {
         "camera_info": struct.pack("<4sI", b"\0\1\0\0", len(words)) + words.encode(),
         "image/data": struct.pack(
             "<4siII2sxxIII7sxII48x", b"\0\1\0\0", 1, 2, 2, b"D", 4, 6, 7, b"mono16", 12, 48
@@ -69,7 +69,7 @@ def realsense_database() -> bytes:
                 "PRAGMA page_size = 512; CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT);"
                 "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, data BLOB)"
             )
-            for number, (topic, data) in enumerate(said.items(), 1):
+            for number, (topic, data) in enumerate(topics.items(), 1):
                 name = f"/device_0/sensor_0/Depth_0/{topic}"
                 database.execute("INSERT INTO topics VALUES (?, ?)", (number, name))
                 database.execute("INSERT INTO messages VALUES (?, ?, ?)", (number, number, data))

@@ -47,8 +47,8 @@ _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 def mutated(data: bytes, other: bytes, dice: Random) -> bytes:
     """Returns the bytes with one to four mutations; ``other`` is the source of spliced pieces."""
     for _ in range(dice.choice((1, 1, 1, 2, 4))):
-        made = dice.choice(_BYTES)(data, other, dice)
-        data = made if len(made) <= MOST_BYTES else data
+        changed = dice.choice(_BYTES)(data, other, dice)
+        data = changed if len(changed) <= MOST_BYTES else data
     return data
 
 
@@ -61,11 +61,11 @@ def mutated_tree(tree: Any, dice: Random) -> Any:
 
 
 def _flip(data: bytes, other: bytes, dice: Random) -> bytes:
-    made = bytearray(data)
+    changed = bytearray(data)
     for _ in range(dice.choice((1, 1, 2, 8))):
-        if made:
-            made[dice.randrange(len(made))] ^= 1 << dice.randrange(8)
-    return bytes(made)
+        if changed:
+            changed[dice.randrange(len(changed))] ^= 1 << dice.randrange(8)
+    return bytes(changed)
 
 
 def _cut(data: bytes, other: bytes, dice: Random) -> bytes:
@@ -108,10 +108,10 @@ def _float(data: bytes, other: bytes, dice: Random) -> bytes:
 
 def _word(data: bytes, other: bytes, dice: Random) -> bytes:
     """Replaces a number in a text by another."""
-    found = list(_NUMBER.finditer(data))
-    if not found:
+    matches = list(_NUMBER.finditer(data))
+    if not matches:
         return _extreme(data, other, dice)
-    at = dice.choice(found)
+    at = dice.choice(matches)
     return data[: at.start()] + dice.choice(WORDS) + data[at.end() :]
 
 

@@ -78,10 +78,10 @@ def _control(data: bytes, folder: Path) -> None:
             continue
         body = getattr(reply, "body", None)
         if isinstance(body, characters.CharacterMessage):
-            made = convert_characters.message_to_character(body)
-            PoseCodec(made)
-            surface = split_creases(made.vertices, made.faces, keys=paint_keys(made))
-            assert len(painted(made, surface).rows) == len(surface.source)
+            character = convert_characters.message_to_character(body)
+            PoseCodec(character)
+            surface = split_creases(character.vertices, character.faces, keys=paint_keys(character))
+            assert len(painted(character, surface).rows) == len(surface.source)
 
 
 def _recording(data: bytes, folder: Path) -> None:
@@ -185,7 +185,7 @@ def targets() -> list[Target]:
         ".pcd": texts.PCDS,
         ".gltf": (models.gltf(),),
     }
-    made = [
+    listed = [
         Target("wire stream bytes", 1000, seeds.of_bytes(*packed), _stream, wire),
         Target("wire stream", 1800, _mixed(*(_wire(d, t) for t, d in streamed.items())), _stream, wire),
         Target("wire control bytes", 500, seeds.of_bytes(*(head + c for c in controls)), _control, wire),
@@ -219,14 +219,14 @@ def targets() -> list[Target]:
         Target("settings", 50, seeds.of_bytes(texts.SETTINGS, texts.PLAN), _settings),
         Target("session", 100, seeds.of_bytes(texts.SESSION), _session),
     ]
-    made += [
+    listed += [
         Target(f"mesh {s[1:]}", 100 if s == ".gltf" else 150, seeds.of_bytes(*all_of), _mesh(s))
         for s, all_of in mesh_seeds.items()
     ]
-    return made
+    return listed
 
 
 def _with_type(payload: bytes) -> Any:
     """Returns a character's payload as the body of a reply."""
-    found = msgspec.msgpack.decode(payload)
-    return {"type": "CharacterMessage", **found} if isinstance(found, dict) else found
+    decoded = msgspec.msgpack.decode(payload)
+    return {"type": "CharacterMessage", **decoded} if isinstance(decoded, dict) else decoded

@@ -105,10 +105,10 @@ def _materials(faces: int) -> MeshMaterials:
     Image.new("RGB", (1, 1), (200, 90, 40)).save(data, "PNG")
     moved = {"KHR_texture_transform": {"offset": [0.5, 0.0], "scale": [2.0, 1.0], "rotation": 0.3}}
     base = {"baseColorTexture": {"index": 0, "extensions": moved}, "baseColorFactor": [1, 0.5, 0.2, 0.7]}
-    told = json.dumps({"pbrMetallicRoughness": base, "alphaMode": "MASK", "alphaCutoff": 0.3})
+    definition = json.dumps({"pbrMetallicRoughness": base, "alphaMode": "MASK", "alphaCutoff": 0.3})
     picture = Texture(np.frombuffer(data.getvalue(), np.uint8), '{"wrapS": 33648}')
     uvs = np.linspace(0, 1, 6 * faces).reshape(faces, 3, 1, 2).astype(np.float32)
-    return MeshMaterials((told,), (picture,), np.zeros(faces, np.int32), uvs)
+    return MeshMaterials((definition,), (picture,), np.zeros(faces, np.int32), uvs)
 
 
 def poses() -> list[Pose]:
@@ -141,13 +141,13 @@ def depth(colour: bool = True) -> DepthFrame:
 def stream_payloads() -> dict[str, bytes]:
     """Returns a MessagePack payload for each topic of a take."""
     box, codec = character(), PoseCodec(character())
-    made = {
+    messages = {
         "character": character_to_message(box, 1),
         "pose": pose_to_message(poses()[1], codec, revision=1),
         "bodies": bodies_to_message(bodies().bodies, 5),
         "cues": cues_to_message("box", "possessed", np.array([1, 2]), np.array([0.5, 1.0]), 3),
     }
-    return {topic: msgspec.msgpack.encode(message) for topic, message in made.items()}
+    return {topic: msgspec.msgpack.encode(message) for topic, message in messages.items()}
 
 
 def mcap(said: list[tuple[str, str, bytes, int]], compressed: bool = True) -> bytes:
@@ -220,17 +220,17 @@ def take_anew(dice: Random) -> bytes:
     """Returns a take of characters and poses, one message of which is mutated."""
     payloads = stream_payloads()
     moved = [msgspec.msgpack.encode(pose_to_message(p, PoseCodec(character()), revision=1)) for p in poses()]
-    said = [("character", "msgpack", payloads["character"], 0)]
-    said += [("pose", "msgpack", data, 33_000_000 * k) for k, data in enumerate(moved)]
-    said += [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
+    records = [("character", "msgpack", payloads["character"], 0)]
+    records += [("pose", "msgpack", data, 33_000_000 * k) for k, data in enumerate(moved)]
+    records += [(topic, "msgpack", payloads[topic], 5) for topic in ("bodies", "cues")]
     for _ in range(dice.choice((1, 1, 3))):
-        at = dice.randrange(len(said))
-        topic, encoding, data, time_ns = said[at]
+        at = dice.randrange(len(records))
+        topic, encoding, data, time_ns = records[at]
         data = (msgpack_anew if dice.random() < 0.8 else lambda d, r: mutated(d, d, r))(data, dice)
         if dice.random() < 0.3:
             time_ns = dice.choice((0, 1, 2**62, 2**63 - 1))
-        said[at] = (topic, encoding, data, time_ns)
-    return mcap(said, dice.random() < 0.5)
+        records[at] = (topic, encoding, data, time_ns)
+    return mcap(records, dice.random() < 0.5)
 
 
 def depth_anew(dice: Random) -> bytes:

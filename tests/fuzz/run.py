@@ -21,10 +21,10 @@ BATCH = 20
 def main() -> int:
     """Returns the exit code: 1 if a reader broke the rule. Every file that breaks a reader is kept in
     out/fuzz."""
-    said = dict(enumerate(sys.argv[1:]))
-    seconds = float(said.get(0) or 60)
-    seed = said.get(1) or str(time.time_ns() % 1_000_000)
-    only = said.get(2) or ""
+    arguments = dict(enumerate(sys.argv[1:]))
+    seconds = float(arguments.get(0) or 60)
+    seed = arguments.get(1) or str(time.time_ns() % 1_000_000)
+    only = arguments.get(2) or ""
     kept = Path("out/fuzz")
     kept.mkdir(parents=True, exist_ok=True)
     targets = [target for target in fuzz_readers.targets() if only in target.name]

@@ -123,8 +123,8 @@ class CageRig(RigEdits):
 
     def mirrored(self, project: Project, cage: Cage, axes: Axes) -> Cage:
         inside_out = replace(cage.mesh, faces=np.ascontiguousarray(cage.mesh.faces[:, ::-1]))
-        made = _mapped(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
-        return made.with_changes(mesh=inside_out)
+        mapped = _mapped(cage, axes.vectors(np.eye(3)).T, self.centre(cage), self.centre(cage))
+        return mapped.with_changes(mesh=inside_out)
 
     def as_graph(
         self, project: Project, cage: Cage, times: Float, stream_id: str
@@ -145,8 +145,8 @@ class CageRig(RigEdits):
         far = unused(name, project.characters)
         notes.extend(cut.notes)
         parts = ((name, cut.near), (far, cut.far))
-        made = [cage.with_changes(id=one, mesh=piece.mesh) for one, piece in parts]
-        return project.with_characters(*made), (name, far)
+        cages = [cage.with_changes(id=piece_name, mesh=piece.mesh) for piece_name, piece in parts]
+        return project.with_characters(*cages), (name, far)
 
     def merged(self, project: Project, merge: Merge) -> Project:
         """Adds the graft's mesh to the host's cage at its current position. It then moves with the cage."""
@@ -162,8 +162,8 @@ def _way(stream: PoseStream, second: float) -> Float:
     """Returns (4, 3) metres, the offsets of a stream at a time."""
     frame = second / stream.step
     first = min(int(frame), len(stream.positions) - 2)
-    one, other = stream.positions[first : first + 2]
-    return np.asarray(one + (frame - first) * (other - one))
+    before, after = stream.positions[first : first + 2]
+    return np.asarray(before + (frame - first) * (after - before))
 
 
 def _mapped(cage: Cage, linear: Float, about: Float, to: Float) -> Cage:

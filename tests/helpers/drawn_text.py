@@ -34,7 +34,7 @@ class Letters:
 
 def drawn_letters() -> list[Letters]:
     """Returns the letters drawn in the last frame, per draw list. Call it before the next frame."""
-    return [letters for one in imgui.get_draw_data().cmd_lists if (letters := _letters(one)) is not None]
+    return [letters for part in imgui.get_draw_data().cmd_lists if (letters := _letters(part)) is not None]
 
 
 def _letters(drawn) -> Letters | None:
@@ -51,7 +51,7 @@ def _letters(drawn) -> Letters | None:
     order = np.frombuffer(
         (ctypes.c_char * (len(indices) * imgui.INDEX_SIZE)).from_address(indices.data_address()), kind
     )
-    found = [[], [], []]  # type: list[list[np.ndarray]]
+    columns = [[], [], []]  # type: list[list[np.ndarray]]
     letters_are_in = imgui.get_io().fonts.tex_data.get_tex_id()
     for command in drawn.cmd_buffer:
         if command.get_tex_id() != letters_are_in:
@@ -67,15 +67,15 @@ def _letters(drawn) -> Letters | None:
             four = corner[quad[[0, 1, 2, 5]]]
             wide = np.ptp(four["uv"], axis=0)
             if quad[0] == quad[3] and quad[2] == quad[4] and (wide > 1e-5).all():
-                found[0].append(np.concatenate([four["at"].min(0), four["at"].max(0)]))
-                found[1].append(np.concatenate([four["uv"].min(0), four["uv"].max(0)]))
-                found[2].append(clip)
+                columns[0].append(np.concatenate([four["at"].min(0), four["at"].max(0)]))
+                columns[1].append(np.concatenate([four["uv"].min(0), four["uv"].max(0)]))
+                columns[2].append(clip)
                 at += 6
             else:
                 at += 3
-    if not found[0]:
+    if not columns[0]:
         return None
-    return Letters(str(drawn._owner_name), *(np.array(part, float) for part in found))
+    return Letters(str(drawn._owner_name), *(np.array(part, float) for part in columns))
 
 
 def seen(letters: Letters) -> Letters:
@@ -96,18 +96,18 @@ def cut_letters(lists: list[Letters]) -> list[tuple[str, list[float]]]:
 
     A widget cuts the last letter that fits. It is then narrower than the same letter elsewhere.
     """
-    whole: dict[tuple[float, ...], float] = {}
+    widths: dict[tuple[float, ...], float] = {}
     for letters in lists:
         for texel in letters.texels:
-            whole[_key(texel)] = max(whole.get(_key(texel), 0.0), texel[2] - texel[0])
+            widths[_key(texel)] = max(widths.get(_key(texel), 0.0), texel[2] - texel[0])
     wrong = []
     for letters in map(seen, lists):
         over = np.maximum(
             letters.clips[:, 0] - letters.places[:, 0], letters.places[:, 2] - letters.clips[:, 2]
         )
         for place, texel, beyond in zip(letters.places, letters.texels, over, strict=True):
-            known = whole[_key(texel)]
-            if beyond > _CUT_PX or texel[2] - texel[0] < _TRIMMED * known:
+            widest = widths[_key(texel)]
+            if beyond > _CUT_PX or texel[2] - texel[0] < _TRIMMED * widest:
                 wrong.append((letters.window, [round(float(x), 1) for x in place]))
     return wrong
 
@@ -122,12 +122,12 @@ def overlapping_letters(lists: list[Letters]) -> list[tuple[str, list[float], li
         high = np.minimum(places[:, None, 2:], places[None, :, 2:])
         extent = np.clip(high - low, 0, None)
         shared = extent.prod(2) * (extent > _CUT_PX).all(2)
-        much = np.triu(shared > _OVERLAP * np.minimum(area[:, None], area[None]), 1)
-        for one, other in np.argwhere(much):
-            shadow = np.allclose(letters.texels[one], letters.texels[other], atol=1e-5)
-            sides = (places[[one, other], 2:] - places[[one, other], :2]).max(1)
+        overlaps = np.triu(shared > _OVERLAP * np.minimum(area[:, None], area[None]), 1)
+        for first, second in np.argwhere(overlaps):
+            shadow = np.allclose(letters.texels[first], letters.texels[second], atol=1e-5)
+            sides = (places[[first, second], 2:] - places[[first, second], :2]).max(1)
             corners = sides.max() <= _CORNER_PX or sides.min() <= _SCROLL_PX
             if shadow or corners:
                 continue
-            wrong.append((letters.window, places[one].round(1).tolist(), places[other].round(1).tolist()))
+            wrong.append((letters.window, places[first].round(1).tolist(), places[second].round(1).tolist()))
     return wrong

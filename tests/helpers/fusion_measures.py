@@ -30,8 +30,8 @@ def jitter_mm(frames: Iterable[BodyFrame]) -> float:
     for frame in frames:
         for body in frame.bodies:
             ways[body.id].append((frame.time_ns, body.joints))
-    found = [_off_line(way) for way in ways.values() if len(way) > 2]
-    return 1e3 * float(np.median(np.concatenate(found))) if found else float("nan")
+    deviations = [_off_line(way) for way in ways.values() if len(way) > 2]
+    return 1e3 * float(np.median(np.concatenate(deviations))) if deviations else float("nan")
 
 
 def _off_line(way: Sequence[tuple[int, Float]]) -> Float:

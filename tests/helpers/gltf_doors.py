@@ -27,8 +27,8 @@ def _of(mesh: Mesh) -> Surface:
 
 
 def _exported(path: Path) -> Surface:
-    found = exportables_of(path).found[0]
-    return _of(found.sample(0.0, 0.0, None, False, False).surface[0])
+    exportable = exportables_of(path).found[0]
+    return _of(exportable.sample(0.0, 0.0, None, False, False).surface[0])
 
 
 def _on_stage(path: Path) -> Surface:

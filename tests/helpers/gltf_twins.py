@@ -40,14 +40,14 @@ class Twin(Made):
         return len(self.json[kind]) - 1
 
     def channel(self, animation: int, target: dict, times, values, how: str = "LINEAR") -> None:
-        found = self.json.setdefault("animations", [])
-        while len(found) <= animation:
-            found.append({"name": f"clip {len(found)}", "channels": [], "samplers": []})
+        animations = self.json.setdefault("animations", [])
+        while len(animations) <= animation:
+            animations.append({"name": f"clip {len(animations)}", "channels": [], "samplers": []})
         entry = {"input": self.accessor(np.array(times, "f4")), "interpolation": how}
         entry["output"] = self.accessor(np.array(values, "f4"))
-        found[animation]["samplers"].append(entry)
-        channel = {"sampler": len(found[animation]["samplers"]) - 1, "target": target}
-        found[animation]["channels"].append(channel)
+        animations[animation]["samplers"].append(entry)
+        channel = {"sampler": len(animations[animation]["samplers"]) - 1, "target": target}
+        animations[animation]["channels"].append(channel)
 
     def extension(self, name: str, required: bool = False) -> None:
         self.json.setdefault("extensionsUsed", []).append(name)

@@ -92,12 +92,12 @@ def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Caps
         "ELBOW": (0.058, 0.042), "WRIST": (0.042, 0.03), "HAND": (0.035, 0.035), "HIP": (0.11, 0.095),
         "KNEE": (0.088, 0.058), "ANKLE": (0.055, 0.042), "FOOT": (0.045, 0.035),
     }  # fmt: skip
-    made: list[Capsule] = []
+    capsules: list[Capsule] = []
     for joint in list(Joint)[1:]:
         first, last = radii[joint.name.removesuffix("_LEFT").removesuffix("_RIGHT")]
-        made.append((joints[PARENTS[joint]], joints[joint], girth * first, girth * last))
+        capsules.append((joints[PARENTS[joint]], joints[joint], girth * first, girth * last))
     crown = joints[Joint.HEAD] + 0.25 * (joints[Joint.HEAD] - joints[Joint.SHOULDER_CENTER])
-    made.append((joints[Joint.HEAD], crown, girth * 0.10, girth * 0.09))
+    capsules.append((joints[Joint.HEAD], crown, girth * 0.10, girth * 0.09))
     for hand, side in ((Joint.HAND_LEFT, 1), (Joint.HAND_RIGHT, -1)):
         way = joints[hand] - joints[hand - 1]
         way = way / np.linalg.norm(way)
@@ -105,8 +105,8 @@ def limbs(joints: Float, girth: float = 1.0, fingers: bool = False) -> list[Caps
         ahead /= np.linalg.norm(ahead)
         for across, out, along in _FINGERS if fingers else ():
             tip = joints[hand] + across * ahead + along * way + out * side * np.cross(ahead, way)
-            made.append((joints[hand] + 0.6 * across * ahead, tip, 0.014, 0.012))
-    return made
+            capsules.append((joints[hand] + 0.6 * across * ahead, tip, 0.014, 0.012))
+    return capsules
 
 
 def blended(capsules: list[Capsule], soft: float = 0.02) -> Callable[[Float], Float]:

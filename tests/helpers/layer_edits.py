@@ -12,5 +12,5 @@ def set_layer(project, shape_id, layer_id, **changes):
     """
     shape = project.shape(shape_id)
     wanted = shape.layer(layer_id)
-    layers = tuple(replace(one, **changes) if one is wanted else one for one in shape.layers)
+    layers = tuple(replace(layer, **changes) if layer is wanted else layer for layer in shape.layers)
     return project.with_characters(shape.with_changes(layers=layers))

@@ -10,5 +10,5 @@ def lost(performance):
     """Returns the largest part of a map that is not a rotation and a scale along ``axes`` (the shear)."""
     axes = np.eye(3) if performance.axes is None else performance.axes
     turns, scales = stretches_of(performance.linear @ axes)
-    said = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
-    return float(np.abs(said - performance.linear).max())
+    product = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
+    return float(np.abs(product - performance.linear).max())

@@ -117,10 +117,10 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
     axis.
     """
     random = np.random.default_rng(seed)
-    made = Made()
-    top = made.node(name="world", scale=[0.5, 0.5, 0.5])
-    armature = made.node(top, name="armature", scale=[40.0] * 3, rotation=unit(random).tolist())
-    base = trs([0, 0, 0], [0, 0, 0, 1], 0.5) @ trs([0, 0, 0], made.json["nodes"][armature]["rotation"], 40.0)
+    gltf = Made()
+    top = gltf.node(name="world", scale=[0.5, 0.5, 0.5])
+    armature = gltf.node(top, name="armature", scale=[40.0] * 3, rotation=unit(random).tolist())
+    base = trs([0, 0, 0], [0, 0, 0, 1], 0.5) @ trs([0, 0, 0], gltf.json["nodes"][armature]["rotation"], 40.0)
     parents = [-1] + [int(random.integers(max(0, j - 3), j)) for j in range(1, joints)]
     offsets = random.normal(size=(joints, 3)) * 0.02
     bind, nodes = [], []
@@ -130,18 +130,18 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
         if j % 4 == 3:
             # A node between two joints that is not a joint. It has a matrix and is therefore never animated.
             between = trs(random.normal(size=3) * 0.01, unit(random))
-            above = made.node(above, matrix=between.T.reshape(-1).tolist())
+            above = gltf.node(above, matrix=between.T.reshape(-1).tolist())
         nodes.append(
-            made.node(above, name=f"j{j}", translation=offsets[j].tolist(), rotation=default.tolist())
+            gltf.node(above, name=f"j{j}", translation=offsets[j].tolist(), rotation=default.tolist())
         )
         before = base if parent < 0 else bind[parent]
         step = between if j % 4 == 3 else np.eye(4)
         bind.append(before @ step @ trs(offsets[j], bound))
-    _meshes(made, random, nodes, bind)
-    _animation(made, random, nodes)
+    _meshes(gltf, random, nodes, bind)
+    _animation(gltf, random, nodes)
     if stretched is not None:
-        _stretches(made, random, nodes, offsets, stretched)
-    return made.write(path)
+        _stretches(gltf, random, nodes, offsets, stretched)
+    return gltf.write(path)
 
 
 def _meshes(made: Made, random, nodes, bind) -> None:

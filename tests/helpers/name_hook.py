@@ -30,8 +30,8 @@ class NameHook:
         self.home, self.temporary, self.log = folder / "home", folder / "tmp", folder / "names.log"
         self.past = folder / "clock-before-1970"
         self.library = folder / "name_hook.so"
-        for made in (self.home / ".cache", self.temporary):
-            made.mkdir(parents=True)
+        for directory in (self.home / ".cache", self.temporary):
+            directory.mkdir(parents=True)
         kernels = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "enliven"
         kernels.mkdir(parents=True, exist_ok=True)
         (self.home / ".cache" / "enliven").symlink_to(kernels)
@@ -67,8 +67,8 @@ class NameHook:
     def telemetry_files(self) -> list[Path]:
         """Returns the files written by ONNX Runtime's telemetry."""
         cache = self.home / ".cache" / "Microsoft"
-        found = [path for path in cache.rglob("*") if path.is_file()]
-        return [*found, *self.temporary.glob(".ses")]
+        files = [path for path in cache.rglob("*") if path.is_file()]
+        return [*files, *self.temporary.glob(".ses")]
 
 
 def _is_of_this_machine(name: str) -> bool:

@@ -77,8 +77,8 @@ class ScanningEdge:
 
     def poll(self) -> None:
         """Lets all viewers process received messages."""
-        for one in (*self.viewers, *self.followers):
-            one.poll()
+        for follower in (*self.viewers, *self.followers):
+            follower.poll()
 
     def ask(self, order: Scan) -> Any:
         """Sends an order as the first viewer, and returns the answer."""
@@ -99,7 +99,7 @@ class ScanningEdge:
             each: called after each image.
         """
         self._shown += 1
-        later = [replace(one, time_ns=one.time_ns + self._shown * LATER) for one in frames]
+        later = [replace(frame, time_ns=frame.time_ns + self._shown * LATER) for frame in frames]
         for frame in later:
             self.edge.step(frame)
             self.poll()

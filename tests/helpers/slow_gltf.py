@@ -75,9 +75,9 @@ class SlowGltf:
                 }
             )
         if animation is not None:
-            found = self.json["animations"][animation]
-            for channel in found["channels"]:
-                target, sampler = channel["target"], found["samplers"][channel["sampler"]]
+            animation_json = self.json["animations"][animation]
+            for channel in animation_json["channels"]:
+                target, sampler = channel["target"], animation_json["samplers"][channel["sampler"]]
                 if "node" in target and target["path"] != "weights":
                     trs[target["node"]][target["path"]] = self._sampled(sampler, target["path"], time)
         out = []
@@ -128,10 +128,10 @@ class SlowGltf:
         rest = np.array(self.json["nodes"][node].get("weights", mesh.get("weights", [])), float)
         if animation is None:
             return rest
-        found = self.json["animations"][animation]
-        for channel in found["channels"]:
+        animation_json = self.json["animations"][animation]
+        for channel in animation_json["channels"]:
             if channel["target"] == {"node": node, "path": "weights"}:
-                sampler = found["samplers"][channel["sampler"]]
+                sampler = animation_json["samplers"][channel["sampler"]]
                 keys = self.accessor(sampler["input"])[:, 0]
                 rows = self.accessor(sampler["output"])[:, 0].reshape(len(keys), -1)
                 return np.array([np.interp(time, keys, column) for column in rows.T])

@@ -89,14 +89,14 @@ class Capsule:
         axis = axis / length
         across = looks - np.outer(looks @ axis, axis)
         offset = (eye - a) - (eye - a) @ axis * axis
-        found = _nearest((across**2).sum(-1), across @ offset, offset @ offset - self.radius**2)
-        along = (eye - a) @ axis + found * (looks @ axis)
-        found = np.where((along >= 0) & (along <= length), found, np.inf)
+        distance = _nearest((across**2).sum(-1), across @ offset, offset @ offset - self.radius**2)
+        along = (eye - a) @ axis + distance * (looks @ axis)
+        distance = np.where((along >= 0) & (along <= length), distance, np.inf)
         for end in (a, b):
             middle = eye - end
             ball = _nearest((looks**2).sum(-1), looks @ middle, middle @ middle - self.radius**2)
-            found = np.minimum(found, ball)
-        return found
+            distance = np.minimum(distance, ball)
+        return distance
 
 
 def _nearest(a: np.ndarray, half_b: np.ndarray, c: float) -> np.ndarray:
@@ -189,11 +189,11 @@ class Photographer:
     def _light(self, points: np.ndarray, which: np.ndarray) -> np.ndarray:
         """Returns (N,) grey values of points on surfaces."""
         light = np.full(len(points), 110.0)
-        known = np.isfinite(points).all(-1)
-        place = points[known] + 1.37 * which[known, None]
+        is_hit = np.isfinite(points).all(-1)
+        place = points[is_hit] + 1.37 * which[is_hit, None]
         for grain in GRAIN:
             turned = place @ _TURN.T / grain
-            light[known] += (
+            light[is_hit] += (
                 self._contrast
                 / np.sqrt(len(GRAIN))
                 * map_coordinates(self._cells, turned.T, order=1, mode="grid-wrap")

@@ -130,6 +130,6 @@ def _served(path: str, jobs: list[Job]) -> tuple[bytes | None, str]:
         return json.dumps(listed).encode(), "application/json"
     if path.startswith("/file/"):
         return jobs[int(Path(path).stem)].glb, "model/gltf-binary"
-    found = THREE / path.removeprefix("/three/") if path.startswith("/three/") else HERE / path.lstrip("/")
-    kind = _KINDS.get(found.suffix, "application/octet-stream")
-    return (found.read_bytes() if found.is_file() else None), kind
+    file = THREE / path.removeprefix("/three/") if path.startswith("/three/") else HERE / path.lstrip("/")
+    kind = _KINDS.get(file.suffix, "application/octet-stream")
+    return (file.read_bytes() if file.is_file() else None), kind

@@ -38,12 +38,12 @@ FOR_DEVELOPERS = {
 
 def untranslated(tree: ast.AST) -> Iterator[ast.Constant]:
     """Yields the literals of a module that are shown without translation."""
-    for function in [tree, *(one for one in ast.walk(tree) if isinstance(one, ast.FunctionDef))]:
-        known = assigned(function)
+    for function in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))]:
+        values = assigned(function)
         for call in own(function):
             if isinstance(call, ast.Call):
                 for argument in shown_arguments(call):
-                    yield from literals(argument, known, plain_word=is_label(call, argument))
+                    yield from literals(argument, values, plain_word=is_label(call, argument))
 
 
 def own(function: ast.AST) -> Iterator[ast.AST]:
@@ -58,7 +58,7 @@ def own(function: ast.AST) -> Iterator[ast.AST]:
 
 def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
     """Returns the values that a function assigns to each plain name."""
-    found: dict[str, list[ast.expr]] = {}
+    values: dict[str, list[ast.expr]] = {}
     for node in own(function):
         if isinstance(node, ast.Assign):
             for target in node.targets:
@@ -67,8 +67,8 @@ def assigned(function: ast.AST) -> dict[str, list[ast.expr]]:
                     pairs = list(zip(target.elts, node.value.elts, strict=False))
                 for name, value in pairs:
                     if isinstance(name, ast.Name):
-                        found.setdefault(name.id, []).append(value)
-    return found
+                        values.setdefault(name.id, []).append(value)
+    return values
 
 
 def shown_arguments(call: ast.Call) -> list[ast.expr]:
@@ -81,7 +81,7 @@ def shown_arguments(call: ast.Call) -> list[ast.expr]:
     if name in TELLING:
         return call.args
     if name in ERRORS:
-        return [*call.args, *(one.value for one in call.keywords if one.arg == "mend")]
+        return [*call.args, *(keyword.value for keyword in call.keywords if keyword.arg == "mend")]
     if name in STEPS and call.args and isinstance(call.args[0], ast.JoinedStr):
         return call.args[:1]
     return []

@@ -87,8 +87,8 @@ def unlit(character: Character) -> Character:
         assert character.colours is not None
         tints = np.ones((len(character.faces), 3, 4), np.float32)
         tints[..., :3] = linear_of(character.colours)[character.faces]
-        told, uvs = json.dumps({"doubleSided": True}), np.zeros((len(tints), 3, 0, 2), np.float32)
-        own = MeshMaterials((told,), (), np.zeros(len(tints), np.int32), uvs, tints)
+        definition, uvs = json.dumps({"doubleSided": True}), np.zeros((len(tints), 3, 0, 2), np.float32)
+        own = MeshMaterials((definition,), (), np.zeros(len(tints), np.int32), uvs, tints)
     return _with_materials(character, own, {"extensions": {"KHR_materials_unlit": {}}}, "unlit")
 
 
@@ -101,8 +101,8 @@ def bright(character: Character) -> Character:
 
 def _with_materials(character: Character, own: MeshMaterials, change: dict, name: str) -> Character:
     definitions = list[str]()
-    for told in own.definitions:
-        value = json.loads(told)
+    for definition in own.definitions:
+        value = json.loads(definition)
         value.pop("emissiveTexture", None)
         value["emissiveFactor"] = [0.0, 0.0, 0.0]
         value |= change

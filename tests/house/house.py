@@ -72,12 +72,12 @@ class House:
                     self.doors.add(".".join(parts))
                 self.modules[".".join(parts)] = path
         self.imports = [
-            one for module, path in self.modules.items() for one in self._imports_of(module, path)
+            link for module, path in self.modules.items() for link in self._imports_of(module, path)
         ]
 
     def broken(self) -> list[str]:
         """A sentence for each import or folder that breaks a rule, and what to do about it."""
-        said = [
+        complaints = [
             *self._foreign(),
             *self._round_doors(),
             *self._back(),
@@ -87,20 +87,20 @@ class House:
             *self._mute(),
             *self._past_their_gate(),
         ]
-        return [one for one in said if one not in self.rules.exceptions]
+        return [complaint for complaint in complaints if complaint not in self.rules.exceptions]
 
     def _imports_of(self, module: str, path: Path) -> Iterator[Import]:
         if module in self.doors and path.with_suffix(".pyi").exists():
             path = path.with_suffix(".pyi")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
-                found = [(alias.name, "") for alias in node.names]
+                names = [(alias.name, "") for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
                 start = f"{module}.{node.module or ''}".rstrip(".") if node.level else node.module or ""
-                found = [self._meant(start, alias.name) for alias in node.names]
+                names = [self._meant(start, alias.name) for alias in node.names]
             else:
                 continue
-            for target, name in found:
+            for target, name in names:
                 if target in self.modules and target != module:
                     yield Import(module, target, name, node.lineno)
 
@@ -117,27 +117,27 @@ class House:
 
     def _foreign(self) -> Iterator[str]:
         """Yields a sentence for each import of a package that the importing one must not know."""
-        for one in self.imports:
-            mine, other = one.source.split(".")[0], one.target.split(".")[0]
+        for link in self.imports:
+            mine, other = link.source.split(".")[0], link.target.split(".")[0]
             if other != mine and other not in self.rules.may_import[mine]:
                 shared = [p for p in self.rules.may_import[mine] if p in self.rules.may_import[other]]
                 better = f"move what both need to {shared[0]}" if shared else "turn the import round"
-                yield f"{self._at(one)} imports {other}, which {mine} must not know: {better}."
+                yield f"{self._at(link)} imports {other}, which {mine} must not know: {better}."
 
     def _round_doors(self) -> Iterator[str]:
         """Yields a sentence for each import past a room's door, or of a room by its own door."""
-        for one in self.imports:
-            room, name = self.room_of(one.target), one.name or one.target.rpartition(".")[2]
-            inside = one.source == room or one.source.startswith(f"{room}.")
-            if one.target in self.doors:
-                if inside and not self._of_door(one):
+        for link in self.imports:
+            room, name = self.room_of(link.target), link.name or link.target.rpartition(".")[2]
+            inside = link.source == room or link.source.startswith(f"{room}.")
+            if link.target in self.doors:
+                if inside and not self._of_door(link):
                     yield (
-                        f"{self._at(one)} uses the door of its own room {room}: "
+                        f"{self._at(link)} uses the door of its own room {room}: "
                         f"import {name} from the module that defines it."
                     )
-            elif not inside and room not in self.rules.open and not self._shown(room, one):
+            elif not inside and room not in self.rules.open and not self._shown(room, link):
                 yield (
-                    f"{self._at(one)} goes round the door of {room}: write `from {room} import {name}`, "
+                    f"{self._at(link)} goes round the door of {room}: write `from {room} import {name}`, "
                     f"and name it in the room's __init__ where it is not yet."
                 )
 
@@ -155,15 +155,15 @@ class House:
 
     def _arrows(self) -> dict[str, dict[tuple[str, str], list[Import]]]:
         """Imports by folder, then by the two modules or rooms of it that they join."""
-        found: dict[str, dict[tuple[str, str], list[Import]]] = defaultdict(lambda: defaultdict(list))
-        for one in self.imports:
-            source, target = one.source.split("."), one.target.split(".")
+        arrows: dict[str, dict[tuple[str, str], list[Import]]] = defaultdict(lambda: defaultdict(list))
+        for link in self.imports:
+            source, target = link.source.split("."), link.target.split(".")
             shared = 0
             while shared < min(len(source), len(target)) and source[shared] == target[shared]:
                 shared += 1
             if 0 < shared < min(len(source), len(target)):
-                found[".".join(source[:shared])][source[shared], target[shared]].append(one)
-        return found
+                arrows[".".join(source[:shared])][source[shared], target[shared]].append(link)
+        return arrows
 
     def _back(self) -> Iterator[str]:
         """Yields a sentence for each import against the stated order of a folder."""
@@ -180,9 +180,9 @@ class House:
                 yield f"rules.toml orders {folder}.{name}, which is not there: take it out."
             for (source, target), imports in arrows[folder].items():
                 if source in order and target in order and order.index(source) < order.index(target):
-                    for one in imports:
+                    for link in imports:
                         yield (
-                            f"{self._at(one)} runs back from {folder}.{source} to {folder}.{target}: "
+                            f"{self._at(link)} runs back from {folder}.{source} to {folder}.{target}: "
                             f"move what it needs to {folder}.{source} or to a room before it, "
                             f"or what needs it to {folder}.{target}."
                         )
@@ -203,9 +203,9 @@ class House:
 
     def _two_meanings(self) -> Iterator[str]:
         """Yields a sentence for each name that a door shows and that is a module of its room as well."""
-        for one in self.imports:
-            if one.source in self.doors and one.name and f"{one.source}.{one.name}" in self.modules:
-                yield f"{one.source} shows {one.name}, which is also a module of it: rename the module."
+        for link in self.imports:
+            if link.source in self.doors and link.name and f"{link.source}.{link.name}" in self.modules:
+                yield f"{link.source} shows {link.name}, which is also a module of it: rename the module."
 
     def _crowded(self) -> Iterator[str]:
         """Yields a sentence for each folder with too many modules."""
@@ -265,12 +265,12 @@ def _circles(arrows: set[tuple[str, str]]) -> list[set[str]]:
         return seen
 
     reach = {node: reached(node) for pair in arrows for node in pair}
-    found: list[set[str]] = []
+    circles: list[set[str]] = []
     for node in sorted(reach):
         circle = {other for other in reach[node] if node in reach[other]} | {node}
-        if len(circle) > 1 and circle not in found:
-            found.append(circle)
-    return found
+        if len(circle) > 1 and circle not in circles:
+            circles.append(circle)
+    return circles
 
 
 @cache

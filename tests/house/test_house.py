@@ -115,8 +115,8 @@ def test_a_house_in_order_is_let_be(tmp_path):
     ],
 )
 def test_what_breaks_a_rule_is_refused_with_a_way_out(tmp_path, changes, said):
-    found = house_of(tmp_path, changes)
-    assert len(found) == 1 and found[0].startswith(said)
+    complaints = house_of(tmp_path, changes)
+    assert len(complaints) == 1 and complaints[0].startswith(said)
 
 
 def test_the_one_module_may_import_its_library(tmp_path):
@@ -134,8 +134,8 @@ def test_no_other_file_imports_a_library_with_telemetry():
 def test_helpers_import_no_module_of_one_folder_of_tests():
     """Only tests/helpers is on every test's path: another folder's is there once its tests were collected."""
     tests = ROOT / "tests"
-    known = {path.stem for folder in ("helpers", "house") for path in (tests / folder).rglob("*.py")}
-    elsewhere = {path.stem for path in tests.rglob("*.py")} - known
+    shared_modules = {path.stem for folder in ("helpers", "house") for path in (tests / folder).rglob("*.py")}
+    elsewhere = {path.stem for path in tests.rglob("*.py")} - shared_modules
     for path in (tests / "helpers").rglob("*.py"):
         names = {name for _, name in foreign_imports(path.read_text(encoding="utf-8"))}
         assert not names & elsewhere, path

@@ -21,7 +21,7 @@ def forgotten():
 def test_a_riddle_is_found(tmp_path):
     path = tmp_path / "a.py"
     path.write_text('"""Whose it is."""\n\ndef f():\n    """Says\n    nobody."""\n    return "nobody"\n')
-    assert [one.partition(": ")[2] for one in riddles(path)] == [
+    assert [sentence.partition(": ")[2] for sentence in riddles(path)] == [
         "says 'Whose': name what is meant.",
         "says 'nobody': name what is meant.",
     ]
@@ -30,8 +30,8 @@ def test_a_riddle_is_found(tmp_path):
 def test_a_mute_constant_is_found(tmp_path):
     path = tmp_path / "a.py"
     path.write_text('A, B = 1.0, 2.0\n"""Metres."""\nC = 3\nD = 4\n"""Seconds."""\nE = C\nF = "word"\n')
-    said = [one.partition(": ")[2][:14] for one in mute_constants(path)]
-    assert said == ["A, B share a l", "C has no sente"]
+    constants = [sentence.partition(": ")[2][:14] for sentence in mute_constants(path)]
+    assert constants == ["A, B share a l", "C has no sente"]
 
 
 def test_a_shared_name_is_found(tmp_path):
@@ -49,13 +49,13 @@ def test_what_has_no_docstring_is_found(tmp_path):
         'class P(Protocol):\n    """P."""\n    def f(self):\n        """Says f."""\n'
         'class Q:\n    """Q."""\n    def f(self): ...\n    def g(self): ...\n'
     )
-    said = [one.split(": ")[1].partition(" has")[0] for one in undescribed([path])]
-    assert said == ["A.g", "k", "Q.g"]
+    constants = [sentence.split(": ")[1].partition(" has")[0] for sentence in undescribed([path])]
+    assert constants == ["A.g", "k", "Q.g"]
 
 
 @pytest.mark.parametrize("rule", [riddles, mute_constants])
 def test_no_file_breaks_a_rule(rule):
-    assert "\n".join(said for path in FILES for said in rule(path)) == ""
+    assert "\n".join(sentence for path in FILES for sentence in rule(path)) == ""
 
 
 def test_no_name_has_two_meanings():

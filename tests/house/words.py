@@ -24,10 +24,10 @@ def riddles(path: Path) -> Iterator[str]:
     """A sentence for each docstring with a pronoun in the place of a noun."""
     text = path.read_text(encoding="utf-8")
     for node in ast.walk(ast.parse(text)) if RIDDLES.search(text) else ():
-        said = _text_of(node)
-        for found in RIDDLES.finditer(said):
-            line = node.lineno + said[: found.start()].count("\n")
-            yield f"{path}:{line}: says {found[0]!r}: name what is meant."
+        full_text = _text_of(node)
+        for riddle in RIDDLES.finditer(full_text):
+            line = node.lineno + full_text[: riddle.start()].count("\n")
+            yield f"{path}:{line}: says {riddle[0]!r}: name what is meant."
 
 
 def mute_constants(path: Path) -> Iterator[str]:
@@ -41,10 +41,10 @@ def mute_constants(path: Path) -> Iterator[str]:
         names = [name for name in names if _CONSTANT.fullmatch(name)]
         if not names or not _is_number(node.value):
             continue
-        said = _text_of(after)
+        text = _text_of(after)
         if len(names) > 1:
             yield f"{path}:{node.lineno}: {', '.join(names)} share a line: each needs its unit and reason."
-        elif not said:
+        elif not text:
             yield f"{path}:{node.lineno}: {names[0]} has no sentence: say its unit and its reason below it."
 
 
@@ -60,7 +60,7 @@ def _is_number(value: ast.expr | None) -> bool:
         return False
     names = [node for node in ast.walk(value) if isinstance(node, ast.Name | ast.Attribute | ast.Call)]
     constants = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
-    return not names and any(isinstance(one, int | float) for one in constants)
+    return not names and any(isinstance(constant, int | float) for constant in constants)
 
 
 def shared_names(paths: list[Path]) -> Iterator[str]:
@@ -82,34 +82,36 @@ def undescribed(paths: list[Path]) -> Iterator[str]:
     setter by its property.
     """
     bodies = {path: body_of(path) for path in paths}
-    kinds = {one.name: one for body in bodies.values() for one in body if isinstance(one, ast.ClassDef)}
-    protocols = [one for one in kinds.values() if any(ast.unparse(base) == "Protocol" for base in one.bases)]
+    kinds = {item.name: item for body in bodies.values() for item in body if isinstance(item, ast.ClassDef)}
+    protocols = [
+        item for item in kinds.values() if any(ast.unparse(base) == "Protocol" for base in item.bases)
+    ]
     for path, body in bodies.items():
-        for one in body:
-            if not isinstance(one, ast.ClassDef | ast.FunctionDef) or one.name.startswith("_"):
+        for item in body:
+            if not isinstance(item, ast.ClassDef | ast.FunctionDef) or item.name.startswith("_"):
                 continue
-            if not ast.get_docstring(one):
-                yield f"{path}:{one.lineno}: {one.name} has no docstring: say what it is, in one sentence."
-            for method in _methods(one) if isinstance(one, ast.ClassDef) else ():
-                sources = [one, *(protocol for protocol in protocols if _fulfils(one, protocol))]
-                told = any(_described(source, method.name, kinds) for source in sources)
-                if not method.name.startswith("_") and not told:
-                    name = f"{one.name}.{method.name}"
+            if not ast.get_docstring(item):
+                yield f"{path}:{item.lineno}: {item.name} has no docstring: say what it is, in one sentence."
+            for method in _methods(item) if isinstance(item, ast.ClassDef) else ():
+                sources = [item, *(protocol for protocol in protocols if _fulfils(item, protocol))]
+                is_described = any(_described(source, method.name, kinds) for source in sources)
+                if not method.name.startswith("_") and not is_described:
+                    name = f"{item.name}.{method.name}"
                     yield f"{path}:{method.lineno}: {name} has no docstring: say what it does."
 
 
 def _methods(kind: ast.ClassDef) -> Iterator[ast.FunctionDef]:
-    return (one for one in kind.body if isinstance(one, ast.FunctionDef))
+    return (node for node in kind.body if isinstance(node, ast.FunctionDef))
 
 
 def _fulfils(kind: ast.ClassDef, protocol: ast.ClassDef) -> bool:
     """Whether a class has every method of a protocol."""
-    return {one.name for one in _methods(protocol)} <= {one.name for one in _methods(kind)}
+    return {method.name for method in _methods(protocol)} <= {method.name for method in _methods(kind)}
 
 
 def _described(kind: ast.ClassDef, name: str, kinds: dict[str, ast.ClassDef]) -> bool:
     """Whether a class of the product, or one that it comes from, says what a method does."""
-    if any(ast.get_docstring(one) for one in _methods(kind) if one.name == name):
+    if any(ast.get_docstring(method) for method in _methods(kind) if method.name == name):
         return True
     bases = [ast.unparse(base).partition("[")[0].rpartition(".")[2] for base in kind.bases]
     return any(_described(kinds[base], name, kinds) for base in bases if kinds.get(base) not in (None, kind))

@@ -85,13 +85,13 @@ class Limbs:
     @staticmethod
     def of(mesh: Mesh, case: Case) -> Limbs:
         """Returns the limbs of a case: its largest connected pieces beyond the cut."""
-        whole, welded_of = weld(mesh)
+        welded, welded_of = weld(mesh)
         if case.cut > 0:
-            outside = whole.vertices[:, 1] < case.cut * whole.vertices[:, 1].max()
+            outside = welded.vertices[:, 1] < case.cut * welded.vertices[:, 1].max()
         else:
-            away = np.linalg.norm(whole.vertices - whole.vertices.mean(0), axis=1)
+            away = np.linalg.norm(welded.vertices - welded.vertices.mean(0), axis=1)
             outside = away > -case.cut * away.max()
-        faces = whole.faces[outside[whole.faces].all(1)]
+        faces = welded.faces[outside[welded.faces].all(1)]
         pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
         web = csr_matrix((np.ones(len(pairs)), pairs.T), (len(outside),) * 2)
         piece = connected_components(web, directed=False)[1]
@@ -100,8 +100,8 @@ class Limbs:
         assert sizes[largest].min() > 0.02 * outside.sum(), f"{case.name} has fewer limbs beyond the cut"
         number = np.full(len(sizes), -1)
         number[largest] = np.arange(case.limbs)
-        found = np.where(outside, number[np.minimum(piece, len(number) - 1)], -1)
-        return Limbs(mesh, found[welded_of])
+        limb_of = np.where(outside, number[np.minimum(piece, len(number) - 1)], -1)
+        return Limbs(mesh, limb_of[welded_of])
 
     def of_points(self, positions) -> np.ndarray:
         """Returns (N,) limb numbers of points on the surface."""

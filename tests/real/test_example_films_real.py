@@ -108,10 +108,10 @@ def test_a_walk_is_shown_mirrored_left_to_right():
     project = project_of("trex")
     examples = examples_of(project, next(iter(project.puppets.values())))
     assert len(examples) == 4
-    found = plane_of_symmetry(next(iter(project.puppets.values())).mesh)
-    assert found is not None
-    assert abs(np.dot(found.normal, cast.MIDDLE.normal)) > 0.999
-    assert abs(found.point[0]) < 0.01
+    plane = plane_of_symmetry(next(iter(project.puppets.values())).mesh)
+    assert plane is not None
+    assert abs(np.dot(plane.normal, cast.MIDDLE.normal)) > 0.999
+    assert abs(plane.point[0]) < 0.01
     left, right = examples.point("left toes"), examples.point("right toes")
     np.testing.assert_allclose(examples.sources[0, left, 1:], examples.sources[2, right, 1:], atol=1e-3)
     np.testing.assert_allclose(examples.sources[0, left, 0], -examples.sources[2, right, 0], atol=1e-3)

@@ -86,7 +86,7 @@ def test_hands_that_direct_traffic_are_followed_on_both_sides(mesh):
 )
 @pytest.mark.parametrize("take", ["traffic", "waves", "strolls"])
 def test_puppet_is_at_its_performer_after_a_minute(mesh, take):
-    found = in_place(mesh, take)
-    assert found.offset < 0.2
+    travelled = in_place(mesh, take)
+    assert travelled.offset < 0.2
     if take == "strolls":
-        assert found.slide < 0.1, "centimetres a second"
+        assert travelled.slide < 0.1, "centimetres a second"

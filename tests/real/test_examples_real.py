@@ -65,10 +65,10 @@ def test_walkers_stay_on_the_floor_and_jumpers_leave_it():
         examples, _ = shown(took.poses, 8)
         places = ExampleMap(examples).solve(took.poses, took.step)
         switches = find_switches(took.world[:, :2], took.step, 0.9)
-        assert any(one.kind == "flight" for one in switches) == flies, (name, switches)
+        assert any(switch.kind == "flight" for switch in switches) == flies, (name, switches)
         placed = locate(places, took.yaw, took.step, switches, [0, 1])
         if "running" in name:
-            assert 3 <= sum(one.kind == "flight" for one in switches) <= 5
+            assert 3 <= sum(switch.kind == "flight" for switch in switches) <= 5
         assert placed.world[:, :2, 1].min() > -1e-9
         for f in np.flatnonzero((placed.anchors[1:] >= 0) & (placed.anchors[:-1] >= 0)) + 1:
             moved = placed.world[f, placed.anchors[f], ::2] - placed.world[f - 1, placed.anchors[f], ::2]
@@ -90,11 +90,11 @@ def test_feet_are_level_where_the_anchor_changes():
         [0, 1],
     )
     couplings = placed.couplings(examples.points)
-    assert couplings and all(isinstance(one, Coupling) for one in couplings)
+    assert couplings and all(isinstance(coupling, Coupling) for coupling in couplings)
     places = mapping.solve(took.poses, took.step, couplings)
-    for one in couplings:
-        a, b = examples.point(one.point), examples.point(one.other)
-        assert abs(places[one.frame, a, 1] - places[one.frame, b, 1]) < 1e-9
+    for coupling in couplings:
+        a, b = examples.point(coupling.point), examples.point(coupling.other)
+        assert abs(places[coupling.frame, a, 1] - places[coupling.frame, b, 1]) < 1e-9
 
 
 def test_live_is_near_the_whole():

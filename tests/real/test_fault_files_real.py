@@ -92,7 +92,7 @@ def test_index_zero_is_refused_with_its_line() -> None:
 
 def test_flipped_meshes_are_possessed_as_the_clean_one(tmp_path) -> None:
     call("import", FAULTS / "brace_same_line.bvh", "-o", tmp_path / "bodies.mcap")
-    made = []
+    possessed = []
     for name in ("latin1_comment.obj", "half_flipped.obj", "inside_out.obj"):
         path = tmp_path / f"{name}.enliven"
         assert (
@@ -101,21 +101,26 @@ def test_flipped_meshes_are_possessed_as_the_clean_one(tmp_path) -> None:
         )
         project = read_project(path)
         (graph,) = project.graphs.values()
-        made.append((graph.mesh, project.streams))
-    for mesh, streams in made[1:]:
-        np.testing.assert_allclose(mesh.vertices, made[0][0].vertices, atol=1e-9)
-        np.testing.assert_allclose(mesh.face_normals().sum(0), made[0][0].face_normals().sum(0), atol=1e-9)
-        for one, other in zip(streams.values(), made[0][1].values(), strict=True):
-            np.testing.assert_allclose(one.positions, other.positions, atol=1e-3)
+        possessed.append((graph.mesh, project.streams))
+    for mesh, streams in possessed[1:]:
+        np.testing.assert_allclose(mesh.vertices, possessed[0][0].vertices, atol=1e-9)
+        np.testing.assert_allclose(
+            mesh.face_normals().sum(0), possessed[0][0].face_normals().sum(0), atol=1e-9
+        )
+        for stream, other in zip(streams.values(), possessed[0][1].values(), strict=True):
+            np.testing.assert_allclose(stream.positions, other.positions, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["latin1_comment.obj", "half_flipped.obj", "inside_out.obj"])
 def test_flipped_meshes_merge_to_one_shell(name: str) -> None:
     mesh, other = load_mesh(FAULTS / name).mesh, load_mesh(FAULTS / "latin1_comment.obj").mesh
-    one, two = solid_of(mesh), solid_of(replace(other, vertices=other.vertices + np.array([0.05, 0.02, 0.0])))
-    assert isinstance(one, Solid) and isinstance(two, Solid), "neither has a face that is wound wrongly"
-    assert len((one.manifold + two.manifold).decompose()) == 1
-    assert one.manifold.volume() == pytest.approx(two.manifold.volume())
+    first, second = (
+        solid_of(mesh),
+        solid_of(replace(other, vertices=other.vertices + np.array([0.05, 0.02, 0.0]))),
+    )
+    assert isinstance(first, Solid) and isinstance(second, Solid), "neither has a face that is wound wrongly"
+    assert len((first.manifold + second.manifold).decompose()) == 1
+    assert first.manifold.volume() == pytest.approx(second.manifold.volume())
 
 
 def heights(clip) -> np.ndarray:
@@ -155,15 +160,15 @@ def test_a_capture_is_upright_by_every_road(name: str, tmp_path) -> None:
 
 
 def test_the_two_captures_are_the_same_motion() -> None:
-    one, other = (read_take(FAULTS / name)[0] for name in ("z_up.bvh", "brace_same_line.bvh"))
-    assert one.skeleton.names == other.skeleton.names
-    np.testing.assert_allclose(one.skeleton.positions, other.skeleton.positions, atol=1e-3)
-    np.testing.assert_allclose(one.root, other.root, atol=1e-3)
+    first, second = (read_take(FAULTS / name)[0] for name in ("z_up.bvh", "brace_same_line.bvh"))
+    assert first.skeleton.names == second.skeleton.names
+    np.testing.assert_allclose(first.skeleton.positions, second.skeleton.positions, atol=1e-3)
+    np.testing.assert_allclose(first.root, second.root, atol=1e-3)
 
 
 def test_a_wall_of_the_tum_benchmark_is_at_two_metres(tmp_path) -> None:
-    said = call("import", FAULTS / "tum", "-o", tmp_path / "a.mcap")
-    assert "5000 to the metre" in said and "tum-depth" in said
+    output = call("import", FAULTS / "tum", "-o", tmp_path / "a.mcap")
+    assert "5000 to the metre" in output and "tum-depth" in output
     frames = list(Recording(tmp_path / "a.mcap").frames())
     assert [np.median(frame.depth) for frame in frames] == [2000, 2000]
     assert frames[1].time_ns - frames[0].time_ns == 33_333_000
@@ -173,7 +178,7 @@ def test_a_wall_of_the_tum_benchmark_is_at_two_metres(tmp_path) -> None:
 
 
 def test_an_empty_image_is_named_and_later_times_stay(tmp_path) -> None:
-    said = call("import", FAULTS / "depth_empty_png", "-o", tmp_path / "a.mcap", "--fps", 10)
-    assert "depth_3.png is left out: it is empty" in said
+    output = call("import", FAULTS / "depth_empty_png", "-o", tmp_path / "a.mcap", "--fps", 10)
+    assert "depth_3.png is left out: it is empty" in output
     assert [frame.time_ns for frame in Recording(tmp_path / "a.mcap").frames()] == [0, 10**8, 3 * 10**8]
     assert "depth_3.png" in call("track", FAULTS / "depth_empty_png", "-o", tmp_path / "b.mcap")

@@ -43,15 +43,15 @@ def seen(study: int) -> dict[str, list[BodyFrame]]:
 
 
 def placed(frames: dict[str, list[BodyFrame]], overlap: float = 4.0):
-    streams = [stream_of(name, told) for name, told in frames.items()]
+    streams = [stream_of(name, stream) for name, stream in frames.items()]
     return calibrate(streams, CalibrationSettings(overlap=overlap))
 
 
 @cache
 def performed(study: int):
     """Returns the calibration, the fused frames, and each Kinect's frames in the same world and clock."""
-    made = placed(seen(study))
-    space = made.space()
+    calibration = placed(seen(study))
+    space = calibration.space()
     both = list(fused(seen(study), space, Fuser(eyes(space))))
     alone = {
         name: [
@@ -60,39 +60,39 @@ def performed(study: int):
         ]
         for name, place in space.sensors.items()
     }
-    return made, both, alone
+    return calibration, both, alone
 
 
 def test_two_people_who_occlude_each_other_place_two_kinects():
     """Study_24: 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
-    made, _, _ = performed(24)
-    (pair,) = made.pairs
-    assert made.good
+    calibration, _, _ = performed(24)
+    (pair,) = calibration.pairs
+    assert calibration.good
     assert pair.quality.rms < 0.05
     assert pair.quality.swapped < 0.02
     assert pair.quality.seconds > 15
-    found = made.world_from_sensor[KINECTS[1]]
-    assert np.linalg.norm(found[:3, 3]) < 0.08
-    assert np.degrees(angle_between(np.eye(4), found)) < 3.5
+    pose = calibration.world_from_sensor[KINECTS[1]]
+    assert np.linalg.norm(pose[:3, 3]) < 0.08
+    assert np.degrees(angle_between(np.eye(4), pose)) < 3.5
 
 
 @pytest.mark.parametrize("degrees", [75.0, -150.0])
 def test_a_kinect_that_is_put_elsewhere_is_found_there(degrees):
     """The second Kinect's skeletons are moved to another place, with a clock 1000 s ahead: same result."""
     before = made_of(24)
-    there = rigid(turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5]))
+    placement = rigid(turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5]))
     frames = dict(seen(24))
     frames[KINECTS[1]] = [
-        dataclasses.replace(f, bodies=in_world(f.bodies, there), time_ns=f.time_ns + 1000 * 10**9)
+        dataclasses.replace(f, bodies=in_world(f.bodies, placement), time_ns=f.time_ns + 1000 * 10**9)
         for f in frames[KINECTS[1]]
     ]
     after = placed(frames)
     assert after.good
-    expected = before.world_from_sensor[KINECTS[1]] @ inverse(there)
-    found = after.world_from_sensor[KINECTS[1]]
+    expected = before.world_from_sensor[KINECTS[1]] @ inverse(placement)
+    pose = after.world_from_sensor[KINECTS[1]]
     centre = np.array([0.0, 1.0, -2.4])
-    assert np.linalg.norm((inverse(expected) - inverse(found))[:3] @ [*centre, 1.0]) < 0.02
-    assert np.degrees(angle_between(expected, found)) < 0.5
+    assert np.linalg.norm((inverse(expected) - inverse(pose))[:3] @ [*centre, 1.0]) < 0.02
+    assert np.degrees(angle_between(expected, pose)) < 0.5
     assert after.clock_offset_ns[KINECTS[1]] + 1000 * 10**9 == pytest.approx(
         before.clock_offset_ns[KINECTS[1]], abs=10e6
     )
@@ -132,10 +132,10 @@ def test_fusion_adds_little_jitter(study):
 def test_standing_person_is_not_enough_to_place_a_sensor():
     """Study_1, 12 s nearly on the spot, and Study_14, under a second, are never accepted."""
     for study, overlap in ((1, 4.0), (14, 0.5)):
-        made = placed(seen(study), overlap)
-        assert not made.good
-        assert made.pairs[0].quality.verdict is Verdict.WALK_ON
-        assert "walk on" in made.advice[0]
+        calibration = placed(seen(study), overlap)
+        assert not calibration.good
+        assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
+        assert "walk on" in calibration.advice[0]
 
 
 def test_one_person_before_two_kinects_is_one():

@@ -114,14 +114,14 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
 
 
 def test_a_spike_of_20_ms_is_written(tmp_path):
-    found = exportables_of(FAULTS / "odd_keys.glb").found[0].sample(0.0, None, None, False, True)
-    (tmp_path / "again.glb").write_bytes(glb_of([found]))
+    sampled = exportables_of(FAULTS / "odd_keys.glb").found[0].sample(0.0, None, None, False, True)
+    (tmp_path / "again.glb").write_bytes(glb_of([sampled]))
     slow = SlowGltf(FAULTS / "odd_keys.glb")
     for seconds in (1.0, 1.01, 1.02):
         expected = slow.vertices_at(0, seconds)
-        there = SlowGltf(tmp_path / "again.glb").vertices_at(0, seconds)
+        vertices = SlowGltf(tmp_path / "again.glb").vertices_at(0, seconds)
         np.testing.assert_allclose(
-            [there.min(0), there.max(0)], [expected.min(0), expected.max(0)], atol=1e-4
+            [vertices.min(0), vertices.max(0)], [expected.min(0), expected.max(0)], atol=1e-4
         )
     calm, spike = (slow.vertices_at(0, seconds)[:, 0] for seconds in (1.0, 1.01))
     assert abs(spike).max() > abs(calm).max() + 0.5

@@ -28,16 +28,16 @@ def test_a_turning_person_s_trunk_and_arms_are_found_and_the_rest_is_not_invente
     mount, lifter, widths, sides = world_from_level_camera(1.2), Lifter(), [], []
     with MediaPipeSource(MediaPipeSettings(python=PYTHON)) as source:
         for frame in frames:
-            (found,) = source.find(frame.colour, frame.time_ns)
-            body = lifter.lift(found, frame, mount, 1)
+            (landmarks,) = source.find(frame.colour, frame.time_ns)
+            body = lifter.lift(landmarks, frame, mount, 1)
             local = (body.joints - mount[:3, 3]) @ mount[:3, :3]
             sure = body.confidence > 0.5
             assert sure[[Joint.HEAD, Joint.SHOULDER_CENTER]].all()
             # Confident joints are inside the person: the surface is at most 0.2 m nearer.
             u, v = np.rint(project(local[sure], frame.intrinsics)).astype(int).T
             surface = frame.depth[v, u] * 1e-3
-            seen = surface > 0
-            gap = local[sure][seen, 2] - surface[seen]
+            is_seen = surface > 0
+            gap = local[sure][is_seen, 2] - surface[is_seen]
             assert (gap > -0.05).all() and (gap < 0.25).all()
             legs = [j for j in Joint if "KNEE" in j.name or "ANKLE" in j.name or "FOOT" in j.name]
             assert body.confidence[legs].max() == 0.0

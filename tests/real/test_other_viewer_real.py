@@ -53,6 +53,6 @@ def test_both_viewers_show_the_same(name: str, tmp_path: Path) -> None:
     compared, picture = compare(character_of(shape), poses, files, tmp_path / "browser")
     PICTURES.mkdir(parents=True, exist_ok=True)
     Image.fromarray(picture).save(PICTURES / f"{path.stem}.png")
-    for one in [one for row in compared for one in row]:
-        assert one.overlap > LEAST
-        assert len(one.colours) > 3 and one.colours.max() < MODELS[name]
+    for comparison in [comparison for row in compared for comparison in row]:
+        assert comparison.overlap > LEAST
+        assert len(comparison.colours) > 3 and comparison.colours.max() < MODELS[name]

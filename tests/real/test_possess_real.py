@@ -39,9 +39,9 @@ def filmed(request) -> tuple[str, Measures]:
 
 
 def test_surfaces_stretch_no_more_than_they_must(filmed) -> None:
-    name, found = filmed
-    assert found.stretch_95 < STRETCH[name]
-    assert found.squeeze_5 > 0.55
+    name, measures = filmed
+    assert measures.stretch_95 < STRETCH[name]
+    assert measures.squeeze_5 > 0.55
 
 
 def test_hardly_a_triangle_turns_inside_out(filmed) -> None:

@@ -51,11 +51,11 @@ def performed(output: Path, *words: str) -> tuple[list[tuple], list[tuple]]:
     take = Recording(output)
     bodies, poses, codecs = [], [], {}
     for _, data in take.messages("bodies"):
-        said = msgspec.msgpack.decode(data, type=BodiesMessage)
-        bodies.append((said.time_ns, np.array([body.joints for body in message_to_bodies(said)])))
+        message = msgspec.msgpack.decode(data, type=BodiesMessage)
+        bodies.append((message.time_ns, np.array([body.joints for body in message_to_bodies(message)])))
     for _, data in take.messages("character"):
-        made = msgspec.msgpack.decode(data, type=CharacterMessage)
-        codecs[made.revision] = PoseCodec(message_to_character(made))
+        character = msgspec.msgpack.decode(data, type=CharacterMessage)
+        codecs[character.revision] = PoseCodec(message_to_character(character))
     for _, data in take.messages("pose"):
         sent = msgspec.msgpack.decode(data, type=PoseMessage)
         pose = message_to_pose(sent, codecs[sent.revision])
@@ -73,13 +73,13 @@ def test_each_body_and_each_pose_is_the_same_to_the_millimetre(driver, take, rep
     """The whole edge, frame by frame, with the chair that the person possesses; none is skipped."""
     if importlib.util.find_spec(LIBRARIES[driver]) is None:
         pytest.skip(f'{LIBRARIES[driver]} is not installed: pip install "./edge[{driver}]"')
-    found = performed(tmp_path / "b.mcap", "--sensor", driver, "--set", f"rehearse={take}")
-    assert len(found[0]) == FRAMES and max(len(joints) for _, joints in found[0]) == 1
+    rehearsed = performed(tmp_path / "b.mcap", "--sensor", driver, "--set", f"rehearse={take}")
+    assert len(rehearsed[0]) == FRAMES and max(len(joints) for _, joints in rehearsed[0]) == 1
     places = np.array([place for _, place, _ in replayed[1]])
     assert np.ptp(places, axis=0).max() > 0.1, "the chair is moved"
-    for expected, got in zip(replayed, found, strict=True):
-        assert len(expected) == len(got)
-        for (time_ns, *arrays), (other_ns, *others) in zip(expected, got, strict=True):
+    for expected, actual in zip(replayed, rehearsed, strict=True):
+        assert len(expected) == len(actual)
+        for (time_ns, *arrays), (other_ns, *others) in zip(expected, actual, strict=True):
             assert time_ns == other_ns
             for a, b in zip(arrays, others, strict=True):
                 np.testing.assert_allclose(a, b, atol=MILLIMETRE)

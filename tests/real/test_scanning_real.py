@@ -32,20 +32,20 @@ def scanned():
     """Returns the scanner after 60 frames, the result of each frame, and the recorded poses."""
     frames = list(islice(PosedDepthReader().read(sorted(KITCHEN.iterdir())), 60))
     scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.015, reach=5.0)))
-    told = [frames[0], *(replace(frame, world_from_camera=None) for frame in frames[1:])]
-    return scanner, [scanner.add(frame) for frame in told], [frame.world_from_camera for frame in frames]
+    unposed = [frames[0], *(replace(frame, world_from_camera=None) for frame in frames[1:])]
+    return scanner, [scanner.add(frame) for frame in unposed], [frame.world_from_camera for frame in frames]
 
 
 def test_the_camera_is_found_in_a_real_kitchen():
     _, steps, truth = scanned()
     assert all(step.state is ScanState.SCANNING for step in steps)
-    found = np.array([step.world_from_camera[:3, 3] for step in steps])
-    those = np.array([pose[:3, 3] for pose in truth])
-    a, b = found - found.mean(0), those - those.mean(0)
+    positions = np.array([step.world_from_camera[:3, 3] for step in steps])
+    true_positions = np.array([pose[:3, 3] for pose in truth])
+    a, b = positions - positions.mean(0), true_positions - true_positions.mean(0)
     u, _, v = np.linalg.svd(b.T @ a)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
     assert np.sqrt(np.square(a @ turn.T - b).sum(1).mean()) < 0.02
-    assert np.linalg.norm(np.diff(those, axis=0), axis=1).sum() > 0.5
+    assert np.linalg.norm(np.diff(true_positions, axis=0), axis=1).sum() > 0.5
 
 
 def test_real_turning_person_is_scanned_all_round():

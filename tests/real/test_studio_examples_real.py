@@ -60,7 +60,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     assert not missing(project, puppet) and editor.solving.problem(name) is None
     assert puppet is editor.project.puppets[name]
     for pose, second in zip(puppet.poses, coverage.times[:3], strict=True):
-        found = state_of(project, puppet, second).places
-        assert np.abs(found - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
+        shown_places = state_of(project, puppet, second).places
+        assert np.abs(shown_places - pose.places).max() < 0.05 * tall, "close to its examples, and smooth"
     after = workspace.coverages.of(project, puppet, take)
     assert after is not None and after.left < coverage.left

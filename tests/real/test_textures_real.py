@@ -68,6 +68,8 @@ def test_a_cut_fox_keeps_its_textures(renderer) -> None:
     project, parts = cut_character(Project().with_characters(shape), shape.id, plane, 0.0)
     for part in parts[:2]:
         half = character_of(project.characters[part])
-        textured, bare = (shown(renderer, one) for one in (half, replace(half, materials=None, colours=None)))
+        textured, bare = (
+            shown(renderer, mesh) for mesh in (half, replace(half, materials=None, colours=None))
+        )
         assert (abs(textured - bare).max(2) > 12).mean() > 0.1
         assert half.materials is not None and len(half.materials.textures) == 1

@@ -103,8 +103,8 @@ def test_two_with_raised_and_held_hands_are_two_and_never_less(settings, appear,
     tracker = Tracker(settings)
     for n, frame in enumerate(real.frames[start:]):
         shown = replace(frame, depth=np.ascontiguousarray(frame.depth[:, ::way]))
-        found = [body.id for body in tracker.track(shown)]
-        assert found == [1, 2] or n < appear, f"frame {start + n}"
+        ids = [body.id for body in tracker.track(shown)]
+        assert ids == [1, 2] or n < appear, f"frame {start + n}"
 
 
 @pytest.mark.parametrize("start", [0, 27, 51, 54])

@@ -23,8 +23,8 @@ def lanes(draw):
     segments, end = [], 0.0
     for number in range(draw(st.integers(0, 4))):
         begin = max(end + draw(st.integers(-8, 8)) / 16, 0.0) if number else 0.0
-        before = [one.end for one in segments]
-        begin = max([begin, *(one.begin + 1 / 16 for one in segments[-1:]), *before[-2:-1]])
+        before = [segment.end for segment in segments]
+        begin = max([begin, *(segment.begin + 1 / 16 for segment in segments[-1:]), *before[-2:-1]])
         end = max(begin, *before[-1:], 0.0) + draw(st.integers(1, 32)) / 16
         speed = draw(st.sampled_from([0.5, 1.0, -1.0, 2.0]))
         segments.append(Segment(begin, end, draw(st.integers(0, 32)) / 16, speed))

@@ -61,16 +61,16 @@ def test_doctors_commands_are_complete(monkeypatch, capsys):
     lacking = Check("[OAK]", False, "it lacks [one thing]", 'Type: pip install "enliven-edge[oak]"')
     monkeypatch.setattr("enliven.commands.doctor.all_checks", lambda: [lacking])
     cli.run(["doctor"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert said.endswith('[OAK] it lacks [one thing] Type: pip install "enliven-edge[oak]"')
+    output = " ".join(capsys.readouterr().out.split())
+    assert output.endswith('[OAK] it lacks [one thing] Type: pip install "enliven-edge[oak]"')
 
 
 def test_doctor_as_json():
-    found = enliven("doctor", "--json")
-    checks = json.loads(found.stdout)
+    result = enliven("doctor", "--json")
+    checks = json.loads(result.stdout)
     assert {"name", "ok", "detail", "mend"} == set(checks[0])
     assert {"Python", "compiled kernels"} <= {check["name"] for check in checks}
-    assert found.returncode == (0 if all(check["ok"] for check in checks) else 4)
+    assert result.returncode == (0 if all(check["ok"] for check in checks) else 4)
 
 
 def test_every_missing_item_has_a_fix():
@@ -97,10 +97,10 @@ def test_a_cut_recording_is_read_with_one_sentence(tmp_path):
     ports = ["--port", "0", "--control-port", "0", "--name", "cut"]
     asked = enliven("edge", "--recording", str(cut), "--speed", "0", "--seconds", "0.5", *ports)
     assert asked.returncode == 0
-    said = [line for line in asked.stderr.splitlines() if "cut.mcap" in line]
-    assert len(said) == 1
-    assert said[0].startswith("enliven: ")
-    assert "cut off" in said[0]
+    lines = [line for line in asked.stderr.splitlines() if "cut.mcap" in line]
+    assert len(lines) == 1
+    assert lines[0].startswith("enliven: ")
+    assert "cut off" in lines[0]
 
 
 def test_processes_end_together():

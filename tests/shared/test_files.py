@@ -70,7 +70,12 @@ def test_saving_keeps_a_symbolic_link_and_the_mode_of_its_file(tmp_path, relativ
     write_file(link, b"after")
     assert link.is_symlink() and near.is_symlink() and link.readlink() == near
     assert real.read_bytes() == b"after" and stat.S_IMODE(real.stat().st_mode) == 0o600
-    assert sorted(one.name for one in tmp_path.rglob("*")) == ["disk", "link.enliven", "near", "real.enliven"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == [
+        "disk",
+        "link.enliven",
+        "near",
+        "real.enliven",
+    ]
 
 
 @posix
@@ -114,12 +119,12 @@ def test_a_file_of_another_user_keeps_its_owner_or_is_left_alone(tmp_path, mode)
     path.write_bytes(b"before")
     path.chmod(mode)
     command = [sys.executable, "-c", SOMEBODY]  # in the folder: those above it are closed to others
-    said = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    assert not said.stderr and (path.stat().st_uid, stat.S_IMODE(path.stat().st_mode)) == (0, mode)
+    result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert not result.stderr and (path.stat().st_uid, stat.S_IMODE(path.stat().st_mode)) == (0, mode)
     if mode == 0o666:
         assert path.read_bytes() == b"after, and longer than before"
     else:
-        assert path.read_bytes() == b"before" and "Permission denied" in said.stdout
+        assert path.read_bytes() == b"before" and "Permission denied" in result.stdout
     assert list(tmp_path.iterdir()) == [path]
 
 

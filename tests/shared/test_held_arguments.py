@@ -61,9 +61,9 @@ def test_unsupported_argument_is_refused():
 
 
 def test_a_kernel_is_compiled_once_for_all_of_one_type():
-    _, _, one = held_pair()
+    _, _, holder = held_pair()
     _, _, other = held_pair()
-    write(one, 0)
+    write(holder, 0)
     before = len(write.overloads)
     write(other, 0)
     assert len(write.overloads) == before

@@ -74,11 +74,11 @@ def test_a_definite_block_is_inverted(seed, sign, size):
     matrix = sign * size * (m @ m.T + 0.1 * np.eye(6))
     block = np.concatenate([np.full(4, 7, np.float32), in_rows(matrix), np.full(4, 7, np.float32)])
     assert inverted(block, 4, np.float32(sign))
-    found = block[4:52].reshape(6, 8)
+    inverse = block[4:52].reshape(6, 8)
     # Single precision, of a condition of up to a thousand.
     expected = np.linalg.inv(matrix)
-    np.testing.assert_allclose(found[:, :6], expected, atol=1e-3 * np.abs(expected).max())
-    assert (found[:, 6:] == 0).all() and (block[:4] == 7).all() and (block[52:] == 7).all()
+    np.testing.assert_allclose(inverse[:, :6], expected, atol=1e-3 * np.abs(expected).max())
+    assert (inverse[:, 6:] == 0).all() and (block[:4] == 7).all() and (block[52:] == 7).all()
 
 
 @settings(deadline=None, max_examples=50)

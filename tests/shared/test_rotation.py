@@ -108,11 +108,11 @@ def test_nearest_rotation_equals_the_svd(shape, seed):
     # If the two smallest singular values cancel, two rotations are equally close, and the SVD is not a
     # reference.
     clear = np.sign(np.linalg.det(m)) * singular[..., 2] + singular[..., 1] > 1e-3
-    found = rotation.nearest_rotation(m)
-    np.testing.assert_allclose(found[clear], svd_nearest(m)[clear], atol=1e-9)
+    nearest = rotation.nearest_rotation(m)
+    np.testing.assert_allclose(nearest[clear], svd_nearest(m)[clear], atol=1e-9)
     compiled = np.empty((m.size // 9, 3, 3))
     rotation.nearest_rotations(m.reshape(-1, 3, 3), compiled)
-    np.testing.assert_allclose(compiled.reshape(found.shape), found, atol=1e-12)
+    np.testing.assert_allclose(compiled.reshape(nearest.shape), nearest, atol=1e-12)
 
 
 @pytest.mark.parametrize(

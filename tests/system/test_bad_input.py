@@ -151,9 +151,9 @@ def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
     usual = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=usual) as edge:
         try:
-            said = next(line for line in edge.stderr if "listens" in line)
+            first_line = next(line for line in edge.stderr if "listens" in line)
             edge.stderr.close()
-            assert edge.wait(120) == 0, said
+            assert edge.wait(120) == 0, first_line
         finally:
             edge.kill()
 

@@ -60,17 +60,17 @@ def test_a_device_that_fails_is_named(hook, tmp_path, name, words) -> None:
     shutil.copyfile(CHAIR, path)
     first = path.stat().st_size // 2 if name == "take.mcap" else 0
     filled = [word.replace("FILE", str(path)).replace("OUT", str(tmp_path / "out")) for word in words]
-    code, said = run(hook, path, number, first, *filled)
-    assert code == 4, said
-    assert name in said and advice in said and os.strerror(number) in said
-    assert "fault of enliven" not in said and "Error:" not in said
+    code, output = run(hook, path, number, first, *filled)
+    assert code == 4, output
+    assert name in output and advice in output and os.strerror(number) in output
+    assert "fault of enliven" not in output and "Error:" not in output
 
 
 def test_readable_part_of_a_failing_card_is_recovered(hook, tmp_path) -> None:
     path, saved = tmp_path / "take.mcap", tmp_path / "saved.mcap"
     shutil.copyfile(CHAIR, path)
-    code, said = run(hook, path, errno.EIO, path.stat().st_size // 2, "recover", path, "-o", saved)
-    assert code == 0, said
+    code, output = run(hook, path, errno.EIO, path.stat().st_size // 2, "recover", path, "-o", saved)
+    assert code == 0, output
     whole, kept = (
         sum(topic.count for topic in Recording(file).info.topics.values()) for file in (CHAIR, saved)
     )

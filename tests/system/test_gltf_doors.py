@@ -18,10 +18,10 @@ SUFFIXES = (".glb", ".vrm")
 
 @pytest.mark.parametrize("door", DOORS)
 def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
-    for number, (name, made) in enumerate(TWINS.items()):
+    for number, (name, build) in enumerate(TWINS.items()):
         if name == "flat_matrix":  # some entry points drop coincident faces
             continue
-        path = made().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
+        path = build().write(tmp_path / f"{name}{SUFFIXES[number % 2]}")
         is_still = name.startswith(("mirrored", "scaled")) and door in STILL  # otherwise their clips do that
         mesh = load_mesh(path).mesh if is_still else read_gltf(path).shape.mesh
         shown = measures(DOORS[door](path))
@@ -41,7 +41,7 @@ def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplo
     path = TWINS["morphed_at_rest"]().write(tmp_path / "a.glb")
     words, editor = "are left out over time", Editor()
     add_file(editor, path)
-    said = {
+    notes_of = {
         "load_mesh": load_mesh(path).notes,
         "retarget": read_gltf(path).notes,
         "export": exportables_of(path).notes,
@@ -51,6 +51,6 @@ def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplo
     for name in ("stage", "edge, by a graph", "edge, by its skeleton"):
         caplog.clear()
         DOORS[name](path)
-        said[name] = [*capsys.readouterr(), *caplog.messages]
-    for name, notes in said.items():
+        notes_of[name] = [*capsys.readouterr(), *caplog.messages]
+    for name, notes in notes_of.items():
         assert any(words in note for note in notes), name

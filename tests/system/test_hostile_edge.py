@@ -48,9 +48,9 @@ class HostileEdge:
             viewer, data = self.router.recv_multipart()
             self.viewers.add(viewer)
             asked = msgspec.msgpack.decode(data[1:])
-            known = [streams.Revision(name, 3) for name in self.names]
+            revisions = [streams.Revision(name, 3) for name in self.names]
             own = self.answer(asked["body"])
-            body = own or requests.Welcome(self.status, known)
+            body = own or requests.Welcome(self.status, revisions)
             self.router.send_multipart([viewer, pack_control(requests.Reply(asked["id"], body))])
         self.pub.send(pack_stream(self.status))
         self.link.poll()
@@ -69,10 +69,10 @@ class HostileEdge:
 
 @pytest.fixture
 def edge() -> Iterator[HostileEdge]:
-    made = HostileEdge()
-    made.until(lambda: made.link.edges[0]._wanted)
-    yield made
-    made.close()
+    started = HostileEdge()
+    started.until(lambda: started.link.edges[0]._wanted)
+    yield started
+    started.close()
 
 
 def held_bytes(edge: HostileEdge) -> int:
@@ -143,13 +143,13 @@ def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
         edge.router.send_multipart([viewer, big])
     edge.until(lambda: edge.link.edges[0]._requests._socket is None)
     assert edge.link.edges[0]._rejects.counts["reply"] >= 4 and max(decoded, default=0) < len(big)
-    told: list[object] = []
+    replies: list[object] = []
     edge.answer = lambda body: requests.Done() if body["type"] == "Smooth" else None
     edge.until(lambda: edge.link.edges[0]._requests._socket is not None)
 
     def ask_again() -> bool:
-        edge.link.ask(Smooth(1, 1.0), told.append)
-        return requests.Done() in told
+        edge.link.ask(Smooth(1, 1.0), replies.append)
+        return requests.Done() in replies
 
     edge.until(ask_again)
 

@@ -33,8 +33,8 @@ def printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
 
     def call(*words: object) -> str:
         run([str(word) for word in words])
-        said = capsys.readouterr()
-        text = said.out + said.err
+        output = capsys.readouterr()
+        text = output.out + output.err
         assert not {"\u202e", "\x9b"} & set(text) and "\x1b[31m" not in text, text
         return text
 
@@ -98,9 +98,9 @@ def test_names_of_sensors_in_recordings(printed: Print, tmp_path: Path) -> None:
 def test_names_of_devices(printed: Print, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device = tmp_path / "devices" / "1-1"
     device.mkdir(parents=True)
-    told = {"idVendor": "2bc5", "idProduct": "0660", "product": f"Orbbec {HOSTILE}x", "speed": "480"}
-    for name, value in {**told, "serial": HOSTILE, "busnum": "1", "devnum": "2"}.items():
+    attributes = {"idVendor": "2bc5", "idProduct": "0660", "product": f"Orbbec {HOSTILE}x", "speed": "480"}
+    for name, value in {**attributes, "serial": HOSTILE, "busnum": "1", "devnum": "2"}.items():
         (device / name).write_text(value, encoding="utf-8")
-    there = functools.partial(attached, tmp_path / "devices", tmp_path / "nodes")
-    monkeypatch.setattr(enliven_edge.sensors, "attached", there)
+    attached_there = functools.partial(attached, tmp_path / "devices", tmp_path / "nodes")
+    monkeypatch.setattr(enliven_edge.sensors, "attached", attached_there)
     assert SHOWN[:-2] in printed("sensors")

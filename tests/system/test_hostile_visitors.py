@@ -50,9 +50,9 @@ VISITORS = int(os.environ.get("ENLIVEN_VISITORS", "300"))
 
 @pytest.fixture
 def house() -> Iterator[House]:
-    made = House()
-    yield made
-    made.close()
+    started = House()
+    yield started
+    started.close()
 
 
 @pytest.mark.parametrize("revision", [2**53, MAX_REVISION, MAX_REVISION + 1, 1 + 2 * MAX_REVISION_JUMP])
@@ -168,8 +168,8 @@ def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
 
     def trickle() -> None:
         for order in orders if bytes_each else []:
-            if order.id in (known := waiting()):
-                at = known[order.id]
+            if order.id in (waiting_by_id := waiting()):
+                at = waiting_by_id[order.id]
                 rude.ask(CharacterPart(order.id, order.digest, at, BOX_DATA[at : at + bytes_each]))
 
     house.until(lambda: not waiting(), trickle)
@@ -181,8 +181,8 @@ def latched(house: House) -> list[tuple[str, str]]:
     welcome = house.visitor().ask(Hello("newcomer", True))
     house.visitors.pop().close()
     assert isinstance(welcome, Welcome)
-    found = [unpack_stream(each) for each in welcome.latest]
-    return [(topic.name, topic.key(message)) for topic, message in found]
+    latest = [unpack_stream(each) for each in welcome.latest]
+    return [(topic.name, topic.key(message)) for topic, message in latest]
 
 
 def box_actor(graph: DeformationGraph, box: Character, name: str) -> EmbeddedActor:
@@ -205,7 +205,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     graph = DeformationGraph.build(BOX_MESH, nodes=8)
     box = character_from(BOX_MESH, graph, "box")
     house.people = [person()]
-    told: list[int] = []
+    counts: list[int] = []
     used: list[float] = []
     for number in range(VISITORS):
         name = f"guest {number}"
@@ -223,13 +223,13 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
         viewer.poll()
         if number % (VISITORS // 6) == VISITORS // 6 - 1:
             house.frame()
-            told.append(len(latched(house)))
+            counts.append(len(latched(house)))
             used.append(memory())
     with capsys.disabled():
         if VISITORS > 1000:
-            print(f"\n{VISITORS} characters: latched {told}, MB {[round(each, 1) for each in used]}")
+            print(f"\n{VISITORS} characters: latched {counts}, MB {[round(each, 1) for each in used]}")
     about = [name for name, topic in STREAMS.items() if topic.of_character]
-    assert len({*told}) == 1 and not {name for name, _ in latched(house)} & {*about}
+    assert len({*counts}) == 1 and not {name for name, _ in latched(house)} & {*about}
     assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
     house.until(lambda: viewer.edges[0].complete, viewer.poll)
     kept = {key for name in about for key in viewer.edges[0].latest.get(name, ())}

@@ -99,10 +99,10 @@ class House:
 def house() -> Iterator[House]:
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "pointing") as outlet:
-        made = House(outlet)
-        made.until(lambda: made.document.characters and made.board is not None and made.board.rows)
-        yield made
-        made.feed.close()
+        opened = House(outlet)
+        opened.until(lambda: opened.document.characters and opened.board is not None and opened.board.rows)
+        yield opened
+        opened.feed.close()
 
 
 def test_a_viewer_sees_chooses_and_takes(house: House) -> None:

@@ -101,12 +101,12 @@ def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> Non
             process.wait(300)
         until(lambda: TELEMETRY_HOST in old.outside_names(), "the library's own behaviour under the hook")
         assert run.poll() is None and studio.poll() is None, ended(run) + ended(studio)
-        said = [ended(process) for process in (*short, run, studio)]
+        outputs = [ended(process) for process in (*short, run, studio)]
         assert library.poll() is None
-    assert (tmp_path / "bodies.mcap").exists(), said
+    assert (tmp_path / "bodies.mcap").exists(), outputs
     assert old.telemetry_files(), "the library's own behaviour keeps a device id"
-    assert hook.outside_names() == set(), said
-    assert hook.telemetry_files() == [], said
+    assert hook.outside_names() == set(), outputs
+    assert hook.telemetry_files() == [], outputs
     assert "127.0.0.1" in hook.log.read_text(), "the viewer of enliven run was under the hook"
 
 

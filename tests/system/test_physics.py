@@ -109,14 +109,14 @@ def test_late_viewer_sees_the_props():
     with Publisher(name=f"props-{time.monotonic_ns()}", pose_port=0, control_port=0) as publisher:
         publisher.publish(props_to_message(props))
         late = EdgeClient([publisher.endpoint])
-        found: list[Props] = []
+        received: list[Props] = []
 
         def came() -> bool:
             publisher.poll()
             late.poll()
-            found.extend(late.take(PROPS))
-            return bool(found)
+            received.extend(late.take(PROPS))
+            return bool(received)
 
         until(came, "the props")
         late.close()
-    assert found and np.allclose(found[0].positions, props.positions, atol=3e-4)
+    assert received and np.allclose(received[0].positions, props.positions, atol=3e-4)

@@ -35,8 +35,8 @@ def lock_lines(kind: str) -> list[str]:
 
 def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
     """Returns name and version of the packages that a lock file installs in an environment."""
-    found = [Requirement(line.partition("--hash")[0]) for line in lock_lines(kind)]
-    fitting = [pin for pin in found if pin.marker is None or pin.marker.evaluate(where)]
+    requirements = [Requirement(line.partition("--hash")[0]) for line in lock_lines(kind)]
+    fitting = [pin for pin in requirements if pin.marker is None or pin.marker.evaluate(where)]
     assert len({pin.name for pin in fitting}) == len(fitting), "one release of a package, not two"
     return {lock.canonicalize_name(pin.name): next(iter(pin.specifier)).version for pin in fitting}
 
@@ -96,13 +96,13 @@ def test_locks_have_hashes_and_no_address(kind) -> None:
     ],
 )
 def test_a_wheel_fits_where_its_tag_says(tag, places) -> None:
-    (one,) = parse_tag(tag)
-    assert sum(lock.fits(one, where) for where in EVERYWHERE.values()) == places
+    (tag_parsed,) = parse_tag(tag)
+    assert sum(lock.fits(tag_parsed, where) for where in EVERYWHERE.values()) == places
 
 
 def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
-    found = set(audit.bundled(audit.site_packages()))
-    assert len(found) > 10 and found - audit.documented() == set()
+    bundled = set(audit.bundled(audit.site_packages()))
+    assert len(bundled) > 10 and bundled - audit.documented() == set()
 
 
 @pytest.mark.parametrize(
@@ -139,16 +139,16 @@ def test_a_copyleft_package_is_objected_to(licence, objected) -> None:
 
 
 def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
-    found = [
+    audited = [
         {"name": "known", "version": "1", "vulns": []},
         {"name": "private", "version": "2", "skip_reason": "Dependency not found on PyPI"},
     ]
-    (sentence,) = audit.unchecked(found, ["unasked==3"], "pip-audit failed: no network")
+    (sentence,) = audit.unchecked(audited, ["unasked==3"], "pip-audit failed: no network")
     assert "2 releases were not checked" in sentence and "private, unasked" in sentence
     assert "known" not in sentence and "no network" in sentence and "--offline" in sentence
-    assert audit.unchecked(found[:1], [], "") == []
+    assert audit.unchecked(audited[:1], [], "") == []
     flaw = {"id": "PYSEC-1", "fix_versions": ["2"]}
-    assert audit.flaws([found[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
+    assert audit.flaws([audited[0], {"name": "b", "version": "1", "vulns": [flaw]}]) == [
         "b 1: PYSEC-1, fixed in 2"
     ]
 
@@ -169,8 +169,8 @@ def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> N
         monkeypatch.setattr("sys.argv", ["audit.py", *arguments])
         with pytest.raises(SystemExit) as ended:
             audit.main()
-        said = capsys.readouterr().out
-        assert ended.value.code == code and ("not checked, --offline" in said) == (code == 0)
+        output = capsys.readouterr().out
+        assert ended.value.code == code and ("not checked, --offline" in output) == (code == 0)
 
 
 def test_a_host_of_telemetry_in_a_package_is_objected_to(tmp_path, capsys) -> None:

@@ -38,9 +38,12 @@ OLD = Path(__file__).parent / "references" / "two_characters.mcap"
 def take(tmp_path_factory) -> Path:
     """Records two performers: one takes the chair, one joins and releases; 1.5 s."""
     path = tmp_path_factory.mktemp("possess") / "take.mcap"
-    told = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
+    requests_at = {4: (Possess("chair", 1, "all", "alone"),), 20: (Possess("chair", 2, "legs", "join"),)}
     refused = perform(
-        path, [{1, 2}] * 45, {**told, 34: (Release("chair", 2),)}, [chair_actor(ActorSettings(fade=0.2))]
+        path,
+        [{1, 2}] * 45,
+        {**requests_at, 34: (Release("chair", 2),)},
+        [chair_actor(ActorSettings(fade=0.2))],
     )
     assert not refused
     return path
@@ -93,7 +96,7 @@ def test_other_parts_are_attached_to_the_recorded_mesh(take, tmp_path, capsys):
 
 def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
     out = str(tmp_path / "no.enliven")
-    for asked, said in (
+    for asked, words in (
         ([str(take), "-c", "table", "-o", out], "Known: chair"),
         ([str(OLD), "-o", out], "no performer|bodies|--mesh"),
         ([str(take), "--mesh", str(tmp_path / "none.obj"), "-o", out], "none.obj"),
@@ -102,7 +105,7 @@ def test_invalid_possess_arguments_are_reported(take, tmp_path, capsys):
     ):
         assert cli.run(["possess", *asked]) in (2, 3)
         error = capsys.readouterr().err
-        assert any(word in error for word in said.split("|")), error
+        assert any(word in error for word in words.split("|")), error
 
 
 def test_a_recording_of_before_has_its_motion_and_no_performers():
@@ -137,7 +140,7 @@ def test_late_viewer_receives_attachments_and_removals(tmp_path):
         assert "twin" not in client.latest(HOLDS), "who joins later hears nothing of what has left"
         feed.close()
     written = Recording(tmp_path / "take.mcap").messages("holds")
-    said = [msgspec.msgpack.decode(message, type=HoldMessage) for _, message in written]
-    modes = [(one.character, one.mode) for one in said]
+    messages = [msgspec.msgpack.decode(message, type=HoldMessage) for _, message in written]
+    modes = [(message.character, message.mode) for message in messages]
     assert modes == [("chair", "alone"), ("chair", "join"), ("twin", "remove")]
-    assert [one.time_ns - said[0].time_ns for one in said] == [0, 0, 2 * STEP_NS]
+    assert [message.time_ns - messages[0].time_ns for message in messages] == [0, 0, 2 * STEP_NS]

@@ -94,10 +94,12 @@ class House:
 def house() -> Iterator[House]:
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "two people") as outlet:
-        made = House(outlet)
-        made.until(lambda: made.cues and made.document.characters and len(made.live.scene.bodies) == 2)
-        yield made
-        made.feed.close()
+        opened = House(outlet)
+        opened.until(
+            lambda: opened.cues and opened.document.characters and len(opened.live.scene.bodies) == 2
+        )
+        yield opened
+        opened.feed.close()
 
 
 def test_two_performers_attach_their_parts_by_keys(house: House) -> None:

@@ -111,10 +111,10 @@ class House:
 def house() -> Iterator[House]:
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with Outlet(wire, "waving") as outlet:
-        made = House(outlet)
-        made.until(lambda: made.vertices is not None)
-        yield made
-        made.feed.close()
+        opened = House(outlet)
+        opened.until(lambda: opened.vertices is not None)
+        yield opened
+        opened.feed.close()
 
 
 def test_viewer_solves_the_performers_puppet(house: House) -> None:
@@ -183,8 +183,8 @@ def taken(take: Path) -> tuple[Character, list[Pose], list[int]]:
     (_, data), *_ = recording.messages("character")
     character = message_to_character(msgspec.msgpack.decode(data, type=CharacterMessage))
     codec, raw = PoseCodec(character), [data for _, data in recording.messages("pose")]
-    poses = [message_to_pose(msgspec.msgpack.decode(one, type=PoseMessage), codec) for one in raw]
-    return character, poses, [len(one) for one in raw]
+    poses = [message_to_pose(msgspec.msgpack.decode(message, type=PoseMessage), codec) for message in raw]
+    return character, poses, [len(message) for message in raw]
 
 
 @pytest.mark.system

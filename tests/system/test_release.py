@@ -48,10 +48,10 @@ def test_archives_hold_the_files_of_the_checkout(archives, folder):
     ("package", "sibling"), [("enliven_edge", "enliven"), ("enliven_viewer", "enliven[compressed]")]
 )
 def test_a_wheel_from_an_sdist_requires_its_siblings_in_its_own_version(archives, package, sibling):
-    told = metadata(archives, package)
-    assert told["Version"] == ITS
-    assert f"{sibling}=={ITS}" in told.get_all("Requires-Dist")
-    assert told["License-File"] == "LICENSE"
+    about = metadata(archives, package)
+    assert about["Version"] == ITS
+    assert f"{sibling}=={ITS}" in about.get_all("Requires-Dist")
+    assert about["License-File"] == "LICENSE"
 
 
 def test_a_wheel_without_a_file_is_refused(archives, tmp_path):
@@ -97,9 +97,9 @@ def test_compiled_kernels_go_into_a_wheel_of_their_platform(tmp_path):
 
 
 def test_the_extra_oak_is_in_the_wheel(archives):
-    told = metadata(archives, "enliven_edge")
-    assert "oak" in told.get_all("Provides-Extra")
-    assert any(line.startswith("depthai==3") and "'oak'" in line for line in told.get_all("Requires-Dist"))
+    about = metadata(archives, "enliven_edge")
+    assert "oak" in about.get_all("Provides-Extra")
+    assert any(line.startswith("depthai==3") and "'oak'" in line for line in about.get_all("Requires-Dist"))
 
 
 @pytest.mark.parametrize("words", [release.EDGE, release.FILM])

@@ -102,8 +102,8 @@ def test_poses_are_those_of_the_reference(road, whole, request):
     with np.load(POSES) as reference:
         assert set(whole) == set(reference.files)
         assert whole["frames"] == reference["frames"]
-        for found in (whole, filmed):
-            as_stored(found, {name: reference[name] for name in reference.files})
+        for poses in (whole, filmed):
+            as_stored(poses, {name: reference[name] for name in reference.files})
 
 
 def as_stored(found: dict[str, np.ndarray], reference: dict[str, np.ndarray]) -> None:
@@ -179,9 +179,9 @@ def test_ctrl_c_in_the_first_second_prints_no_traceback(tmp_path, while_it):
     """The import log shows when modules of enliven are being loaded."""
     command = [sys.executable, "-X", "importtime", "-m", "enliven", "run", "--film", "--out", str(tmp_path)]
     hearing = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with (tmp_path / "said.txt").open("w+") as said:
+    with (tmp_path / "said.txt").open("w+") as output:
         started = subprocess.Popen(
-            command, stdout=said, stderr=said, start_new_session=True, preexec_fn=hearing
+            command, stdout=output, stderr=output, start_new_session=True, preexec_fn=hearing
         )
         if while_it == "imports":
             until(lambda: "enliven.errors" in (tmp_path / "said.txt").read_text(), "an import")

@@ -40,11 +40,11 @@ def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
         assert edge is not None
         os.kill(edge, signal.SIGKILL)
         until(lambda: child(run.pid, "edge") not in (None, edge), "a new edge")
-        again = tmp_path / "take-restart001.mcap"
-        until(lambda: again.exists() and again.stat().st_size > 1000, "its take", 120.0)
+        next_take = tmp_path / "take-restart001.mcap"
+        until(lambda: next_take.exists() and next_take.stat().st_size > 1000, "its take", 120.0)
         assert child(run.pid, "view") == view and run.poll() is None
-        said = (tmp_path / "log").read_text()
-        assert "the edge has ended by the signal SIGKILL. It starts again in 1 s." in said
+        log_text = (tmp_path / "log").read_text()
+        assert "the edge has ended by the signal SIGKILL. It starts again in 1 s." in log_text
         new = child(run.pid, "edge")
         os.kill(view, signal.SIGTERM)
         assert run.wait(30) == 130, "the window's own exit code: it was interrupted"
@@ -71,9 +71,13 @@ def test_a_failing_program_is_started_again_with_growing_waits(monkeypatch, capl
     edge = Process("edge", FAILS, again=DONE)
     assert run_together([edge, Process("viewer", WAITS, leads=True)]) == 0
     assert started[0] == FAILS and started.count(DONE) >= 3, "its first arguments only once"
-    said = [record.getMessage() for record in caplog.records]
-    assert said[0].endswith("with exit code 4. It starts again in 0.05 s.")
-    assert said[1].endswith("in 0.1 s.") and said[2].endswith("in 0.2 s.") and said[3].endswith("in 0.2 s.")
+    messages = [record.getMessage() for record in caplog.records]
+    assert messages[0].endswith("with exit code 4. It starts again in 0.05 s.")
+    assert (
+        messages[1].endswith("in 0.1 s.")
+        and messages[2].endswith("in 0.2 s.")
+        and messages[3].endswith("in 0.2 s.")
+    )
 
 
 def test_a_window_that_crashes_is_no_interruption(monkeypatch, caplog) -> None:

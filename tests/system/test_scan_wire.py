@@ -31,13 +31,13 @@ def frames():
 
 @pytest.fixture
 def running():
-    one = ScanningEdge()
-    yield one
-    one.close()
+    edge = ScanningEdge()
+    yield edge
+    edge.close()
 
 
 def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
-    return {key for key, one in viewer.latest(SCAN_PIECE).items() if one.number == number and one.seen}
+    return {key for key, piece in viewer.latest(SCAN_PIECE).items() if piece.number == number and piece.seen}
 
 
 def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
@@ -51,16 +51,16 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     begun = running.said().missing
     running.show(frames[6:22])
     running.until(lambda: len(seen(viewer)) > 4 and running.said().missing < begun, "more of it")
-    said = running.said()
-    eye = np.array(said.stage_from_camera).reshape(3, 4)[:, 3]
+    state = running.said()
+    eye = np.array(state.stage_from_camera).reshape(3, 4)[:, 3]
     assert 0.7 < eye[1] < 1.1 and 0.9 < np.hypot(eye[0], eye[2]) < 1.5, "it stands on the floor"
-    assert said.undoable > 1.0 and said.way > 1.0 and 0.0 < said.missing < 1.0
+    assert state.undoable > 1.0 and state.way > 1.0 and 0.0 < state.missing < 1.0
     late = running.viewer()
     running.until(lambda: seen(late) >= seen(viewer), "all of it for who comes late")
     running.ask(Scan("pause"))
     running.until(lambda: running.said().phase == "paused", "the pause")
     running.ask(Scan("undo"))
-    running.until(lambda: running.said().fused < said.fused, "the last seconds back")
+    running.until(lambda: running.said().fused < state.fused, "the last seconds back")
     running.ask(Scan("go on"))
     running.until(lambda: running.said().phase == "scanning", "more")
     running.show(frames[12:])
@@ -68,16 +68,18 @@ def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames
     assert isinstance(running.ask(Scan("go on")), Refused), "it is being made"
     running.until(lambda: "box" in viewer.characters and "box" in late.characters, "the character")
     running.until(lambda: running.said().phase == "done", "the end")
-    made = viewer.characters["box"]
-    size = np.ptp(made.vertices, axis=0)
-    assert abs(size[1] - 0.5) < 0.03 and made.colours is not None and running.said().character == "box"
+    character = viewer.characters["box"]
+    size = np.ptp(character.vertices, axis=0)
+    assert abs(size[1] - 0.5) < 0.03 and character.colours is not None and running.said().character == "box"
     running.until(lambda: not running.edge.scans.active, "performers again")
     # Continuing the scan extends it.
     before = running.said().fused
     running.ask(Scan("go on"))
     running.show(frames[-8:])
     running.ask(Scan("done"))
-    running.until(lambda: running.said().phase == "done" and viewer.characters["box"] is not made, "again")
+    running.until(
+        lambda: running.said().phase == "done" and viewer.characters["box"] is not character, "again"
+    )
     assert running.said().fused > before and list(running.stage.characters) == ["box"]
 
 

@@ -54,10 +54,10 @@ def test_edge_survives_and_reports_every_fault(tmp_path, installed):
     done = subprocess.run(asked, env=installed, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
-    said = " ".join(done.stderr.split())
-    assert "120 frames" in said
+    output = " ".join(done.stderr.split())
+    assert "120 frames" in output
     for sentence in ("failed: [Errno 19] No such device", "80x60 pixels instead of 64x48", "focal length"):
-        assert sentence in said
+        assert sentence in output
     assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == 120
 
 
@@ -75,8 +75,8 @@ def test_once_option_ends_the_program_at_first_fault(installed):
 def test_a_read_that_never_returns_is_ended_by_sigterm_and_the_take_is_whole(tmp_path, installed):
     take, log = tmp_path / "take.mcap", tmp_path / "log"
     options = ["--set", "faults=hangs", "--set", "every=30", "--set", "frames=100", "--record", str(take)]
-    with log.open("w") as told:
-        running = subprocess.Popen(edge("hangs", *options), env=installed, stderr=told, text=True)
+    with log.open("w") as error_file:
+        running = subprocess.Popen(edge("hangs", *options), env=installed, stderr=error_file, text=True)
         try:
             deadline = int(PATIENCE / 0.1)
             while "has sent no frame" not in " ".join(log.read_text().split()) and deadline > 0:
@@ -123,8 +123,8 @@ def test_run_without_its_camera_gives_advice_and_command(no_camera):
     asked = command("run", "--sensor", "oak", "--window")
     done = subprocess.run(asked, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 4, done.stderr
-    said = " ".join(done.stderr.split())
-    assert f"{PLUG}enliven run --sensor oak" in said or INSTALL in said
+    output = " ".join(done.stderr.split())
+    assert f"{PLUG}enliven run --sensor oak" in output or INSTALL in output
     assert "Traceback" not in done.stderr
 
 

@@ -65,9 +65,9 @@ def test_characters_side_by_side_and_a_hold_that_is_taken_over(tmp_path):
     """Waiting positions and hand-overs are in the recording, since both depend on the other characters."""
     how = ActorSettings(how="beside", fade=0.2, hand_over=0.3)
     actors = [chair_actor(how), chair_actor(how, name="twin")]
-    told = {3: (Possess("twin", 2, "all"),), 6: (Possess("chair", 1, "upper body"),)}
-    seen = [{1, 2} if n < 12 else {1, 3} for n in range(36)]
-    assert not perform(tmp_path / "take.mcap", seen, told, actors)
+    requests_at = {3: (Possess("twin", 2, "all"),), 6: (Possess("chair", 1, "upper body"),)}
+    present = [{1, 2} if n < 12 else {1, 3} for n in range(36)]
+    assert not perform(tmp_path / "take.mcap", present, requests_at, actors)
     project = read_possessed(tmp_path / "take.mcap")
     holds = {name: project.graph(name).parts[0].possession.holds for name in ("chair", "twin")}
     assert [(h.mode, h.performer, h.former) for h in holds["twin"]] == [

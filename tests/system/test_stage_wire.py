@@ -44,9 +44,9 @@ class StagedEdge:
         self.take = folder / "take.mcap"
         self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
-        said = self.process.stdout.readline().split()
-        assert len(said) == 2, "the edge did not start"
-        self.endpoint = Endpoint("127.0.0.1", *map(int, said))
+        ports = self.process.stdout.readline().split()
+        assert len(ports) == 2, "the edge did not start"
+        self.endpoint = Endpoint("127.0.0.1", *map(int, ports))
         self.link = EdgeClient([self.endpoint])
         self.until(lambda: self.holders("chair"))
 
@@ -76,11 +76,11 @@ class StagedEdge:
 
 @pytest.fixture
 def edge(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[StagedEdge]:
-    made = StagedEdge(tmp_path, getattr(request, "param", 100.0))
-    yield made
-    made.link.close()
-    made.process.kill()
-    made.process.wait()
+    started = StagedEdge(tmp_path, getattr(request, "param", 100.0))
+    yield started
+    started.link.close()
+    started.process.kill()
+    started.process.wait()
 
 
 def taller(by: float) -> Mesh:
@@ -104,20 +104,25 @@ def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_
     assert isinstance(refused, Refused) and edge.holders("chair")
     assert link.characters["chair"].vertices[:, 1].max() > 1.04, "what stood there stays"
     edge.end()
-    told = [
+    messages = [
         msgspec.msgpack.decode(data, type=StageMessage) for _, data in Recording(edge.take).messages("stage")
     ]
-    names = [[(one.character, one.revision) for one in message.characters] for message in told]
+    names = [
+        [(character.character, character.revision) for character in message.characters]
+        for message in messages
+    ]
     both = [("chair", 2), ("guest", 1)]
     assert names == [[("chair", 1)], [("chair", 2)], both, [("chair", 2)]]
     document = Document()
     with closing(TakeFeed(edge.take)) as take:
         while take.poll(document):
             pass
-    for message, high in zip(told, (1.0, 1.05, 1.05, 1.05), strict=True):
+    for message, high in zip(messages, (1.0, 1.05, 1.05, 1.05), strict=True):
         moment = document.timeline.at(document.timeline.neighbour(message.time_ns, 1))
-        assert moment is not None and set(moment.poses) == {one.character for one in message.characters}
-        drawn = {one.character.id: one for one in scene_of(document, moment, None).actors}
+        assert moment is not None and set(moment.poses) == {
+            character.character for character in message.characters
+        }
+        drawn = {character.character.id: character for character in scene_of(document, moment, None).actors}
         assert set(drawn) == set(moment.poses)
         tall = drawn["chair"].character.vertices[:, 1].max() / CHAIR.vertices[:, 1].max()
         assert abs(tall - high) < 1e-3 and len(drawn["chair"].pose.positions) == len(
@@ -143,14 +148,14 @@ def test_a_large_one_arrives_in_spite_of_the_limit_of_requests_and_only_the_newe
 
 def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, tmp_path: Path) -> None:
     def run(*words: str) -> str:
-        found = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])
-        return found.output if found.exit_code == 0 else str(found.exception)
+        result = CliRunner().invoke(command, [*words, "--edge", str(edge.endpoint)])
+        return result.output if result.exit_code == 0 else str(result.exception)
 
     lying = tmp_path / "lying.off"
     save_mesh(replace(CHAIR, vertices=CHAIR.vertices[:, [0, 2, 1]] * [1000.0, -1000.0, 1000.0]), lying)
     assert "held by 1" in run("list")
-    said = run("put", str(lying), "--name", "stool")
-    assert "z up" in said and "stool stands on the stage" in said
+    output = run("put", str(lying), "--name", "stool")
+    assert "z up" in output and "stool stands on the stage" in output
     listed = run("list").splitlines()
     assert len(listed) == 2 and listed[1].startswith("stool: revision 1, a possessed mesh")
     edge.until(lambda: "stool" in edge.link.characters)
@@ -167,14 +172,17 @@ def test_a_scan_stands_on_the_stage_of_an_edge_that_runs(edge: StagedEdge, tmp_p
     with Recorder(tmp_path / "carried.mcap") as recorder:
         for frame in HandheldScan(thing, load_profile("kinect1"), path, width=320):
             recorder.write_frame(frame)
-    app, made = typer.Typer(pretty_exceptions_enable=False), tmp_path / "box.glb"
+    app, target = typer.Typer(pretty_exceptions_enable=False), tmp_path / "box.glb"
     app.command()(scan)
-    words = ["--recording", str(tmp_path / "carried.mcap"), "-o", str(made), "--voxel", "12"]
-    found = CliRunner().invoke(app, [*words, "--edge", str(edge.endpoint)])
-    assert found.exit_code == 0 and "box stands on the stage" in found.output, found.output
+    words = ["--recording", str(tmp_path / "carried.mcap"), "-o", str(target), "--voxel", "12"]
+    result = CliRunner().invoke(app, [*words, "--edge", str(edge.endpoint)])
+    assert result.exit_code == 0 and "box stands on the stage" in result.output, result.output
     edge.until(lambda: "box" in edge.link.characters)
-    there, scanned = np.ptp(edge.link.characters["box"].vertices, 0), np.ptp(load_mesh(made).mesh.vertices, 0)
-    assert there == pytest.approx(scanned * 1.75 / scanned[1], abs=1e-3), "as tall as a person"
+    on_stage, scanned = (
+        np.ptp(edge.link.characters["box"].vertices, 0),
+        np.ptp(load_mesh(target).mesh.vertices, 0),
+    )
+    assert on_stage == pytest.approx(scanned * 1.75 / scanned[1], abs=1e-3), "as tall as a person"
     assert edge.holders("chair"), "who holds another goes on"
     nowhere = CliRunner().invoke(app, [*words, "--overwrite", "--edge", "127.0.0.1:1"])
-    assert "no edge answers" in str(nowhere.exception) and made.exists()
+    assert "no edge answers" in str(nowhere.exception) and target.exists()

@@ -102,9 +102,9 @@ class RunningEdge:
 @pytest.fixture(scope="module")
 def running() -> Iterator[list[RunningEdge]]:
     """Returns the edge that the attacks share, restarted if one ended it."""
-    made: list[RunningEdge] = []
-    yield made
-    for each in made:
+    edges: list[RunningEdge] = []
+    yield edges
+    for each in edges:
         each.close()
 
 
@@ -118,14 +118,14 @@ def edge(running: list[RunningEdge]) -> RunningEdge:
 
 def connected(port: int, kind: str) -> socket.socket:
     """Opens a raw connection that has introduced itself as a DEALER or SUB."""
-    made = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
+    opened = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
     about = b"\x0bSocket-Type" + struct.pack(">I", len(kind)) + kind.encode()
-    made.sendall(GREETING + framed(b"\x05READY" + about, 4))
-    got = b""
-    while len(got) < 66 or len(got) < 66 + got[65]:
-        got += made.recv(200)
-    made.setblocking(False)
-    return made
+    opened.sendall(GREETING + framed(b"\x05READY" + about, 4))
+    received = b""
+    while len(received) < 66 or len(received) < 66 + received[65]:
+        received += opened.recv(200)
+    opened.setblocking(False)
+    return opened
 
 
 def pushed(connections: list[socket.socket], data: bytes, seconds: float = ATTACK) -> int:

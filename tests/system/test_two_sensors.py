@@ -86,11 +86,11 @@ def performed(takes, space, recordings, found):
     """Returns the bodies by time of named recordings, fused or alone."""
     sensors = {name: ReplaySensor(takes / f"{file}.mcap", speed=0.0) for name, file in recordings.items()}
     trackers = {name: TrackedOnce(file, found) for name, file in recordings.items()}
-    made = {}
+    bodies_by_time = {}
     with FusedSensors(sensors, trackers, space) as fused:
         while (frame := fused.read(60.0)) is not None:
-            made[frame.time_ns] = frame.bodies
-    return made
+            bodies_by_time[frame.time_ns] = frame.bodies
+    return bodies_by_time
 
 
 def errors(space, made):
@@ -111,10 +111,10 @@ def errors(space, made):
 
 def test_the_exact_place_is_found(space):
     """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
-    found = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
+    right_in_left = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
-    assert np.linalg.norm(found[:3, 3] - true[:3, 3]) < 0.025
-    assert np.degrees(angle_between(found, true)) < 1.0
+    assert np.linalg.norm(right_in_left[:3, 3] - true[:3, 3]) < 0.025
+    assert np.degrees(angle_between(right_in_left, true)) < 1.0
     offset = space.sensors["right"].clock_offset_ns - space.sensors["left"].clock_offset_ns
     assert abs(offset * 1e-9 - (CLOCKS["left"] - CLOCKS["right"])) < 0.008
 
@@ -134,12 +134,12 @@ def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
 
 
 def test_a_covered_lens_hands_over_and_takes_back(takes, space, found):
-    made = performed(takes, space, {"left": "covered", "right": "right"}, found)
-    ids = [[body.id for body in bodies] for bodies in made.values()]
+    fused = performed(takes, space, {"left": "covered", "right": "right"}, found)
+    ids = [[body.id for body in bodies] for bodies in fused.values()]
     assert ids[10:] == [[1]] * (len(ids) - 10)
-    wrong = errors(space, made)
+    wrong = errors(space, fused)
     assert (wrong < 0.1).mean() > 0.95
-    trunk = np.array([bodies[0].joints[:4].mean(0) for bodies in made.values() if bodies])
+    trunk = np.array([bodies[0].joints[:4].mean(0) for bodies in fused.values() if bodies])
     assert np.linalg.norm(np.diff(trunk, axis=0), axis=1).max() < 0.08
 
 
@@ -149,8 +149,8 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     path.write_bytes((takes / "space.toml").read_bytes())
     words = ["calibrate", str(takes / "left.mcap"), str(takes / "right.mcap"), "-o", str(path)]
     assert run([*words, "--seconds", "1.5"]) == 3
-    said = capsys.readouterr()
-    assert "cannot be placed yet" in said.err and "was left unchanged" in said.err
+    output = capsys.readouterr()
+    assert "cannot be placed yet" in output.err and "was left unchanged" in output.err
     assert path.read_bytes() == (takes / "space.toml").read_bytes()
     assert list(tmp_path.iterdir()) == [path]
 

@@ -96,8 +96,8 @@ def test_settings_of_a_later_version_are_refused(stored, name):
     path.write_text(text)
     with pytest.raises(InputError) as refused:
         TOML_READERS[name](path)
-    said = str(refused.value)
-    assert said == (
+    message = str(refused.value)
+    assert message == (
         f"{path}: it is of version 2. "
         f"This is enliven {__version__}, which reads up to version 1: update enliven."
     )

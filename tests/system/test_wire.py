@@ -54,16 +54,16 @@ def until(link: EdgeClient, done: Callable[[], Any], *publishers: Publisher) -> 
 
 @pytest.fixture
 def publisher() -> Iterator[Publisher]:
-    with Publisher(name=unique(), pose_port=0, control_port=0) as made:
-        made.set_character(character())
-        yield made
+    with Publisher(name=unique(), pose_port=0, control_port=0) as opened:
+        opened.set_character(character())
+        yield opened
 
 
 @pytest.fixture
 def link(publisher: Publisher) -> Iterator[EdgeClient]:
-    made = EdgeClient([publisher.endpoint])
-    yield made
-    made.close()
+    opened = EdgeClient([publisher.endpoint])
+    yield opened
+    opened.close()
 
 
 def pivots_of(link: EdgeClient) -> int:
@@ -239,9 +239,9 @@ class FakeEdge:
 
 @pytest.fixture
 def fake() -> Iterator[FakeEdge]:
-    made = FakeEdge()
-    yield made
-    made.close()
+    started = FakeEdge()
+    yield started
+    started.close()
 
 
 def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:

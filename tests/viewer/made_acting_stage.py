@@ -121,8 +121,8 @@ def two_takes(project: Project) -> Project:
 
 def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
     """Returns a pixel on the surface of a character."""
-    one, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
-    middles = one.vertices[one.character.mesh.faces].mean(1)
+    posed, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
+    middles = posed.vertices[posed.character.mesh.faces].mean(1)
     for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
         hit = tool.character_at(Pointer((x, y)))
         if hit is not None and hit.character == name and hit.handle < 0:

@@ -83,10 +83,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
-                now = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
-                now += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
-                now.append(imgui.get_io().want_text_input)
-                said["missing"] = [what, perform.sender.states, toasts, now]
+                state = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
+                state += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
+                state.append(imgui.get_io().want_text_input)
+                said["missing"] = [what, perform.sender.states, toasts, state]
                 raise TimeoutError(what)
             ctx.yield_()
             time.sleep(PAUSE)
@@ -113,12 +113,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     click("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
     until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
-    said["words"] = [one.words for one in perform.holders]
+    said["words"] = [holder.words for holder in perform.holders]
     shot("held")
     close_by(ctx, window, until, shot)
     click("waits arm")
-    put = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
-    until(lambda: "arm" in perform.standing, "the arm on the stage", put)
+    retry = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
+    until(lambda: "arm" in perform.standing, "the arm on the stage", retry)
     tall = np.ptp(perform.live.document.characters["arm"].vertices[:, 1])
     editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
     began = time.monotonic()
@@ -194,7 +194,7 @@ def layered(
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.meant == "arm", "the arm")
-    live, counts, seen = perform.live, [], list[object]()
+    live, counts, shown = perform.live, [], list[object]()
     assert live is not None
     live.choose_parts(PARTS.index("legs"))
     plane = PlaneCut(np.array([-0.8, 0.7, 0.0]), np.array([0.0, -1.0, 0.0]))
@@ -203,14 +203,14 @@ def layered(
             editor.edit("cut", lambda project: cut_character(project, "arm", plane, editor.time)[0])
             bones = len(editor.project.shapes["arm"].skeleton)
             until(lambda: len(live.document.characters["arm"].pivots) == bones, "the cut arm there")  # noqa: B023
-        holds = lambda: "arm" in {one.character for one in perform.holders}  # noqa: E731
+        holds = lambda: "arm" in {holder.character for holder in perform.holders}  # noqa: E731
         until(holds, "who holds the arm", lambda: ctx.key_press(int(imgui.Key.p)))
         # While the edge prepares the cut arm, the project's own arm is shown.
         until(lambda: recording(seconds) and "arm" in perform.hidden, "a recording of the arm")  # noqa: B023
-        seen.append([sorted(perform.hidden), [one.character.id for one in perform.scene.actors]])
+        shown.append([sorted(perform.hidden), [actor.character.id for actor in perform.scene.actors]])
         perform.recording.record()
         counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
-    said["layered"], said["shown once"] = counts, seen
+    said["layered"], said["shown once"] = counts, shown
 
 
 def each_action(
@@ -219,11 +219,11 @@ def each_action(
     """Does every stage action once from its menu and once by its key; returns the refused ones."""
     workspace, refused = window.workspace, dict[str, list[str]]()
     recording = workspace.perform.recording
-    stage = [one for one in workspace.actions if one.id.startswith("perform.")]
-    last = [one for one in stage if one.id in RECORDING or one.id == TAKE_OFF]
-    alone = [one for one in stage if one not in last]
-    steps = [(one, way) for one in alone for way in (by_menu, by_key)[: 1 + bool(one.keys)]]
-    record, again, beside = (workspace.actions[one] for one in RECORDING)
+    stage = [action for action in workspace.actions if action.id.startswith("perform.")]
+    last = [action for action in stage if action.id in RECORDING or action.id == TAKE_OFF]
+    alone = [action for action in stage if action not in last]
+    steps = [(action, way) for action in alone for way in (by_menu, by_key)[: 1 + bool(action.keys)]]
+    record, again, beside = (workspace.actions[action_id] for action_id in RECORDING)
     steps += [(record, by_menu), (record, by_key), (again, by_menu), (record, by_key)]
     steps += [(beside, by_menu), (record, by_key), (beside, by_key), (record, by_menu)]
     steps.append((workspace.actions[TAKE_OFF], by_menu))
@@ -247,8 +247,8 @@ def each_action(
             if workspace.actions.recent:
                 break
         if workspace.actions.recent != [action.id]:
-            said = f"{way.__name__}: {why_not or workspace.actions.recent}"
-            refused.setdefault(action.id, []).append(said)
+            outcome = f"{way.__name__}: {why_not or workspace.actions.recent}"
+            refused.setdefault(action.id, []).append(outcome)
     return refused
 
 

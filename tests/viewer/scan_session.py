@@ -42,8 +42,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         end = time.monotonic() + PATIENCE
         while not done():
             if time.monotonic() > end:
-                told = [scan.said.phase, scan.said.note, scan.said.mend, scan.said.tracking, scan.said.fused]
-                said["missing"] = [what, told, [toast.text for toast in editor.toasts.shown]]
+                state = [scan.said.phase, scan.said.note, scan.said.mend, scan.said.tracking, scan.said.fused]
+                said["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
             watch()
@@ -52,10 +52,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     def watch() -> None:
         """Notes the positions of a scan's buttons in the last frame."""
         names = ("scan progress", "scan pause", "scan undo", "scan keep box", "scan done", "scan cancel")
-        found = [workspace.widgets.get(name) for name in names]
-        if scan.active and not scan.boxed and all(found):
-            top = found[0][1]  # scrolled widgets move together
-            tops = [round(one[1] - top * (number < 4)) for number, one in enumerate(found)]
+        widgets = [workspace.widgets.get(name) for name in names]
+        if scan.active and not scan.boxed and all(widgets):
+            top = widgets[0][1]  # scrolled widgets move together
+            tops = [round(widget[1] - top * (number < 4)) for number, widget in enumerate(widgets)]
             places.add(tuple(tops))
 
     def click(name: str) -> None:
@@ -87,14 +87,14 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     def drag_the_box() -> None:
         """Drags the dot at the top of the box down by the mouse, twice."""
         press("scan keep box", lambda: scan.boxed)
-        seen: list[np.ndarray] = []
+        views: list[np.ndarray] = []
 
         def still() -> bool:
-            seen.append(editor.lens.view.camera_from_world.copy())
-            return len(seen) > 4 and bool((seen[-1] == seen[-4]).all())
+            views.append(editor.lens.view.camera_from_world.copy())
+            return len(views) > 4 and bool((views[-1] == views[-4]).all())
 
         until(still, "the end of the view's way")
-        before, eye = scan.box.corners.copy(), seen[-1]
+        before, eye = scan.box.corners.copy(), views[-1]
         shot("box")
         area = window.places.viewport
         for _ in range(2):  # First the top's dot, then the dot of the box that resulted.
@@ -143,9 +143,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: "scan" in editor.project.characters, "the character")
     until(lambda: "scan" in perform.standing and not scan.shown, "it on the stage")
     ctx.yield_(20)
-    one = editor.project.characters["scan"]
-    said["scanned"] = [len(one.mesh.faces), np.ptp(one.mesh.vertices, axis=0).round(2).tolist()]
-    said["chosen"] = [editor.selection.character, editor.history.undo_name, one.mesh.colours is not None]
+    character = editor.project.characters["scan"]
+    said["scanned"] = [len(character.mesh.faces), np.ptp(character.mesh.vertices, axis=0).round(2).tolist()]
+    said["chosen"] = [
+        editor.selection.character,
+        editor.history.undo_name,
+        character.mesh.colours is not None,
+    ]
     shot("done")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))
     ctx.yield_()

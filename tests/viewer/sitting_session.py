@@ -47,9 +47,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         end, asked = time.monotonic() + PATIENCE, 0.0
         while not done():
             if time.monotonic() > end:
-                told = [scan.said.phase, scan.said.note, voice.status, physics.words, perform.standing]
-                told += [perform.connected, perform.holders, perform.performers]
-                said["missing"] = [what, told, [toast.text for toast in editor.toasts.shown]]
+                state = [scan.said.phase, scan.said.note, voice.status, physics.words, perform.standing]
+                state += [perform.connected, perform.holders, perform.performers]
+                said["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             if time.monotonic() - asked > 5.0:
                 ask()
@@ -79,8 +79,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         click("possess")
         said["waits"] = perform.stepping_in.words
         shot("7 waits for somebody")
-        until(lambda: "scan" in {one.character for one in perform.holders}, "who holds the scan")
-        said["held"] = [one.words for one in perform.holders]
+        until(lambda: "scan" in {holder.character for holder in perform.holders}, "who holds the scan")
+        said["held"] = [holder.words for holder in perform.holders]
         shot("8 possessed")
 
     def record() -> None:
@@ -156,7 +156,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     workspace.actions.do("perform.open_the_microphone_or_close_it")
     until(lambda: voice.state.state == "off", "a closed microphone")
     shot("15 microphone closed")
-    said["possess moved"] = sorted({round(one[1]) for one in places})
+    said["possess moved"] = sorted({round(place[1]) for place in places})
     said["instances"] = perform.client.edges[0].instance is not None
     said["done"] = True
     workspace.store.forget()

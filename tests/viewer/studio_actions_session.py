@@ -35,7 +35,7 @@ SELDOM = 12
 
 def without_stage(workspace: Any) -> list[Action]:
     """Returns the actions that need no edge; perform_session.py does the others."""
-    return [one for one in workspace.actions if "stage is" not in one.why_not()]
+    return [action for action in workspace.actions if "stage is" not in action.why_not()]
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:

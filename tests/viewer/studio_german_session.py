@@ -70,9 +70,9 @@ def main() -> None:
                 Image.fromarray(window.pixels()).save(pictures / f"{name}.png")
 
     StudioWindow(workspace).run(seconds=200, before=before, after=after)
-    said = {
+    report = {
         name: {
-            "letters": sum(len(one.places) for one in letters),
+            "letters": sum(len(letter.places) for letter in letters),
             "cut": cut_letters(letters),
             "overlapping": overlapping_letters(letters),
             "widgets": widgets["de"][name],
@@ -80,7 +80,7 @@ def main() -> None:
         }
         for name, letters in lists.items()
     }
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

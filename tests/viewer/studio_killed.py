@@ -75,15 +75,15 @@ def killed(folder: Path, edits: int, moment: float) -> tuple[int, int]:
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     with os.fdopen(read, "rb") as rest:
-        told = first + rest.read()
+        output = first + rest.read()
     editor = Editor()
     store = ProjectStore(editor, folder)
-    found = store.recoverable()
-    if found:
-        store.recover(found[0])
+    recoverable = store.recoverable()
+    if recoverable:
+        store.recover(recoverable[0])
     recovered = edited(editor.project)
     store.close()
-    return int.from_bytes(told[-4:], "little"), recovered
+    return int.from_bytes(output[-4:], "little"), recovered
 
 
 def main() -> None:

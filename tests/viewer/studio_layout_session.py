@@ -112,8 +112,8 @@ def main() -> None:
         area = window.places.viewport
         character = [
             point
-            for one in workspace.editor.seen
-            for point in workspace.editor.lens.pixels_of(np.asarray(one.extent, float))
+            for posed in workspace.editor.seen
+            for point in workspace.editor.lens.pixels_of(np.asarray(posed.extent, float))
         ] or [np.zeros(2)]
         low, high = np.min(character, axis=0), np.max(character, axis=0)
         said[name] = {
@@ -131,7 +131,7 @@ def main() -> None:
 
     window.run(seconds=300, before=before, after=after)
     for name, letters in lists.items():
-        said[name]["letters"] = sum(len(one.places) for one in letters)
+        said[name]["letters"] = sum(len(letter.places) for letter in letters)
         said[name]["cut"] = cut_letters(letters)
         said[name]["overlapping"] = overlapping_letters(letters)
     print(json.dumps(said))

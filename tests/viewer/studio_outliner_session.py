@@ -43,13 +43,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.key_up(imgui.Key.mod_ctrl)
     ctx.yield_(2)
     said["several"] = list(editor.selection.characters)
-    whole = picture(ctx, window)
+    full_picture = picture(ctx, window)
     ctx.item_click("//outliner/**/" + "###eye limb")
     ctx.yield_(4)
-    said["hidden"] = sorted(name for name, one in handling().items() if one.hidden)
-    said["darker"] = float(np.abs(picture(ctx, window) - whole).mean())
+    said["hidden"] = sorted(name for name, flags in handling().items() if flags.hidden)
+    said["darker"] = float(np.abs(picture(ctx, window) - full_picture).mean())
     ctx.item_click("//outliner/**/" + "###lock post")
-    said["locked"] = [name for name, one in handling().items() if one.locked]
+    said["locked"] = [name for name, flags in handling().items() if flags.locked]
     editor.choose("limb")
     ctx.key_press(imgui.Key.f2)
     ctx.yield_(3)

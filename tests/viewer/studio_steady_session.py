@@ -134,7 +134,7 @@ def main() -> None:
     for name, frames in going.frames.items():
         names = set().union(*frames)
         said[name] = {"frames": len(frames), "widgets": sorted(names), "moved": moved(frames[SETTLED:])}
-        said[name]["seen"] = sorted(one for one in names if one[-1:].isdigit())
+        said[name]["seen"] = sorted(widget for widget in names if widget[-1:].isdigit())
     print(json.dumps(said))
 
 

@@ -28,7 +28,7 @@ def main() -> None:
     pictures = Path(sys.argv[2]) if len(sys.argv) > 2 else None
     workspace = acting_stage(Path(sys.argv[1]), 1360, 820)
     steps = [(theme, room) for theme in THEMES for room in ROOMS]
-    state, said = {"at": 0, "since": 0}, {}
+    state, report = {"at": 0, "since": 0}, {}
 
     def before(window: StudioWindow) -> None:
         if window.desktop is None:
@@ -55,7 +55,7 @@ def main() -> None:
         colours, counts = np.unique(column, axis=0, return_counts=True)
         common = colours[counts.argmax()].astype(int)
         corner = pixels[round(stage.y) + 70 : round(stage.y) + 130, round(stage.x) + 30 : round(stage.x) + 90]
-        said[" ".join(steps[state["at"]])] = {
+        report[" ".join(steps[state["at"]])] = {
             "panel": common.tolist(),
             "stage": corner.reshape(-1, 3).mean(0).tolist(),
             "inks": int((np.abs(column.astype(int) - common).max(1) > 150).sum()),
@@ -68,7 +68,7 @@ def main() -> None:
 
     window = StudioWindow(workspace)
     window.run(seconds=120, before=before, after=after)
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -111,11 +111,11 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     said["plays before"] = editor.playing
     yield from follow_the_arrow(workspace)
     yield from until(workspace, lambda: len(editor.project.graphs) == 2, "two parts")
-    pieces = sorted(len(one.mesh.vertices) for one in editor.project.graphs.values())
+    pieces = sorted(len(graph.mesh.vertices) for graph in editor.project.graphs.values())
     said["pieces"] = pieces
     said["plays after"] = editor.playing
     yield from meets(workspace, "tool carry")
-    said["dance on"] = [plays(editor.project, one) for one in editor.project.graphs.values()]
+    said["dance on"] = [plays(editor.project, graph) for graph in editor.project.graphs.values()]
     yield Click(Widget("tool carry"))
     yield from meets(workspace, "the piece", picture=True)
     yield from follow_the_arrow(workspace, shift=True)

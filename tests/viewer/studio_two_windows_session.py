@@ -60,7 +60,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -
     press(ctx, "ctrl+s")
     asked.append(workspace.asking)
     click("Compare")
-    said["asked"], said["compared"] = asked, [one.item for one in workspace.compared]
+    said["asked"], said["compared"] = asked, [difference.item for difference in workspace.compared]
     shot("compared")
     click("Add what is only in the file")
     click("Save over it")

@@ -72,19 +72,19 @@ def killed(folder: Path, chance: random.Random) -> dict[str, float]:
     command = [sys.executable, str(Path(__file__)), str(folder)]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert child.stdout is not None
-    told = [child.stdout.readline()]
+    output = [child.stdout.readline()]
     time.sleep(chance.uniform(0.0, LONGEST))
     child.send_signal(signal.SIGKILL)
-    told += child.stdout.readlines()
+    output += child.stdout.readlines()
     child.wait()
-    lines = [line.split() for line in told if line.endswith("\n") and len(line.split()) == 3]
+    lines = [line.split() for line in output if line.endswith("\n") and len(line.split()) == 3]
     times = [float(lines[0][1]), *(float(line[1]) for line in lines)]
     editor = Editor()
     store = ProjectStore(editor, folder)
-    found = store.recoverable()
-    if found:
-        store.recover(found[0])
-    kept = round((place(editor.project) - float(lines[0][2])) / STEP) if found else 0
+    recoverable = store.recoverable()
+    if recoverable:
+        store.recover(recoverable[0])
+    kept = round((place(editor.project) - float(lines[0][2])) / STEP) if recoverable else 0
     store.close()
     lost, worked = times[-1] - times[min(kept, len(lines))], times[-1] - times[0]
     return {"told": len(lines), "kept": kept, "lost_s": lost, "worked_s": worked}

@@ -55,7 +55,7 @@ class Feed:
 
 
 def main() -> None:
-    feed, said = Feed("empty" in sys.argv), {"frames": 0, "errors": []}
+    feed, report = Feed("empty" in sys.argv), {"frames": 0, "errors": []}
     render = RenderSettings(shadow_size=64, contact_size=32)
     settings = StudioSettings(render=render, width=640, height=480)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
@@ -64,36 +64,36 @@ def main() -> None:
     window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
     def after(window: StudioWindow) -> None:
-        said["frames"] += 1
+        report["frames"] += 1
         if window.gl_error != "GL_NO_ERROR":
-            said["errors"].append(said["frames"])
-        if said["frames"] == 12:
-            said["spread"], said["notice"] = float(window.pixels().std()), live.notice
-            said["size"] = list(window.places.viewport)
+            report["errors"].append(report["frames"])
+        if report["frames"] == 12:
+            report["spread"], report["notice"] = float(window.pixels().std()), live.notice
+            report["size"] = list(window.places.viewport)
 
     def work(ctx: imgui.test_engine.TestContext) -> None:
-        while said["frames"] < 15:
+        while report["frames"] < 15:
             ctx.yield_()
         for key in PRESSED:
             ctx.key_press(int(getattr(imgui.Key, key)))
             ctx.yield_()
-        said["help"] = workspace.asking
+        report["help"] = workspace.asking
         head = live.playhead
-        said.update(asked=feed.asked, look=vars(live.style), live=head.live)
-        said.update(paused=head.paused, speed=head.speed)
+        report.update(asked=feed.asked, look=vars(live.style), live=head.live)
+        report.update(paused=head.paused, speed=head.speed)
         ctx.key_press(int(imgui.Key.escape))
         ctx.yield_(3)
         ctx.key_press(int(imgui.Key.f11))
         ctx.yield_(4)
-        said["full"] = list(window.places.viewport)
+        report["full"] = list(window.places.viewport)
         ctx.key_press(int(imgui.Key.f11))
         ctx.yield_(4)
-        said["again"] = list(window.places.viewport)
+        report["again"] = list(window.places.viewport)
         ctx.key_press(int(imgui.Key.escape))
 
     window.run(seconds=300, after=after, register_tests=scripted(work))
-    said["over"] = workspace.ended
-    print(json.dumps(said))
+    report["over"] = workspace.ended
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -132,8 +132,8 @@ def volumes(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
 def crossings(mesh: Mesh, surfaces: list[Float]) -> tuple[float, float]:
     """Returns the fraction of faces that intersect but do not at rest: mean and maximum."""
     asked = SelfIntersection(mesh)
-    found = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
-    return float(found.mean()), float(found.max())
+    crossed = np.array([len(asked.newly_crossing(surface)) for surface in surfaces]) / len(mesh.faces)
+    return float(crossed.mean()), float(crossed.max())
 
 
 def jitter(project: Project, puppet: Puppet, motion: PuppetMotion) -> float:

@@ -76,7 +76,7 @@ class Studio:
         narrow = round(_PERFORMER * size[0]) // 2 * 2
         column = size[0] // 8
         sizes = ((narrow, size[1]), (size[0] - narrow - column, size[1]), (column, size[1] // MOST_KEYS))
-        self._left, self._right, self._thumb = (Panel(Renderer(ctx, one), Canvas(ctx)) for one in sizes)
+        self._left, self._right, self._thumb = (Panel(Renderer(ctx, size), Canvas(ctx)) for size in sizes)
 
     def film(self, plays: list[Play], path: Path, see: Callable[[Shot], None]) -> int:
         """Writes the film and its contact sheet. Returns the number of frames. ``see`` is called with each
@@ -113,7 +113,7 @@ class Studio:
             ],
         )
         act, points = play.act, len(play.puppet.points)
-        told = f"{Path(act.mesh).name}, {len(play.puppet.mesh.vertices):,} vertices"
+        title = f"{Path(act.mesh).name}, {len(play.puppet.mesh.vertices):,} vertices"
         shown = f"{points} control points, {len(play.puppet.poses)} example poses"
         actor = SceneCharacter(play.character, shot.pose, vertices=shot.vertices)
         right = self._right.draw(
@@ -121,7 +121,7 @@ class Studio:
             self._right.view(puppet, half_of(play), azimuth),
             [
                 (margin, margin, act.title, self._text, 0.0),
-                (margin, margin + line, f"{told}  ·  {shown}", self._small, 0.0),
+                (margin, margin + line, f"{title}  ·  {shown}", self._small, 0.0),
             ],
         )
         column = np.zeros((self.size[1], self._thumb.size[0], 3), np.uint8) if strip is None else strip

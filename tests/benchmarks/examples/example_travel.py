@@ -81,8 +81,8 @@ class Travelled:
     pairs: str
 
     def __str__(self) -> str:
-        what = f"{self.mesh:10s} {self.take:8s} {self.offset:.2f} m off, slides {self.slide:.1f} cm/s"
-        return f"{what}: {self.pairs}"
+        summary = f"{self.mesh:10s} {self.take:8s} {self.offset:.2f} m off, slides {self.slide:.1f} cm/s"
+        return f"{summary}: {self.pairs}"
 
 
 def travels() -> Iterator[Travelled]:

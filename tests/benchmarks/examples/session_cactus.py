@@ -261,11 +261,11 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
     joints = workspace.performer.figure((TAKE, second)).joints
     names = workspace.editor.project.takes[TAKE].skeleton.names
     at = {name: joints[k] for k, name in enumerate(names)}
-    found: dict[str, Float] = {}
+    places: dict[str, Float] = {}
     tall = at["head"][1] - at["hip center"][1] + 0.35 * at["knee left"][1]
     rest = 0.74 + 0.35 * 0.48
     lean = at["head"][0] - at["hip center"][0]
-    found["head"] = np.array([1.3 * lean, 1.3 - 1.2 * max(rest - tall, 0.0), 0.0])
+    places["head"] = np.array([1.3 * lean, 1.3 - 1.2 * max(rest - tall, 0.0), 0.0])
     for side, sign in (("left", 1.0), ("right", -1.0)):
         upper = _unit(at[f"elbow {side}"] - at[f"shoulder {side}"])
         fore = _unit(at[f"wrist {side}"] - at[f"elbow {side}"])
@@ -274,8 +274,8 @@ def _meant(workspace: Workspace, second: float) -> dict[str, Float]:
         hand = elbow + 0.40 * fore
         # Not into the trunk, since a drag moves the point in the image plane.
         hand[0] = sign * max(sign * hand[0], 0.32)
-        found[f"{side} elbow"], found[f"{side} hand"] = elbow, hand
-    return found
+        places[f"{side} elbow"], places[f"{side} hand"] = elbow, hand
+    return places
 
 
 def _unit(way: Float) -> Float:
@@ -293,9 +293,9 @@ def _switch(workspace: Workspace) -> Actions:
     row = next(row for row in layout.lanes() if row.kind == "band")
     step = workspace.editor.project.takes[TAKE].step
     flights = [
-        one.frame * step
-        for one, _, _ in workspace.timeline.rows.details.bands(layout, row)
-        if one.kind == "flight"
+        band.frame * step
+        for band, _, _ in workspace.timeline.rows.details.bands(layout, row)
+        if band.kind == "flight"
     ]
     if flights:
         start = flights[-1]

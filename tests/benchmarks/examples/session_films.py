@@ -319,11 +319,11 @@ PACES = {"interleaved": STEP / 0.25, "possessed": STEP / 0.25}
 def main(arguments: list[str]) -> int:
     """Films the named sessions, or all."""
     check = "--check" in arguments
-    known = [*SESSIONS, *([] if check else FILMED)]
-    names = [name for name in arguments if not name.startswith("-")] or known
-    unknown = [name for name in names if name not in known]
+    all_names = [*SESSIONS, *([] if check else FILMED)]
+    names = [name for name in arguments if not name.startswith("-")] or all_names
+    unknown = [name for name in names if name not in all_names]
     if unknown:
-        print(f"There is no session {unknown[0]!r}. Known: {', '.join(known)}.", file=sys.stderr)
+        print(f"There is no session {unknown[0]!r}. Known: {', '.join(all_names)}.", file=sys.stderr)
         return 2
     if not check and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         return _under_xvfb(arguments)
@@ -332,18 +332,18 @@ def main(arguments: list[str]) -> int:
             how = SIZE if name in SESSIONS else LARGE
             how = replace(how, render=_PLAIN) if "--small" in arguments else how
             workspace = Workspace.new(Editor(how), Path(folder) / "recovery")
-            made = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
-            actions = list(made) if name in SESSIONS else made
+            session = SESSIONS[name]() if name in SESSIONS else FILMED[name](workspace, Path(folder))
+            actions = list(session) if name in SESSIONS else session
             if check:
                 play(actions, HeadlessStage(workspace))
-                said = f"{len(workspace.editor.history.names)} edits"
+                summary = f"{len(workspace.editor.history.names)} edits"
             else:
                 from studio_driver.filming import film
 
                 pace = PACES.get(name, 0.0)
-                said = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name, pace=pace)} pictures"
+                summary = f"{film(actions, workspace, OUT / f'{name}.mp4', title=name, pace=pace)} pictures"
             project = workspace.editor.project
-            print(f"{name}: {said}, {len(project.shapes) + len(project.puppets)} shapes", flush=True)
+            print(f"{name}: {summary}, {len(project.shapes) + len(project.puppets)} shapes", flush=True)
     return 0
 
 

@@ -148,7 +148,9 @@ def recorded(workspace: Workspace, name: str, parts: str, seconds: float = 4.5) 
     yield Key(parts)
     yield from at_rest(workspace)
     yield Key("p")
-    yield from until(lambda: name in {one.character for one in perform.holders}, f"who holds the {name}")
+    yield from until(
+        lambda: name in {holder.character for holder in perform.holders}, f"who holds the {name}"
+    )
     before = editor.project.characters.get(name)
     yield Key("ctrl+r")
     yield from until(lambda: perform.recording.recorder.seconds > seconds, "the recording")

@@ -85,11 +85,13 @@ def test_stored_sessions_are_small_with_at_most_four_key_poses():
     paths = sorted((HERE / "example_sessions").glob("*.toml"))
     assert [path.stem for path in paths] == ["alligator", "armadillo", "cactus", "trex"]
     for path in paths:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
-        assert 2 <= len(told["pose"]) <= 4
+        session = tomllib.loads(path.read_text(encoding="utf-8"))
+        assert 2 <= len(session["pose"]) <= 4
         assert path.stat().st_size < 10_000
-        assert told["mesh"]["file"].startswith("$ENLIVEN_DATA/")
-        assert all(set(pose["places"]) == {point["name"] for point in told["point"]} for pose in told["pose"])
+        assert session["mesh"]["file"].startswith("$ENLIVEN_DATA/")
+        assert all(
+            set(pose["places"]) == {point["name"] for point in session["point"]} for pose in session["pose"]
+        )
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def creatures(nodes: int) -> list[Creature]:
 def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
     """Returns the shortest time of each frame in several passes, and the gaps to a plain Gauss-Newton started
     from the answers."""
-    times, gaps, said = [], [], []
+    times, gaps, settled = [], [], []
     for creature in creatures(nodes):
         solver = EmbeddedSolver(creature.graph, creature.points, EmbeddedSettings(budget_ms=budget_ms))
         peer, passes = PlainGaussNewton(creature.graph, creature.points), []
@@ -65,12 +65,12 @@ def measured(nodes: int, compare: bool, budget_ms: float = 0.0) -> CreatureRun:
                 solver.solve(targets)
                 each.append(1e-6 * (time.thread_time_ns() - start))
                 if compare and turn == 0 and frame >= WARM and frame % COMPARED == 0:
-                    found = _gap(peer, solver, targets)
-                    gaps += found
-                    said += [solver.settled] * len(found)
+                    differences = _gap(peer, solver, targets)
+                    gaps += differences
+                    settled += [solver.settled] * len(differences)
             passes.append(each)
         times.append(np.min(passes, 0)[WARM:])
-    return CreatureRun(np.concatenate(times), np.array(gaps), np.array(said, bool))
+    return CreatureRun(np.concatenate(times), np.array(gaps), np.array(settled, bool))
 
 
 def _gap(peer: PlainGaussNewton, solver: EmbeddedSolver, targets: Float) -> list[float]:

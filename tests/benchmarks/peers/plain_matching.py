@@ -14,7 +14,7 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
     graph = graph.copy()
     at = dict(graph.nodes(data="pos"))
     length = dict.fromkeys(graph, 0.0)
-    found = []
+    branches = []
     while any(degree > 2 for _, degree in graph.degree):
         for leaf in [n for n, degree in graph.degree if degree == 1]:
             way, node = [leaf], next(iter(graph[leaf]))
@@ -38,7 +38,7 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
         ]
         ends = {n: [other for other in graph[n] if graph.degree[other] == 1] for n in roots}
         for n in sorted(roots):
-            found.append((n, [at[end] - graph.nodes[n]["pos"] for end in ends[n]]))
+            branches.append((n, [at[end] - graph.nodes[n]["pos"] for end in ends[n]]))
         if any(len(ends[n]) == len(graph[n]) for n in roots):
             break
         for n in roots:
@@ -46,7 +46,7 @@ def candidates(graph: nx.Graph) -> list[tuple[int, list[np.ndarray]]]:
             at[n] = np.average([at[end] for end in ends[n]], axis=0, weights=weights)
             length[n] = sum(weights)
             graph.remove_nodes_from(ends[n])
-    return found
+    return branches
 
 
 def ranked(

@@ -54,7 +54,7 @@ def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFram
     frame shows the target's own posture.
     """
     first = frames[0].bodies[0]
-    made = []
+    moved = []
     ratio = own.height / first.height
     for frame in frames:
         if not frame.bodies:
@@ -67,8 +67,8 @@ def as_if_by(own: Body, frames: list[BodyFrame], begin_ns: int) -> list[BodyFram
                 turn = swing(_direction(first.joints, joint), _direction(other.joints, joint))
                 joints[joint] = joints[parent] + rotate(turn, own.joints[joint] - own.joints[parent])
         time_ns = begin_ns + frame.time_ns - frames[0].time_ns
-        made.append(BodyFrame([replace(other, id=own.id, joints=joints)], time_ns, frame.sensor))
-    return made
+        moved.append(BodyFrame([replace(other, id=own.id, joints=joints)], time_ns, frame.sensor))
+    return moved
 
 
 def held_still(body: Body, seconds: float) -> list[BodyFrame]:
@@ -81,22 +81,22 @@ def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
     """Returns a motion of the project's own performer, with every joint visible."""
     performer = Performer()
     plan = exercise(moves) if moves in exercise_names() else choreography(moves)
-    made = []
+    frames = []
     for n in range(int(plan.duration * fps)):
         joints = performer.pose(plan.posture(n / fps)).joints
         body = Body(0, joints, np.ones(len(Joint)), stature=performer.proportions.height)
-        made.append(BodyFrame([body], round(n * 1e9 / fps), "performer"))
-    return made
+        frames.append(BodyFrame([body], round(n * 1e9 / fps), "performer"))
+    return frames
 
 
 def cut(frames: list[BodyFrame], *pieces: tuple[float, float]) -> list[BodyFrame]:
     """Returns the pieces, given as (start, end) in seconds, one after the other without a pause."""
-    made: list[BodyFrame] = []
+    joined: list[BodyFrame] = []
     for start, stop in pieces:
         inside = [f for f in frames if start <= (f.time_ns - frames[0].time_ns) * 1e-9 <= stop]
-        begin = made[-1].time_ns + _STEP_NS if made else 0
-        made += [replace(f, time_ns=begin + f.time_ns - inside[0].time_ns) for f in inside]
-    return made
+        begin = joined[-1].time_ns + _STEP_NS if joined else 0
+        joined += [replace(f, time_ns=begin + f.time_ns - inside[0].time_ns) for f in inside]
+    return joined
 
 
 def shared_by(path: Path, bodies: list[Body]) -> Mesh:
@@ -104,12 +104,12 @@ def shared_by(path: Path, bodies: list[Body]) -> Mesh:
     middle = np.mean([body.joints[Joint.HIP_CENTER] for body in bodies], axis=0) * [1.0, 0.0, 1.0]
     figures = [body.joints - middle for body in bodies]
     plain = load_mesh(path).mesh
-    found = []
+    candidates = []
     for scale in _SCALES:
         mesh = fit_height(plain, 1.75 * scale)
         yaw, offset, score = best_stand(mesh, figures)
-        found.append((score, scale, yaw, offset))
-    _, scale, yaw, offset = max(found, key=lambda f: f[0])
+        candidates.append((score, scale, yaw, offset))
+    _, scale, yaw, offset = max(candidates, key=lambda f: f[0])
     mesh = refine(fit_height(plain, 1.75 * scale), 0.04)
     return Mesh((mesh.vertices - offset) @ turn_about_y(yaw) + middle, mesh.faces, mesh.name, mesh.colours)
 

@@ -104,13 +104,13 @@ LAMP_PARTS = "hip and right arm"
 
 def films() -> dict[str, Film]:
     """Returns, by name, the films that can be made on this machine."""
-    made = {
+    own_films = {
         "made-chair": Film("The chair, by the project's own performer", _made("chair", "chair"), (Act(1.0),)),
         "made-lamp": Film(
             "The lamp, by the project's own performer", _made("lamp", "overhead"), (Act(1.65, LAMP_PARTS),)
         ),
     }
-    return {**(real_films() if DATA.is_dir() else {}), **made}
+    return {**(real_films() if DATA.is_dir() else {}), **own_films}
 
 
 def _of(

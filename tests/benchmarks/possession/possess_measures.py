@@ -64,18 +64,18 @@ def measure(take: Take, every: int = 3) -> Measures:
     ruler = _Ruler(character)
     begin = take.held_ns[0] if take.held_ns else 0
     rows = [ruler(shot.pose) for shot in [s for s in take.shots if s.time_ns >= begin][::every]]
-    found = np.array(rows)
+    measured = np.array(rows)
     speed, push = _hold_speed(take)
     return Measures(
-        float(found[:, 0].max()),
-        float(found[:, 1].max()),
-        float(found[:, 2].min()),
-        float(found[:, 3].max()),
-        (float(found[:, 4].min()), float(found[:, 4].max())),
-        float(found[:, 5].max()),
+        float(measured[:, 0].max()),
+        float(measured[:, 1].max()),
+        float(measured[:, 2].min()),
+        float(measured[:, 3].max()),
+        (float(measured[:, 4].min()), float(measured[:, 4].max())),
+        float(measured[:, 5].max()),
         speed,
         push,
-        float(found[:, 6].min()),
+        float(measured[:, 6].min()),
     )
 
 
@@ -140,8 +140,8 @@ def _touching_pairs(vertices: Float, faces: Int) -> Int:
     """Returns (P, 2) the closest vertices of every two shells that nearly touch."""
     shell = shells(faces, len(vertices))
     pairs = []
-    for one in np.unique(shell):
-        mine, others = np.flatnonzero(shell == one), np.flatnonzero(shell > one)
+    for label in np.unique(shell):
+        mine, others = np.flatnonzero(shell == label), np.flatnonzero(shell > label)
         if len(others) == 0:
             continue
         length, nearest = cKDTree(vertices[mine]).query(vertices[others])

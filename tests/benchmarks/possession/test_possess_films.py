@@ -53,44 +53,44 @@ STILL = ([np.eye(3)] * 2, [[0, 0, 0]] * 2)
 
 
 def test_rest_pose_has_no_deformation() -> None:
-    found = taken(boxes(), STILL)
-    assert found.stretch_100 == pytest.approx(1.0)
-    assert found.squeeze_5 == pytest.approx(1.0)
-    assert found.inverted == 0.0
-    assert found.volume == pytest.approx((1.0, 1.0))
-    assert found.gap == pytest.approx(0.0, abs=1e-6)
-    assert found.lowest == pytest.approx(0.0)
+    measures = taken(boxes(), STILL)
+    assert measures.stretch_100 == pytest.approx(1.0)
+    assert measures.squeeze_5 == pytest.approx(1.0)
+    assert measures.inverted == 0.0
+    assert measures.volume == pytest.approx((1.0, 1.0))
+    assert measures.gap == pytest.approx(0.0, abs=1e-6)
+    assert measures.lowest == pytest.approx(0.0)
 
 
 def test_stretch_and_volume_of_scaled_boxes() -> None:
-    found = taken(boxes(), STILL, ([np.diag([1, 1, 2]), np.eye(3)], [[0, 0, 0]] * 2))
+    measures = taken(boxes(), STILL, ([np.diag([1, 1, 2]), np.eye(3)], [[0, 0, 0]] * 2))
     # Nothing is measured about the mesh's own size, the middle of its transforms.
     size = (2 ** (1 / 3) + 1) / 2
-    assert found.stretch_100 == pytest.approx(2.0 / size)
-    assert found.volume[1] == pytest.approx(1.5 / size**3)
+    assert measures.stretch_100 == pytest.approx(2.0 / size)
+    assert measures.volume[1] == pytest.approx(1.5 / size**3)
 
 
 def test_parting_shells_give_gap_and_speed() -> None:
-    found = taken(boxes(), STILL, ([np.eye(3)] * 2, [[0, 0, 0], [0, 0.3, 0]]))
-    assert found.gap == pytest.approx(0.3, abs=1e-3)
-    assert found.hold_speed == pytest.approx(3.0, rel=1e-3)
-    assert found.hold_push == pytest.approx(3.0, rel=1e-3)
+    measures = taken(boxes(), STILL, ([np.eye(3)] * 2, [[0, 0, 0], [0, 0.3, 0]]))
+    assert measures.gap == pytest.approx(0.3, abs=1e-3)
+    assert measures.hold_speed == pytest.approx(3.0, rel=1e-3)
+    assert measures.hold_push == pytest.approx(3.0, rel=1e-3)
 
 
 def test_inverted_box_is_detected() -> None:
     """Corners that cross over face away from where their transforms turn them."""
     character = boxes()
     character.skin.indices[[1, 3, 5, 7], 0] = 1
-    found = taken(character, STILL, ([np.eye(3)] * 2, [[0, 0, 2], [0, 0, -2]]))
-    assert found.inverted > 0.1
+    measures = taken(character, STILL, ([np.eye(3)] * 2, [[0, 0, 2], [0, 0, -2]]))
+    assert measures.inverted > 0.1
 
 
 @pytest.fixture(scope="module")
 def driven() -> dict[str, Measures]:
-    made = {"chair": ("chair", Act(1.0)), "lamp": ("overhead", Act(1.65, "hip and right arm"))}
+    acts = {"chair": ("chair", Act(1.0)), "lamp": ("overhead", Act(1.65, "hip and right arm"))}
     return {
         mesh: measure(perform(danced(moves, 15.0), cast(mesh), [act]), 2)
-        for mesh, (moves, act) in made.items()
+        for mesh, (moves, act) in acts.items()
     }
 
 
@@ -98,12 +98,12 @@ def driven() -> dict[str, Measures]:
 def test_shipped_meshes_stay_within_bounds(driven, mesh) -> None:
     """Values at the time of filming: the chair 1.59 (its arms flap by 90 degrees), 12.7 for its worst edge,
     0.6 % inverted in the armpits, volume 0.93..1.17; the lamp 1.01, 1.6, none, 0.99..1.00."""
-    found = driven[mesh]
-    assert found.stretch_95 < (2.0 if mesh == "chair" else 1.2)
-    assert found.squeeze_5 > 0.7
-    assert found.inverted < (0.02 if mesh == "chair" else 0.002)
-    assert 0.8 < found.volume[0] <= found.volume[1] < 1.4
-    assert found.lowest > -0.3
+    measures = driven[mesh]
+    assert measures.stretch_95 < (2.0 if mesh == "chair" else 1.2)
+    assert measures.squeeze_5 > 0.7
+    assert measures.inverted < (0.02 if mesh == "chair" else 0.002)
+    assert 0.8 < measures.volume[0] <= measures.volume[1] < 1.4
+    assert measures.lowest > -0.3
 
 
 def test_lamp_stays_in_one_piece(driven) -> None:
@@ -112,17 +112,17 @@ def test_lamp_stays_in_one_piece(driven) -> None:
 
 def test_attachment_causes_no_jump(driven) -> None:
     """The nodes are no faster than the joints and the parts at the end of an arm."""
-    for found in driven.values():
-        assert found.hold_push < 3.0
+    for measures in driven.values():
+        assert measures.hold_push < 3.0
 
 
 def test_retargeted_motion_starts_in_own_posture() -> None:
     frames = danced("overhead")
     own = danced("kneel")[0].bodies[0]
-    made = as_if_by(own, frames, 5 * SECOND)
-    np.testing.assert_allclose(made[0].bodies[0].joints, own.joints, atol=1e-9)
-    assert made[0].time_ns == 5 * SECOND
-    for frame, other in zip(made[::20], frames[::20], strict=True):
+    moved = as_if_by(own, frames, 5 * SECOND)
+    np.testing.assert_allclose(moved[0].bodies[0].joints, own.joints, atol=1e-9)
+    assert moved[0].time_ns == 5 * SECOND
+    for frame, other in zip(moved[::20], frames[::20], strict=True):
         joints = frame.bodies[0].joints
         for joint, parent in enumerate(PARENTS[1:], 1):
             length = np.linalg.norm(own.joints[joint] - own.joints[parent])
@@ -133,10 +133,10 @@ def test_retargeted_motion_starts_in_own_posture() -> None:
 
 def test_cut_pieces_follow_without_pause() -> None:
     frames = danced("overhead")
-    made = cut(frames, (1.0, 2.0), (4.0, 5.0))
-    times = np.diff([frame.time_ns for frame in made])
+    pieces = cut(frames, (1.0, 2.0), (4.0, 5.0))
+    times = np.diff([frame.time_ns for frame in pieces])
     assert times.min() > 0
     assert times.max() < 0.05 * SECOND
-    assert made[0].time_ns == 0
+    assert pieces[0].time_ns == 0
     still = held_still(frames[0].bodies[0], 0.5)
     assert len(still) == 15

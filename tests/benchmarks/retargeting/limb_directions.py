@@ -109,13 +109,13 @@ def find_name(names, spelled: str, side: dict[str, str]) -> str:
 
 def _directions(places: dict[str, np.ndarray], convention: str) -> dict[tuple[str, int], np.ndarray]:
     """Returns (F, 3) unit vectors along each (segment, side)."""
-    made = {}
+    directions = {}
     for number, side in enumerate(SIDES):
         at = [places[find_name(places, spelled, side)] for spelled in JOINTS[convention]]
         for segment, (start, end) in SEGMENTS.items():
             along = at[end] - at[start]
-            made[segment, number] = along / np.linalg.norm(along, axis=1, keepdims=True)
-    return made
+            directions[segment, number] = along / np.linalg.norm(along, axis=1, keepdims=True)
+    return directions
 
 
 def _angles(ours: np.ndarray, theirs: np.ndarray, yaw: float) -> np.ndarray:
@@ -131,8 +131,8 @@ def _turned(vectors: np.ndarray, yaw: float) -> np.ndarray:
 
 def _yaw(ours: dict[tuple[str, int], np.ndarray], theirs: dict[tuple[str, int], np.ndarray]) -> float:
     """Returns the constant rotation about +Y that minimises the sum of angles over all segments."""
-    one, other = (np.concatenate([some[key] for key in sorted(some)]) for some in (ours, theirs))
-    return float(min(YAWS, key=lambda yaw: _angles(one, other, yaw).sum()))
+    own, other = (np.concatenate([some[key] for key in sorted(some)]) for some in (ours, theirs))
+    return float(min(YAWS, key=lambda yaw: _angles(own, other, yaw).sum()))
 
 
 def node_places(glb: bytes) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -189,18 +189,22 @@ def read_accessor(document: pygltflib.GLTF2, blob: bytes, number: int) -> np.nda
 def _sampled(times: np.ndarray, keys: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Returns the values at the times, with linear interpolation. Quaternions are close enough to be
     normalised."""
-    made = np.stack([np.interp(times, keys, column) for column in values.T], axis=1)
-    return made / np.linalg.norm(made, axis=1, keepdims=True) if values.shape[1] == 4 else made
+    sampled = np.stack([np.interp(times, keys, column) for column in values.T], axis=1)
+    return sampled / np.linalg.norm(sampled, axis=1, keepdims=True) if values.shape[1] == 4 else sampled
 
 
 def _local(node: pygltflib.Node, number: int, tracks: dict, count: int) -> np.ndarray:
     """Returns (T, 4, 4) transforms of a node relative to its parent."""
-    made = np.tile(np.eye(4), (count, 1, 1))
+    matrices = np.tile(np.eye(4), (count, 1, 1))
     turn = tracks.get((number, "rotation"), np.tile(node.rotation or [0.0, 0.0, 0.0, 1.0], (count, 1)))
     x, y, z, w = turn.T
-    made[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], 1)
-    made[:, 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], 1)
-    made[:, 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], 1)
-    made[:, :3, :3] *= tracks.get((number, "scale"), np.tile(node.scale or [1.0] * 3, (count, 1)))[:, None]
-    made[:, :3, 3] = tracks.get((number, "translation"), np.tile(node.translation or [0.0] * 3, (count, 1)))
-    return made
+    matrices[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], 1)
+    matrices[:, 1, :3] = np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], 1)
+    matrices[:, 2, :3] = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], 1)
+    matrices[:, :3, :3] *= tracks.get((number, "scale"), np.tile(node.scale or [1.0] * 3, (count, 1)))[
+        :, None
+    ]
+    matrices[:, :3, 3] = tracks.get(
+        (number, "translation"), np.tile(node.translation or [0.0] * 3, (count, 1))
+    )
+    return matrices

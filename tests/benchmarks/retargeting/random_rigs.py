@@ -27,10 +27,10 @@ def random_rig(seed: int, path: Path) -> Path:
     """Writes a model of a random build to ``path``. The same seed gives the same model."""
     random = np.random.default_rng(seed)
     limbs = [_split(seed, limb) for limb in _limbs(random, BUILDS[seed % len(BUILDS)])]
-    made, telling = Made(), bool(random.random() < 0.5)
+    gltf, telling = Made(), bool(random.random() < 0.5)
     scale = float(10.0 ** random.uniform(-2, 2))
-    top = made.node(name="Armature", scale=[scale] * 3, rotation=unit(random).tolist())
-    base = trs([0, 0, 0], made.json["nodes"][top]["rotation"], scale)
+    top = gltf.node(name="Armature", scale=[scale] * 3, rotation=unit(random).tolist())
+    base = trs([0, 0, 0], gltf.json["nodes"][top]["rotation"], scale)
     nodes: dict[tuple[str, int], int] = {}
     bind: list[np.ndarray] = []
 
@@ -40,7 +40,7 @@ def random_rig(seed: int, path: Path) -> Path:
         local = np.linalg.inv(before) @ world
         name = f"{key[0]} {key[1]}" if telling else f"{random.choice(WORDS)}_{len(bind):03d}"
         parent = top if above is None else order[nodes[above]]
-        order.append(made.node(parent, name=name, matrix=local.T.reshape(-1).tolist()))
+        order.append(gltf.node(parent, name=name, matrix=local.T.reshape(-1).tolist()))
         nodes[key] = len(bind)
         bind.append(world)
 
@@ -51,8 +51,8 @@ def random_rig(seed: int, path: Path) -> Path:
     for name, fork, places in (others[i] for i in random.permutation(len(others))):
         for k, place in enumerate(places):
             joint((name, k), (name, k - 1) if k else (trunk[0], fork % len(trunk[2])), place)
-    _tubes(made, limbs, nodes, order, bind)
-    return made.write(path)
+    _tubes(gltf, limbs, nodes, order, bind)
+    return gltf.write(path)
 
 
 def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.ndarray]]:
@@ -99,14 +99,14 @@ def _limbs(random: np.random.Generator, build: str) -> list[tuple[str, int, np.n
     top = trunk[2][-1]
     head = ("Neck", -1, vary([_on(top, 0, 0.1, 0.1), _on(top, 0, 0.45, 0.3), _on(top, 0, 0.4, 0.6)]))
     tail = ("Tail", 0, vary([(0, 1.0, -0.75), (0, 0.75, -0.9), (0, 0.5, -0.95)]))
-    made = [trunk, head, tail]
+    limbs = [trunk, head, tail]
     for k in range(pairs):
         fork = 2 - k if pairs == 3 else 2 * (1 - k)
         x, y, z = trunk[2][fork] + [0.15, -0.05, 0.0]
         wide = float(random.uniform(0, 0.1)) if pairs == 2 else 0.5
         legs = [(x, y, z), (x + wide, y * 0.6, z + 0.05), (x + wide, y * 0.25, z - 0.05), (x + wide, 0, z)]
-        made += sided(f"Leg {'ABC'[k]}", fork, legs)
-    return made
+        limbs += sided(f"Leg {'ABC'[k]}", fork, legs)
+    return limbs
 
 
 def _on(place: np.ndarray, x: float, y: float, z: float) -> np.ndarray:

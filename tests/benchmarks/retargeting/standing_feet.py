@@ -79,7 +79,7 @@ def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
     nearest = np.clip(np.round(times / capture.seconds).astype(int), 0, len(at) - 1)
     way = at[-1, 0] - at[0, 0]
     slow = max(SLOW_M_S, PACE * float(np.hypot(way[0], way[2])) / ((len(at) - 1) * capture.seconds))
-    made = []
+    standing = []
     for side in SIDES:
         foot = [names[find_name(names, spelled, side)]]
         for joint, parent in enumerate(capture.parents):
@@ -88,8 +88,8 @@ def performer_stands(motion: Path, times: np.ndarray) -> np.ndarray:
         joints = at[:, foot]
         speed = np.linalg.norm(np.gradient(joints, capture.seconds, axis=0), axis=2)
         low = joints[..., 1] < np.percentile(joints[..., 1], 5, axis=0) + LOW_M
-        made.append(_without_short((low & (speed < slow)).any(1), capture.seconds)[nearest])
-    return np.stack(made, axis=1)
+        standing.append(_without_short((low & (speed < slow)).any(1), capture.seconds)[nearest])
+    return np.stack(standing, axis=1)
 
 
 def _without_short(stands: np.ndarray, seconds: float) -> np.ndarray:
@@ -117,12 +117,12 @@ def _feet_over_time(document: pygltflib.GLTF2, model: str) -> tuple[list[np.ndar
     for own, other in (ankles, ankles[::-1]):
         nearer = np.linalg.norm(at - own, axis=1) < np.linalg.norm(at - other, axis=1)
         foot = np.flatnonzero(nearer & (at[:, 1] < low + FOOT_HEIGHT * height))
-        made = np.zeros((len(moves), len(foot), 3))
+        moved = np.zeros((len(moves), len(foot), 3))
         for bones, shares in zip(joints[foot].T, weights[foot].T, strict=True):
             used = moves[:, bones]
             turned = np.einsum("tvij,vj->tvi", used[..., :3, :3], at[foot]) + used[..., :3, 3]
-            made += shares[:, None] * turned
-        feet.append(made)
+            moved += shares[:, None] * turned
+        feet.append(moved)
     return feet, float(height)
 
 

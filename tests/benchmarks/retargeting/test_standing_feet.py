@@ -22,11 +22,11 @@ def slab(random):
 
 def about(axis, angles):
     """(T, 3, 3) rotations by angles (T,) about +X (0) or +Y (1)."""
-    cos, sin, one, none = np.cos(angles), np.sin(angles), np.ones_like(angles), np.zeros_like(angles)
+    cos, sin, ones, zeros = np.cos(angles), np.sin(angles), np.ones_like(angles), np.zeros_like(angles)
     if axis:
-        rows = [[cos, none, sin], [none, one, none], [-sin, none, cos]]
+        rows = [[cos, zeros, sin], [zeros, ones, zeros], [-sin, zeros, cos]]
     else:
-        rows = [[one, none, none], [none, cos, -sin], [none, sin, cos]]
+        rows = [[ones, zeros, zeros], [zeros, cos, -sin], [zeros, sin, cos]]
     return np.moveaxis(np.array(rows), 2, 0)
 
 

@@ -150,11 +150,11 @@ def _worn(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person's motion, retargeted to start from the posture of the scanned person."""
     assert made.person is not None
     others, joints = read(WAVE), made.person.joints
-    first, known = others[0].bodies[0], np.isfinite(joints).all(1)
+    first, is_known = others[0].bodies[0], np.isfinite(joints).all(1)
     # Leg joints that were out of view get the positions of the other person's.
-    own = np.where(known[:, None], joints, joints[0] + first.joints - first.joints[0])
+    own = np.where(is_known[:, None], joints, joints[0] + first.joints - first.joints[0])
     up = np.array([0.0, -own[:, 1].min(), 0.0])
-    body = Body(first.id, own + up, np.where(known, 1.0, 0.0), stature=1.75)
+    body = Body(first.id, own + up, np.where(is_known, 1.0, 0.0), stature=1.75)
     frames = held_still(body, 1.2)
     frames += as_if_by(body, others, frames[-1].time_ns + 33_333_333)
     mesh = replace(made.mesh, vertices=made.mesh.vertices + up, name="thing")
@@ -172,12 +172,12 @@ def table() -> Film:
 
 def films() -> dict[str, Callable[[], Film]]:
     """Returns, by name, the films that can be made on this machine."""
-    made: dict[str, Callable[[], Film]] = {"chair": chair, "laid-chair": laid}
+    by_name: dict[str, Callable[[], Film]] = {"chair": chair, "laid-chair": laid}
     if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
-        made["person"] = person
+        by_name["person"] = person
     if (DATA / "scans" / "sevenscenes_kitchen").is_dir():
-        made["kitchen-table"] = table
-    return made
+        by_name["kitchen-table"] = table
+    return by_name
 
 
 class Growth:
@@ -231,11 +231,11 @@ class Filming:
         """Yields the frames of a film."""
         scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
-        made = finished(scanner, film.keep, 50_000, "thing")
-        print(f"  {len(made.mesh.faces)} triangles; {made.said}", flush=True)
-        yield from self._turned(made.mesh, film.title)
+        scan = finished(scanner, film.keep, 50_000, "thing")
+        print(f"  {len(scan.mesh.faces)} triangles; {scan.said}", flush=True)
+        yield from self._turned(scan.mesh, film.title)
         if film.bodies is not None:
-            take = perform(*film.bodies(made), (film.act,))
+            take = perform(*film.bodies(scan), (film.act,))
             count = int((take.shots[-1].time_ns - take.shots[0].time_ns) * 1e-9 * RATE)
             for n in range(count):
                 time_ns = take.shots[0].time_ns + round(n * 1e9 / RATE)
@@ -245,8 +245,8 @@ class Filming:
         """Yields the growing surface. If the object was put down elsewhere, the surface starts again."""
         growth, shown, rests = Growth(), None, 1
         for number, frame in enumerate(film.frames):
-            made = scanner.add(frame)
-            step = made if isinstance(made, ScanStep) else made.told
+            outcome = scanner.add(frame)
+            step = outcome if isinstance(outcome, ScanStep) else outcome.told
             own = scanner if isinstance(scanner, Scanner) else scanner.rests[-1].scanner
             if isinstance(scanner, MovedScanner) and len(scanner.rests) > rests:
                 rests, stood = len(scanner.rests), growth.stage_from_scan
@@ -318,11 +318,11 @@ def main(words: list[str]) -> int:
     for name in ("person", "kitchen-table"):
         if name not in films():
             print(f"{name}: not made, for its recording is not in {DATA} (ENLIVEN_DATA)", flush=True)
-    for name, made in films().items():
+    for name, make_film in films().items():
         if words and not any(word in name for word in words):
             continue
         print(name, flush=True)
-        print(f"  {write_film(name, made(), filming)} pictures", flush=True)
+        print(f"  {write_film(name, make_film(), filming)} pictures", flush=True)
     return 0
 
 

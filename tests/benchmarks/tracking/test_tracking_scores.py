@@ -79,9 +79,9 @@ def test_first_half_second_does_not_count_as_missed() -> None:
 @given(st.sets(st.integers(0, 19), max_size=8), st.floats(0.11, 0.3))
 def test_each_wrong_joint_is_counted(wrong: set[int], by: float) -> None:
     truth = joints_of(40)
-    found = truth.copy()
-    found[:, sorted(wrong)] += [0.0, 0.0, by]
-    s = score(take_of([truth], [found]))
+    joints = truth.copy()
+    joints[:, sorted(wrong)] += [0.0, 0.0, by]
+    s = score(take_of([truth], [joints]))
     assert s.within == pytest.approx(1 - len(wrong) / 20)
     assert all((s.hits[j] == 0) == (j in wrong) for j in range(20))
     assert s.mean_mm == pytest.approx(1e3 * by * len(wrong) / 20)
@@ -89,9 +89,9 @@ def test_each_wrong_joint_is_counted(wrong: set[int], by: float) -> None:
 
 def test_hidden_joints_count_only_for_confidence() -> None:
     truth = joints_of(40)
-    found = truth.copy()
-    found[:, 7] += 1.0
-    take = take_of([truth], [found])
+    joints = truth.copy()
+    joints[:, 7] += 1.0
+    take = take_of([truth], [joints])
     for moment in take.moments:
         moment.visible[0, 7] = False
     s = score(take)
@@ -130,14 +130,14 @@ def test_exchanged_identities_count_as_swaps_and_flicker_does_not() -> None:
 
 def test_mirrored_limbs_count_once_per_pair_and_time() -> None:
     truth = joints_of(120)
-    found = truth.copy()
-    found[40:60] = found[40:60][:, SIDES]
-    found[90:110] = found[90:110][:, SIDES]
-    s = score(take_of([truth], [found]))
+    joints = truth.copy()
+    joints[40:60] = joints[40:60][:, SIDES]
+    joints[90:110] = joints[90:110][:, SIDES]
+    s = score(take_of([truth], [joints]))
     assert 2 <= s.mirrored <= 4  # the arms twice, and the legs if they are far enough apart
-    found = truth.copy()
-    found[50] = found[50][SIDES]
-    assert score(take_of([truth], [found])).mirrored == 0  # only one frame
+    joints = truth.copy()
+    joints[50] = joints[50][SIDES]
+    assert score(take_of([truth], [joints])).mirrored == 0  # only one frame
 
 
 @pytest.mark.parametrize("deviation", [0.002, 0.01])
@@ -145,17 +145,17 @@ def test_jitter_ignores_offset_and_drift(deviation: float) -> None:
     truth = joints_of(240, name="still")
     random = np.random.default_rng(2)
     drift = np.linspace(0, 0.05, 240)[:, None, None]
-    found = truth + 0.03 + drift + random.normal(0, deviation, truth.shape)
-    s = score(take_of([truth], [found]), still=True)
+    joints = truth + 0.03 + drift + random.normal(0, deviation, truth.shape)
+    s = score(take_of([truth], [joints]), still=True)
     assert np.mean(s.jitter) == pytest.approx(1e3 * deviation * np.sqrt(3), rel=0.1)
 
 
 @pytest.mark.parametrize("after", [0, 4, 11])
 def test_recovery_time_starts_when_the_lens_is_uncovered(after: int) -> None:
     truth = joints_of(90)
-    found = truth.copy()
-    found[30 : 60 + after] = np.nan
-    take = take_of([truth], [found])
+    joints = truth.copy()
+    joints[30 : 60 + after] = np.nan
+    take = take_of([truth], [joints])
     take.observed[30:60] = False
     s = score(take, covered=(1.0, 2.0))
     assert s.recovery == [pytest.approx(1e3 * after / RATE, abs=1)]
@@ -173,9 +173,9 @@ def test_missing_recovery_is_infinite() -> None:
 
 def test_confidence_is_compared_with_accuracy() -> None:
     truth = joints_of(60)
-    found = truth.copy()
-    found[:, :10] += 0.4
-    s = score(take_of([truth], [found], confidence=0.55))
+    joints = truth.copy()
+    joints[:, :10] += 0.4
+    s = score(take_of([truth], [joints], confidence=0.55))
     assert s.sure[5] == 60 * 20 and s.sure_hits[5] == 60 * 10
     assert np.isnan(s.trusted(0.9))
 
@@ -192,18 +192,18 @@ def test_turn_errors_are_measured_about_the_right_axis(by: float) -> None:
     """A turned head and a twisted hand give degrees; a hand that points elsewhere does not."""
     figure = PERFORMER.pose(exercise("still").posture(1.0))
     turns = figure.frames[:, :, :3]
-    said = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
+    orientations = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
     for parts in TURNS.values():
         for joint, limb in parts:
-            said[joint] = from_matrix(turns[limb])
+            orientations[joint] = from_matrix(turns[limb])
     about_own_length = from_rotation_vector(turns[:, :, 1] * by)
-    said[Joint.HEAD] = multiply(about_own_length[Limb.SKULL], said[Joint.HEAD])
-    said[Joint.HAND_LEFT] = multiply(about_own_length[Limb.HAND_LEFT], said[Joint.HAND_LEFT])
+    orientations[Joint.HEAD] = multiply(about_own_length[Limb.SKULL], orientations[Joint.HEAD])
+    orientations[Joint.HAND_LEFT] = multiply(about_own_length[Limb.HAND_LEFT], orientations[Joint.HAND_LEFT])
     aside = from_rotation_vector(turns[Limb.HAND_RIGHT, :, 2] * by)
-    said[Joint.HAND_RIGHT] = multiply(aside, said[Joint.HAND_RIGHT])
+    orientations[Joint.HAND_RIGHT] = multiply(aside, orientations[Joint.HAND_RIGHT])
     truth = np.stack([figure.joints] * 30)
     take = take_of([truth], [truth])
-    said_of = {"orientations": said, "contacts": np.array([1.0, 0.0])}
+    said_of = {"orientations": orientations, "contacts": np.array([1.0, 0.0])}
     take.bodies = [[replace(b, **said_of) for b in some] for some in take.bodies]
     take.moments = [replace(m, turns=turns[None]) for m in take.moments]
     s = score(take)

@@ -56,15 +56,15 @@ def test_names_are_unique_and_splits_share_no_scene(seen: str, kept: str) -> Non
 @pytest.mark.parametrize("split", [TUNING, HELD_OUT])
 def test_every_difficulty_exists_without_recorded_motions(split: str, monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(tracking_scene, "DATA", tmp_path)
-    made = sequences(split)
-    words = " ".join(s.name for s in made)
+    listed = sequences(split)
+    words = " ".join(s.name for s in listed)
     for needed in (
         "still", "overhead", "crouch", "kneel", "floor", "turn", "one leg", "side", "cross", "touch",
         "recover", "dropped", "slowed", "out of order", "frozen", "holed", "knocked", "joined",
     ):  # fmt: skip
         assert needed in words, needed
-    assert {s.kind for s in made} == {"accuracy", "still", "recovery", "trouble"}
-    assert max(len(s.people) for s in made) >= 3
+    assert {s.kind for s in listed} == {"accuracy", "still", "recovery", "trouble"}
+    assert max(len(s.people) for s in listed) >= 3
 
 
 def test_everyone_comes_into_view_and_stays_on_the_floor() -> None:
@@ -98,12 +98,12 @@ def test_sitting_person_rests_on_the_floor_without_sinking_in(build, seed):
 
 def test_frames_and_truth_survive_the_cache(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(tracking_cache, "CACHE", tmp_path)
-    one = sequences(TUNING, "still")[0]
-    short = Sequence("short", TUNING, one.people, 0.2, "tof", covered=(0.05, 0.12))
+    still = sequences(TUNING, "still")[0]
+    short = Sequence("short", TUNING, still.people, 0.2, "tof", covered=(0.05, 0.12))
     first = tracking_cache.rendered(short)
-    again = tracking_cache.rendered(short)
+    reread = tracking_cache.rendered(short)
     assert len(first) == 6 and len(list(tmp_path.glob("*.mcap"))) == 1
-    for (a, m), (b, n) in zip(first, again, strict=True):
+    for (a, m), (b, n) in zip(first, reread, strict=True):
         np.testing.assert_array_equal(a.depth, b.depth)
         np.testing.assert_array_equal(m.joints, n.joints)
     frame, truth = short.ensemble().frame(3)

@@ -51,23 +51,23 @@ def perform(sequence: Sequence, tracker: Tracker | None = None, start: int = 0) 
     frames = delivered(sequence)[start:]
     rate = load_profile(sequence.profile).camera.fps
     health = HealthMonitor(fps=rate, far=tracker.settings.scene.far)
-    bodies, cost, observed, said = [], [], [], set()
+    bodies, cost, observed, warnings = [], [], [], set()
     before = None
     for frame, _ in frames:
         admitted = health.admit(frame)
         if admitted:
             start = time.perf_counter()
-            found = tracker.track(frame)
+            tracked = tracker.track(frame)
             cost.append(time.perf_counter() - start)
-            health.judge(frame, found, tracker.world_from_camera, tracker.state)
-        bodies.append(found)
+            health.judge(frame, tracked, tracker.world_from_camera, tracker.state)
+        bodies.append(tracked)
         fresh = before is None or not np.array_equal(frame.depth, before)
         observed.append(admitted and fresh and bool(frame.depth.any()))
-        said |= {str(state.kind) for state in health.states}
+        warnings |= {str(state.kind) for state in health.states}
         before = frame.depth
     times = np.array([frame.time_ns * 1e-9 for frame, _ in frames])
     moments = [moment for _, moment in frames]
-    return Take(times, moments, bodies, np.array(observed), np.array(cost)), said
+    return Take(times, moments, bodies, np.array(observed), np.array(cost)), warnings
 
 
 TOLD = {
@@ -83,12 +83,12 @@ TOLD = {
 
 def evaluated(sequence: Sequence, make: Callable[[], Tracker] = Tracker, start: int = 0) -> Scores:
     """Returns the scores of one sequence, from a frame on, with a new tracker."""
-    take, said = perform(sequence, make(), start)
+    take, warnings = perform(sequence, make(), start)
     scores = score(take, still=sequence.kind == "still", covered=sequence.covered)
     if sequence.covered is not None:
-        scores.told.append("lens covered" in said)
+        scores.told.append("lens covered" in warnings)
     elif sequence.trouble in TOLD:
-        scores.told.append(TOLD[sequence.trouble] in said)
+        scores.told.append(TOLD[sequence.trouble] in warnings)
     return scores
 
 
@@ -161,10 +161,10 @@ def main() -> int:
 
 def print_calibration(s: Scores) -> None:
     """Prints, for each level of confidence, the fraction of joints within 10 cm."""
-    said = [f"{k / BINS:.1f}" for k in range(BINS)]
+    bounds = [f"{k / BINS:.1f}" for k in range(BINS)]
     with np.errstate(invalid="ignore"):
         share = s.sure_hits / s.sure
-    print("\nconfidence   " + "".join(f"{w:>7}" for w in said))
+    print("\nconfidence   " + "".join(f"{w:>7}" for w in bounds))
     print(
         "within 10 cm "
         + "".join(f"{100 * v:>7.1f}" if n else f"{'-':>7}" for v, n in zip(share, s.sure, strict=True))

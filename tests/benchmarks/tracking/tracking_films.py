@@ -42,20 +42,20 @@ _STEP = 33_333_333
 
 def films() -> dict[str, Callable[[], list[list[DepthFrame]]]]:
     """Returns, by name, a function that loads one or more takes. Each is tracked by a new tracker."""
-    made: dict[str, Callable[[], list[list[DepthFrame]]]] = {}
+    by_name: dict[str, Callable[[], list[list[DepthFrame]]]] = {}
     if (DATA / "depth" / "uva_cv2_person_turn").is_dir():
-        made["real-uva-turn"] = lambda: [_imported(DATA / "depth" / "uva_cv2_person_turn")]
+        by_name["real-uva-turn"] = lambda: [_imported(DATA / "depth" / "uva_cv2_person_turn")]
     if (DATA / "depth" / "skeltrack_kinect1").is_dir():
-        made["real-skeltrack"] = _skeltrack
+        by_name["real-skeltrack"] = _skeltrack
     if (DATA / "depth" / "vcl3d_realsense_d415").is_dir():
-        made["real-vcl3d"] = _shots_of_vcl3d
+        by_name["real-vcl3d"] = _shots_of_vcl3d
     for real in tracking_real.with_joints():
-        made[f"real-{real.name.replace('_', '-')}"] = lambda real=real: [real.frames]
+        by_name[f"real-{real.name.replace('_', '-')}"] = lambda real=real: [real.frames]
     for sequence in sequences():
         if sequence.name in SYNTHETIC:
             name = f"synthetic-{sequence.name.removeprefix('h ').replace(' ', '-')}"
-            made[name] = lambda sequence=sequence: [[frame for frame, _ in delivered(sequence)]]
-    return made
+            by_name[name] = lambda sequence=sequence: [[frame for frame, _ in delivered(sequence)]]
+    return by_name
 
 
 def _imported(folder: Path) -> list[DepthFrame]:

@@ -67,7 +67,7 @@ class KeptSet:
 
     def _exercises(self) -> list[Sequence]:
         a, b, c, d = self.builds
-        made: tuple[tuple[str, str, Proportions, tuple[float, float], float, float, str], ...] = (
+        exercises: tuple[tuple[str, str, Proportions, tuple[float, float], float, float, str], ...] = (
             ("overhead", "overhead", d, (0.1, -2.7), 0.2, 4.5, "oak-d"),
             ("crouch", "crouch", a, (0.0, -2.7), -0.3, 4.5, "kinect1"),
             ("kneel", "kneel", c, (0.1, -2.9), 0.4, 5.0, "oak-d"),
@@ -84,7 +84,7 @@ class KeptSet:
                 seconds,
                 sensor,
             )
-            for n, (name, move, build, (x, z), yaw, seconds, sensor) in enumerate(made)
+            for n, (name, move, build, (x, z), yaw, seconds, sensor) in enumerate(exercises)
         ]
 
     def _captures(self) -> list[Sequence]:

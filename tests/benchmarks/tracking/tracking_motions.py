@@ -145,10 +145,10 @@ def _sitting(vary: Seed) -> _Keys:
     straight = replace(straight, left_arm=vary.arm(_KNEES), right_arm=vary.arm(_KNEES), spine_pitch=0.25)
     leant = replace(straight, left_arm=_BACK, right_arm=_BACK, pitch=-0.35, spine_pitch=0.05)
     drawn = replace(straight, **legs(0.22, 0.1), spine_pitch=0.35, left_arm=vary.arm(_KNEES))
-    one = replace(drawn, left_foot=straight.left_foot)
+    stretched = replace(drawn, left_foot=straight.left_foot)
     return (
         (0.0, _home()), (0.5, _home()), (1.3, half), (2.1, straight), (2.8, straight), (3.5, leant),
-        (4.2, drawn), (4.9, one), (5.4, one),
+        (4.2, drawn), (4.9, stretched), (5.4, stretched),
     )  # fmt: skip
 
 

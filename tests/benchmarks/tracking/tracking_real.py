@@ -163,14 +163,14 @@ def js6450(name: str, file: str) -> Real:
     path = DATA / "skeletons" / "js6450_kinect2_json" / file
     cleaned = [[flow_room._cleaned(s) for s in frame] for frame in flow_room._frames(path)]
     distance = flow_room._distance([uvz for frame in cleaned for uvz, _ in frame], path)
-    told = _json(path)
-    people = sorted({s["trackingId"] for frame in told for s in frame})
-    people = [i for i in people if sum(i == s["trackingId"] for f in told for s in f) > 20]
+    recorded = _json(path)
+    people = sorted({s["trackingId"] for frame in recorded for s in frame})
+    people = [i for i in people if sum(i == s["trackingId"] for f in recorded for s in f) > 20]
     frames, moments = [], []
-    for n, (skeletons, known) in enumerate(zip(told, cleaned, strict=True)):
+    for n, (skeletons, cleaned_people) in enumerate(zip(recorded, cleaned, strict=True)):
         joints, visible = np.full((len(people), 20, 3), np.nan), np.zeros((len(people), 20), bool)
         samples = []
-        for skeleton, (uvz, good) in zip(skeletons, known, strict=True):
+        for skeleton, (uvz, good) in zip(skeletons, cleaned_people, strict=True):
             if skeleton["trackingId"] not in people:
                 continue
             p = people.index(skeleton["trackingId"])
@@ -228,10 +228,10 @@ def _splatted(points: np.ndarray, radius: int) -> np.ndarray:
             u, v = uv[:, 0] + du, uv[:, 1] + dv
             inside = (u >= 0) & (u < KINECT2.width) & (v >= 0) & (v < KINECT2.height)
             np.minimum.at(image, (v[inside], u[inside]), points[inside, 2])
-    known = np.isfinite(image)
+    is_known = np.isfinite(image)
     if radius > 1:
-        known = ndimage.distance_transform_edt(known) > 0.5 * radius
-    return np.where(known, np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
+        is_known = ndimage.distance_transform_edt(is_known) > 0.5 * radius
+    return np.where(is_known, np.rint(1e3 * np.minimum(image, 65.0)), 0).astype(np.uint16)
 
 
 _AT_ONCE = TrackerSettings(search=SearchSettings(fits_per_frame=0))
@@ -245,27 +245,27 @@ def skeltrack(frames: int = 1) -> tuple[float, float, dict[str, list[Joint]]]:
     Args:
         frames: number of repetitions of the image; 1 tests the first detection.
     """
-    near, apart, lost = 0, [], {}
+    near, distances, lost = 0, [], {}
     for path in sorted((DATA / "depth" / "skeltrack_kinect1").glob("*.u16")):
         depth = np.fromfile(path, "<u2").reshape(480, 640)
         tracker = Tracker(_AT_ONCE)
         for n in range(frames):
-            found = tracker.track(DepthFrame(depth, KINECT1, n * _STEP, "kinect1"))
-        bodies = [in_camera(b, tracker) for b in found]
+            tracked = tracker.track(DepthFrame(depth, KINECT1, n * _STEP, "kinect1"))
+        bodies = [in_camera(b, tracker) for b in tracked]
         number = path.stem.split("-")[-1]
         for marks in MARKS[number]:
             away = _closest(bodies, marks, depth)
             near += sum(d < NEAR for d in away.values())
-            apart += list(away.values())
+            distances += list(away.values())
             lost.setdefault(number, []).extend(j for j, d in away.items() if d >= NEAR)
-    return near / len(apart), 1e3 * float(np.mean(np.minimum(apart, 1.0))), lost
+    return near / len(distances), 1e3 * float(np.mean(np.minimum(distances, 1.0))), lost
 
 
 def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, float]:
     """Returns the distance in the image plane, metres, from each mark to the body nearest to all of them."""
     if not bodies:
         return {joint: np.inf for joint in marks}
-    found = []
+    candidates = []
     for body in bodies:
         away = {}
         for joint, (u, v) in marks.items():
@@ -273,8 +273,8 @@ def _closest(bodies: list[Body], marks: dict, depth: np.ndarray) -> dict[Joint, 
             z = 1e-3 * float(np.median(around[around > 0])) if around.any() else 1.2
             at = project(body.joints[joint], KINECT1)
             away[joint] = float(np.linalg.norm(at - (u, v)) / KINECT1.fx * z)
-        found.append(away)
-    return min(found, key=lambda away: sum(away.values()))
+        candidates.append(away)
+    return min(candidates, key=lambda away: sum(away.values()))
 
 
 def uva() -> tuple[float, float, list[list[Body]]]:
@@ -283,18 +283,18 @@ def uva() -> tuple[float, float, list[list[Body]]]:
     paths = find_files([DATA / "depth" / "uva_cv2_person_turn"])
     tracker, inside, legs, bodies = Tracker(), [], [], []
     for n, frame in enumerate(find_reader(paths).read(paths, ImportOptions())):
-        found = tracker.track(frame)
-        bodies.append(found)
+        tracked = tracker.track(frame)
+        bodies.append(tracked)
         mask_path = DATA / "depth" / "uva_cv2_person_turn" / f"{n:010d}_mask.jpg"
         outside = ndimage.distance_transform_edt(~(np.asarray(Image.open(mask_path).convert("L")) > 128))
-        if not found:
+        if not tracked:
             inside += [False] * len(UPPER)
             continue
-        body = in_camera(found[0], tracker)
+        body = in_camera(tracked[0], tracker)
         uv = np.rint(project(body.joints[UPPER], frame.intrinsics)).astype(int)
         uv = np.clip(uv, 0, [outside.shape[1] - 1, outside.shape[0] - 1])
         inside += list(outside[uv[:, 1], uv[:, 0]] < 15)
-        legs.append(float(found[0].confidence[LEGS].mean()))
+        legs.append(float(tracked[0].confidence[LEGS].mean()))
     return float(np.mean(inside)), float(np.mean(legs or [0.0])), bodies
 
 

@@ -130,8 +130,8 @@ class Scores:
         """Returns the fraction within 10 cm of the joints with at least this confidence; NaN if there are
         none."""
         first = round(least * BINS)
-        said = self.sure[first:].sum()
-        return float(self.sure_hits[first:].sum() / said) if said else float("nan")
+        total = self.sure[first:].sum()
+        return float(self.sure_hits[first:].sum() / total) if total else float("nan")
 
     def add(self, other: Scores) -> None:
         """Adds another sequence's scores."""
@@ -216,7 +216,7 @@ def _add_frame(
     out: Scores, f: int, bodies: list[Body], moment: Moment, pair: dict[int, int], due: np.ndarray
 ) -> None:
     """Adds one frame's joints and their confidences."""
-    found = total = 0
+    hits = total = 0
     for p in np.flatnonzero(due):
         visible = moment.visible[p]
         total += int(visible.sum())
@@ -224,15 +224,15 @@ def _add_frame(
         if p not in pair:
             out.missed += int(visible.sum())
             continue
-        apart = np.linalg.norm(bodies[pair[p]].joints - moment.joints[p], axis=1)
-        near = (apart < NEAR) & visible
+        distances = np.linalg.norm(bodies[pair[p]].joints - moment.joints[p], axis=1)
+        near = (distances < NEAR) & visible
         out.hits += near
-        found += int(near.sum())
-        out.error += float(apart[visible].sum())
+        hits += int(near.sum())
+        out.error += float(distances[visible].sum())
         out.matched += int(visible.sum())
         _add_turns(out, bodies[pair[p]], moment, p)
         _add_contacts(out, bodies[pair[p]], moment, p)
-    out.per_frame[f] = found / total if total else np.nan
+    out.per_frame[f] = hits / total if total else np.nan
     whose = {b: p for p, b in pair.items()}
     for b, body in enumerate(bodies):
         right = np.zeros(20, bool)
@@ -259,13 +259,13 @@ def _add_turns(out: Scores, body: Body, moment: Moment, p: int) -> None:
     """Adds the rotation errors of the body's visible parts."""
     if body.orientations is None or moment.turns is None:
         return
-    found = to_matrix(body.orientations)
+    turns = to_matrix(body.orientations)
     for name, parts in TURNS.items():
         for joint, limb in parts:
             if moment.visible[p, joint]:
                 true = moment.turns[p, limb]
                 facing = name in ("chest", "head")
-                off = _apart(found[joint], true, 2) if facing else twist_between(found[joint], true)
+                off = _apart(turns[joint], true, 2) if facing else twist_between(turns[joint], true)
                 out.turned[name].append(off)
 
 
@@ -299,12 +299,12 @@ def _identity_changes(take: Take, pairs: list[dict[int, int]], p: int) -> int:
 
 def _changes(values: list[int]) -> int:
     """Returns how often a value changes to another that stays for a few frames."""
-    changes, known = 0, None
+    changes, settled = 0, None
     for n, value in enumerate(values):
-        if value == known or values[n : n + _STAYS] != [value] * min(_STAYS, len(values) - n):
+        if value == settled or values[n : n + _STAYS] != [value] * min(_STAYS, len(values) - n):
             continue
-        changes += known is not None
-        known = value
+        changes += settled is not None
+        settled = value
     return changes
 
 
@@ -316,8 +316,8 @@ def _mirrorings(take: Take, pairs: list[dict[int, int]], p: int) -> int:
         for f, pair in enumerate(pairs):
             if p not in pair or not take.observed[f]:
                 continue
-            found, moment = take.bodies[f][pair[p]].joints, take.moments[f]
-            swapped.append(_is_swapped(found, moment.joints[p], moment.visible[p], left, right))
+            joints, moment = take.bodies[f][pair[p]].joints, take.moments[f]
+            swapped.append(_is_swapped(joints, moment.joints[p], moment.visible[p], left, right))
         count += sum(
             all(swapped[n : n + _STAYS])
             and len(swapped[n : n + _STAYS]) == _STAYS

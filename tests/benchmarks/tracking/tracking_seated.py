@@ -142,8 +142,8 @@ def _settled(performer: Performer, legs: Legs) -> SettledLegs:
         low, high = 0.8, 2.8
         for _ in range(20):
             middle = 0.5 * (low + high)
-            one = _rotations(0.0, 0.0, ((middle, legs[side]), (middle, legs[side])), _LAP)
-            figure = performer.figure(one, np.array([0.0, _SEAT * performer.scale, 0.0]))
+            rotations = _rotations(0.0, 0.0, ((middle, legs[side]), (middle, legs[side])), _LAP)
+            figure = performer.figure(rotations, np.array([0.0, _SEAT * performer.scale, 0.0]))
             low, high = (middle, high) if _lowest_of_legs(performer, figure) < 0.0 else (low, middle)
         return high
 

@@ -114,10 +114,10 @@ def _accuracy() -> list[Sequence]:
 
 def _crossing(builds: tuple[Proportions, Proportions], seed: int) -> tuple[Person, ...]:
     """Returns two people that walk across the image, one behind the other."""
-    one, two = (exercise_move("stroll", seed), exercise_move("stroll", seed + 1 if seed else 0))
+    first, second = (exercise_move("stroll", seed), exercise_move("stroll", seed + 1 if seed else 0))
     return (
-        Person(builds[0], ((0.2, one, (-1.6, -2.6), SIDE),)),
-        Person(builds[1], ((0.2, two, (1.6, -3.3), -SIDE),)),
+        Person(builds[0], ((0.2, first, (-1.6, -2.6), SIDE),)),
+        Person(builds[1], ((0.2, second, (1.6, -3.3), -SIDE),)),
     )
 
 

@@ -69,8 +69,8 @@ class Listener:
 
     def take(self) -> None:
         while not self._lines.empty():
-            at, what, *rest = self._lines.get()
-            match what:
+            at, event, *rest = self._lines.get()
+            match event:
                 case "listens":
                     (self._uid,) = rest
                 case "there":

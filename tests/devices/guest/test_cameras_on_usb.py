@@ -47,14 +47,15 @@ def settle() -> None:
 def node_of(kind: Kind) -> Path:
     """Returns the device file of a device, as listed in sysfs."""
     for device in Path("/sys/bus/usb/devices").glob("*"):
-        said = {
+        attributes = {
             part: read(device / part)
             for part in ("idVendor", "idProduct", "serial", "busnum", "devnum", "product")
         }
-        if (said["idVendor"], said["idProduct"]) == (f"{kind.vendor:04x}", f"{kind.product:04x}") and (
-            said["product"] == kind.title and said["serial"] == kind.serial
-        ):
-            return Path(f"/dev/bus/usb/{int(said['busnum']):03d}/{int(said['devnum']):03d}")
+        if (attributes["idVendor"], attributes["idProduct"]) == (
+            f"{kind.vendor:04x}",
+            f"{kind.product:04x}",
+        ) and (attributes["product"] == kind.title and attributes["serial"] == kind.serial):
+            return Path(f"/dev/bus/usb/{int(attributes['busnum']):03d}/{int(attributes['devnum']):03d}")
     raise LookupError(kind.title)
 
 
@@ -94,9 +95,14 @@ def test_udev_accepts_our_rules():
 
 
 def test_doctors_advice_gives_access_to_cameras_only():
-    found = answer(SEATED, ATTACHED)
-    assert sorted(name for name, *_ in found) == ["Kinect v1", "OAK", "Orbbec", "RealSense", "RealSense"]
-    mends = {mend for *_, troubles in found for what, mend in troubles if what == "your user may not open it"}
+    listed = answer(SEATED, ATTACHED)
+    assert sorted(name for name, *_ in listed) == ["Kinect v1", "OAK", "Orbbec", "RealSense", "RealSense"]
+    mends = {
+        mend
+        for *_, troubles in listed
+        for trouble, mend in troubles
+        if trouble == "your user may not open it"
+    }
     assert len(mends) == 1, "each of them is closed to an ordinary user, for one reason"
     line = mends.pop().removeprefix("Type: ").replace("sudo ", "")
     subprocess.run(["sh", "-euc", line], check=True, cwd=Path(__file__).parents[3])
@@ -125,28 +131,28 @@ def test_camera_plugged_in_later_is_accessible_at_once(plugged_in):
 
 
 def test_attached_cameras_are_listed_with_speed_and_problems():
-    found = {
-        title: (name, mbit, [what for what, _ in troubles])
+    listed = {
+        title: (name, mbit, [trouble for trouble, _ in troubles])
         for name, title, mbit, _, troubles in answer(SEATED, ATTACHED)
     }
-    print(json.dumps(found, indent=1))
-    assert found[f"{REALSENSE} 012345678901"][:2] == ("RealSense", 5000.0)
-    assert "it is on USB 2" not in found[f"{REALSENSE} 012345678901"][2]
-    assert found[f"{REALSENSE} 98765"][1] == 480.0 and "it is on USB 2" in found[f"{REALSENSE} 98765"][2]
-    name, mbit, troubles = found["Movidius MyriadX 03e72485"]
+    print(json.dumps(listed, indent=1))
+    assert listed[f"{REALSENSE} 012345678901"][:2] == ("RealSense", 5000.0)
+    assert "it is on USB 2" not in listed[f"{REALSENSE} 012345678901"][2]
+    assert listed[f"{REALSENSE} 98765"][1] == 480.0 and "it is on USB 2" in listed[f"{REALSENSE} 98765"][2]
+    name, mbit, troubles = listed["Movidius MyriadX 03e72485"]
     assert (name, mbit) == ("OAK", 480.0) and "it is on USB 2" not in troubles, "it has no firmware yet"
     assert "depthai is not installed" in troubles
-    assert found["Xbox NUI Camera A0"][2] == ["no driver ships for it"], (
+    assert listed["Xbox NUI Camera A0"][2] == ["no driver ships for it"], (
         "a Kinect v1 has no other link than USB 2"
     )
-    assert all("your user may not open it" not in troubles for _, _, troubles in found.values())
+    assert all("your user may not open it" not in troubles for _, _, troubles in listed.values())
 
 
 def test_command_lists_attached_cameras():
     words = command(SEATED, str(Path(sys.executable).with_name("enliven")), "sensors")
     done = subprocess.run(words, capture_output=True, text=True, timeout=SLOW)
     assert done.returncode == 0, done.stderr
-    said = " ".join(done.stdout.split())
-    assert "Movidius MyriadX 03e72485" in said and "depthai is not installed" in said
-    assert "98765: " in said and "it is on USB 2" in said and '"enliven-edge[oak]"' in said
+    output = " ".join(done.stdout.split())
+    assert "Movidius MyriadX 03e72485" in output and "depthai is not installed" in output
+    assert "98765: " in output and "it is on USB 2" in output and '"enliven-edge[oak]"' in output
     print(done.stdout)

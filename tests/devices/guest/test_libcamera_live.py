@@ -58,9 +58,9 @@ def seen(tmp_path):
 
 def test_libcamera_lists_the_kernels_camera(vimc, capsys):
     assert cli.run(["sensors"]) == 0
-    told = capsys.readouterr().out
-    print(vimc, told)
-    words = " ".join(told.split())
+    output = capsys.readouterr().out
+    print(vimc, output)
+    words = " ".join(output.split())
     for number, name in enumerate(vimc):
         assert f"{name}: --sensor libcamera --set left={number}" in words
     assert any("vimc" in name.lower() or "sensor" in name.lower() for name in vimc)
@@ -84,11 +84,11 @@ def test_removed_camera_is_lost_and_returns(vimc, seen):
     with kept_open(sensor_opener("libcamera", left=vimc[0], width=640, height=480, source=seen)) as sensor:
         last = read(sensor, 5)[-1]
         bind("vimc", "vimc.0", there=False)
-        seconds, said = lost(sensor)
+        seconds, error = lost(sensor)
         bind("vimc", "vimc.0", there=True)
         back = time.monotonic()
         frame = read(sensor, 1)[0]
-        print(f"lost after {seconds:.2f} s ({said}), back after {time.monotonic() - back:.2f} s")
+        print(f"lost after {seconds:.2f} s ({error}), back after {time.monotonic() - back:.2f} s")
         assert frame.time_ns > last.time_ns
 
 
@@ -135,7 +135,7 @@ def test_two_libcamera_cameras_measure_depth(pair):
     for _ in range(TIMES):
         with open_sensor("libcamera", **options) as sensor:
             frame = read(sensor, 3)[-1]
-    known = (frame.depth > 0) & np.isfinite(truth)
-    apart = BASELINE * frame.intrinsics.fx * np.abs(1e3 / frame.depth[known] - 1 / truth[known])
-    print(f"{sensor.name}: known in {100 * known.mean():.0f} %, median error {np.median(apart):.2f} px")
-    assert known.mean() > 0.5 and np.median(apart) < HALF_A_PIXEL
+    is_known = (frame.depth > 0) & np.isfinite(truth)
+    errors = BASELINE * frame.intrinsics.fx * np.abs(1e3 / frame.depth[is_known] - 1 / truth[is_known])
+    print(f"{sensor.name}: known in {100 * is_known.mean():.0f} %, median error {np.median(errors):.2f} px")
+    assert is_known.mean() > 0.5 and np.median(errors) < HALF_A_PIXEL

@@ -87,8 +87,8 @@ def listener():
         name: {"kind": "hid", "vendor": kind.vendor, "product": kind.product, "debounce": 0.0, **more}
         for name, (kind, more, _, _) in PEDALS.items()
     }
-    with Listener(settings) as made:
-        yield made
+    with Listener(settings) as heard:
+        yield heard
 
 
 def opened(count: int) -> None:

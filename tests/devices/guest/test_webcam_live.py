@@ -79,13 +79,13 @@ def test_unplugged_webcam_is_lost_and_returns(seen):
         for _ in range(TIMES):
             last = read(sensor, 10)[-1]
             bind("vivid", "vivid.0", there=False)
-            seconds, said = lost(sensor)
+            seconds, error = lost(sensor)
             appeared(False)
             bind("vivid", "vivid.0", there=True)
             appeared(True)
             back = time.monotonic()
             frame = read(sensor, 1)[0]
-            print(f"lost after {seconds:.2f} s ({said}), back {time.monotonic() - back:.2f} s after udev")
+            print(f"lost after {seconds:.2f} s ({error}), back {time.monotonic() - back:.2f} s after udev")
             assert frame.time_ns > last.time_ns
             read(sensor, 5)
             files.append(len(os.listdir("/proc/self/fd")))

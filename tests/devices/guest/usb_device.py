@@ -162,13 +162,15 @@ class UsbDevice:
     def _take_back(self, number: int, taken: int) -> None:
         """Cancels a transfer."""
         with self._lock:
-            found = False
+            is_pending = False
             for waiting in self._asked.values():
                 for asked in list(waiting):
                     if asked[0] == taken:
                         waiting.remove(asked)
-                        found = True
-            self._link.sendall(_REPLY.pack(_UNLINKED, number, 0, 0, 0, _RESET if found else 0, 0, 0, 0, 0))
+                        is_pending = True
+            self._link.sendall(
+                _REPLY.pack(_UNLINKED, number, 0, 0, 0, _RESET if is_pending else 0, 0, 0, 0, 0)
+            )
 
     def _reply(self, number: int, data: bytes, status: int = 0, taken: int = 0) -> None:
         head = _REPLY.pack(_DONE, number, 0, 0, 0, status, len(data) or taken, 0, 0, 0)

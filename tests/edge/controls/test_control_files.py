@@ -14,7 +14,9 @@ FILES = sorted((Path(__file__).resolve().parents[3] / "firmware_configs" / "cont
 
 
 def test_shipped_settings_cover_every_control_kind():
-    kinds = {one.kind for path in FILES for one in load_settings(EdgeSettings, path).controls.values()}
+    kinds = {
+        control.kind for path in FILES for control in load_settings(EdgeSettings, path).controls.values()
+    }
     assert kinds == {"serial", "hid", "voice"}
 
 

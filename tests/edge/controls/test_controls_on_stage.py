@@ -102,8 +102,8 @@ class House:
 
 @pytest.fixture
 def outlet():
-    with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "people") as made:
-        yield made
+    with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "people") as opened:
+        yield opened
 
 
 def test_a_pedal_goes_through_the_matches_takes_what_is_shown_and_lets_go(outlet, tmp_path):
@@ -271,4 +271,6 @@ def test_window_commands_are_forwarded_to_windows(outlet):
         house.until(lambda: came(0))
         say.words = ["record", "again", "stop"]
         house.until(lambda: came(3))
-    assert [(one.word, one.control) for one in heard] == [(w, "test") for w in ("record", "again", "stop")]
+    assert [(command.word, command.control) for command in heard] == [
+        (w, "test") for w in ("record", "again", "stop")
+    ]

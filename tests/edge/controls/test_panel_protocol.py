@@ -40,10 +40,10 @@ def test_any_bytes_are_read_and_hold_no_more_than_a_line(noise):
 def test_a_message_survives_being_split_anywhere(messages, data):
     stream = b"".join(map(encode, messages))
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
-    decoder, found = Decoder(), []
+    decoder, decoded = Decoder(), []
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        found += decoder.feed(stream[start:end])
-    assert found == messages
+        decoded += decoder.feed(stream[start:end])
+    assert decoded == messages
 
 
 @given(bodies, st.lists(noises, min_size=7, max_size=7))
@@ -63,9 +63,9 @@ def test_noise_on_a_message_loses_no_other(messages, data, noise):
     start = data.draw(st.integers(0, len(lines[hit])))
     end = data.draw(st.integers(start, len(lines[hit])))
     spoilt = lines[hit][:start] + noise + lines[hit][end:]
-    found = Decoder().feed(b"".join([*lines[:hit], spoilt, *lines[hit + 1 :]]))
+    decoded = Decoder().feed(b"".join([*lines[:hit], spoilt, *lines[hit + 1 :]]))
     others = messages[:hit] + messages[hit + 1 :]
-    assert found in (others, messages)
+    assert decoded in (others, messages)
 
 
 @given(st.lists(st.tuples(st.integers(1, 9), st.booleans()), max_size=40))
@@ -103,8 +103,8 @@ def test_a_panel_that_was_started_again_has_pressed_nothing(counts, beat):
 def test_beats_count_on_through_their_end(steps, first):
     keys = PanelKeys()
     keys.feed(sent(first, [0]))
-    said = [keys.feed(sent(beat, [n])) for n, beat in enumerate(accumulate(steps, initial=first))]
-    assert said == [[], *[["1"]] * len(steps)]
+    events = [keys.feed(sent(beat, [n])) for n, beat in enumerate(accumulate(steps, initial=first))]
+    assert events == [[], *[["1"]] * len(steps)]
 
 
 @pytest.mark.parametrize("body", ["H1P", "H01X", "P000", "P0000", "P0000G", "Q", "P" + "0" * 40, "H01P ", ""])

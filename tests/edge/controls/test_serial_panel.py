@@ -40,9 +40,9 @@ class Port(Pedal):
 @pytest.fixture
 def port(tmp_path, caplog):
     caplog.set_level(logging.INFO)
-    made = Port(tmp_path / "panel")
-    yield made
-    made.close()
+    device = Port(tmp_path / "panel")
+    yield device
+    device.close()
 
 
 def opened(port: Port):

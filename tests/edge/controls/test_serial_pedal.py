@@ -27,9 +27,9 @@ MAP = {"A": "possess", "B": "next", "0x1b": "release", "left foot": "join"}
 
 @pytest.fixture
 def pedal(tmp_path):
-    made = Pedal(tmp_path / "pedal")
-    yield made
-    made.close()
+    device = Pedal(tmp_path / "pedal")
+    yield device
+    device.close()
 
 
 def opened(pedal: Pedal, **more):

@@ -75,9 +75,9 @@ def heard(recogniser: Recogniser, sound: bytes) -> list[str]:
 def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
     right = 0
     for phrase in SETTINGS.map:
-        found = heard(recogniser, said(phrase))
-        assert found in ([], [phrase])
-        right += found == [phrase]
+        commands = heard(recogniser, said(phrase))
+        assert commands in ([], [phrase])
+        right += commands == [phrase]
     assert right >= 7
 
 
@@ -130,35 +130,35 @@ def test_viewers_receive_heard_phrases_and_their_commands(tmp_path):
     written(tmp_path / "say.wav", said("puppet follow my pose") + said("look at the lights"))
     for hides_talk in (False, True):
         settings = ControlSettings("voice", dict(SETTINGS.map), wav="say.wav")
-        told: list[HeardMessage | VoiceMessage] = []
+        sent: list[HeardMessage | VoiceMessage] = []
         with open_controls({"voice": settings}, tmp_path, hides_talk=hides_talk) as controls:
 
             def poll() -> bool:
-                controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, told.append)  # noqa: B023
-                return sum(isinstance(one, HeardMessage) for one in told) == 2  # noqa: B023
+                controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, sent.append)  # noqa: B023
+                return sum(isinstance(message, HeardMessage) for message in sent) == 2  # noqa: B023
 
             until(poll)
-        first, second = (one for one in told if isinstance(one, HeardMessage))
+        first, second = (message for message in sent if isinstance(message, HeardMessage))
         assert first == HeardMessage("voice", "puppet follow my pose", True, "follow")
         assert not second.understood and bool(second.words) is not hides_talk
-        states = [one for one in told if isinstance(one, VoiceMessage)]
-        assert "listening" in {one.state for one in states} and len(states[0].phrases) == len(SETTINGS.map)
+        states = [message for message in sent if isinstance(message, VoiceMessage)]
+        assert "listening" in {each.state for each in states} and len(states[0].phrases) == len(SETTINGS.map)
 
 
 def test_microphone_is_opened_and_closed_by_command_or_gives_a_reason():
     pytest.importorskip("sounddevice", reason="sounddevice is not installed", exc_type=(ImportError, OSError))
-    told: list[VoiceMessage] = []
+    sent: list[VoiceMessage] = []
 
     def poll(state: str) -> bool:
-        controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, told.append)
-        return told[-1].state == state
+        controls.apply_commands(Stage([]), lambda order: None, lambda word, name: None, sent.append)
+        return sent[-1].state == state
 
     with open_controls({}) as controls:
-        assert poll("off") and "puppet take it" in told[-1].phrases
+        assert poll("off") and "puppet take it" in sent[-1].phrases
         controls.listen(True)
         until(lambda: poll("missing") or poll("listening"))
-        if told[-1].state == "missing":
-            assert told[-1].what and told[-1].mend
+        if sent[-1].state == "missing":
+            assert sent[-1].what and sent[-1].mend
         controls.listen(False)
         until(lambda: poll("off"))
 

@@ -56,8 +56,8 @@ def _studio() -> PersonRenderer:
 
 def turned_at_random(dice: np.random.Generator) -> np.ndarray:
     """Returns a (3, 3) rotation that is uniformly distributed."""
-    made, _ = np.linalg.qr(dice.normal(size=(3, 3)))
-    return made * np.linalg.det(made)
+    basis, _ = np.linalg.qr(dice.normal(size=(3, 3)))
+    return basis * np.linalg.det(basis)
 
 
 def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -59,8 +59,8 @@ def test_a_batch_has_the_samples_of_the_data_set(dataset, samples):
 @pytest.mark.parametrize("every", [1, 2, 3])
 def test_left_and_right_are_exchanged_in_those_asked_for(dataset, samples, every):
     some = np.arange(COUNT) % every == 0
-    made = samples.batch(torch.arange(COUNT)).mirrored(torch.from_numpy(some))
-    assert same(made, slowly_mirrored(dataset.batch(np.arange(COUNT)), some))
+    mirrored = samples.batch(torch.arange(COUNT)).mirrored(torch.from_numpy(some))
+    assert same(mirrored, slowly_mirrored(dataset.batch(np.arange(COUNT)), some))
 
 
 def test_mirroring_twice_changes_nothing(samples):

@@ -51,9 +51,9 @@ def test_parts_at_a_ray_are_those_of_the_slow_look_up(seed):
         ]
     )
     expected = np.exp(logits) / np.exp(logits).sum(0)
-    found = estimate.parts_at(rays_of(estimate, columns, rows))
-    np.testing.assert_allclose(found, expected, atol=5e-3)
-    np.testing.assert_allclose(found.sum(0), 1.0, atol=1e-5)
+    shares = estimate.parts_at(rays_of(estimate, columns, rows))
+    np.testing.assert_allclose(shares, expected, atol=5e-3)
+    np.testing.assert_allclose(shares.sum(0), 1.0, atol=1e-5)
 
 
 @given(st.floats(-120.0, 80.0, width=32))
@@ -74,8 +74,8 @@ def powered(x):
 def test_parts_in_the_middle_of_a_cell_are_that_cells(seed):
     estimate, dice = made_up(seed), np.random.default_rng(seed)
     column, row = dice.integers(1, LABEL_COLUMNS - 1, 20), dice.integers(1, LABEL_ROWS - 1, 20)
-    found = estimate.parts_at(rays_of(estimate, 2 * column + 1.0, 2 * row + 1.0))
-    assert np.array_equal(found.argmax(0), estimate.parts[:, row, column].argmax(0))
+    shares = estimate.parts_at(rays_of(estimate, 2 * column + 1.0, 2 * row + 1.0))
+    assert np.array_equal(shares.argmax(0), estimate.parts[:, row, column].argmax(0))
 
 
 @given(SEEDS)

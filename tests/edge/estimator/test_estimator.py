@@ -56,18 +56,18 @@ def test_joints_are_found_in_fresh_pictures(told, least):
 
 
 def test_estimated_joint_error_matches_the_true_error():
-    off, said = judged(False)
-    assert spearmanr(off.ravel(), said.ravel()).statistic > RANKED
-    for some in (said < SURE, (said >= SURE) & (said < UNSURE)):
+    off, estimated = judged(False)
+    assert spearmanr(off.ravel(), estimated.ravel()).statistic > RANKED
+    for some in (estimated < SURE, (estimated >= SURE) & (estimated < UNSURE)):
         assert some.mean() > 0.27
-        assert SAID[0] < off[some].mean() / said[some].mean() < SAID[1]
+        assert SAID[0] < off[some].mean() / estimated[some].mean() < SAID[1]
 
 
 def test_facing_is_estimated_correctly():
     wrong = []
     for n in range(PICTURES):
-        told = int(fresh(n).estimate(False).facing.argmax())
-        wrong.append((told - round(fresh(n).facing * FACINGS / (2 * np.pi))) % FACINGS)
+        facing = int(fresh(n).estimate(False).facing.argmax())
+        wrong.append((facing - round(fresh(n).facing * FACINGS / (2 * np.pi))) % FACINGS)
     assert np.mean(np.array(wrong) == 0) > FACING_RIGHT
     assert np.mean(np.isin(wrong, (0, 1, FACINGS - 1))) > FACING_NEARLY_RIGHT
 
@@ -150,20 +150,20 @@ def test_batched_facings_equal_single_ones():
         pose = case.picture.world_from_camera
         crop = crop_person(case.z, case.mask, case.picture.camera, pose)
         at_once = shipped_estimator().estimates(crop, pose, facings)
-        for facing, made in zip(facings, at_once, strict=True):
+        for facing, estimate in zip(facings, at_once, strict=True):
             alone = shipped_estimator().estimate(case.z, case.mask, case.picture.camera, pose, facing)
             for name in ("joints", "spread", "facing", "parts"):
-                np.testing.assert_allclose(getattr(made, name), getattr(alone, name), atol=2e-3)
+                np.testing.assert_allclose(getattr(estimate, name), getattr(alone, name), atol=2e-3)
 
 
 def test_several_threads_give_the_same_estimates():
-    one = [fresh(n).estimate(True) for n in range(12)]
+    expected = [fresh(n).estimate(True) for n in range(12)]
     with ThreadPoolExecutor(4) as pool:
         several = list(pool.map(lambda n: fresh(n % 12).estimate(True), range(36)))
-    for n, made in enumerate(several):
+    for n, estimate in enumerate(several):
         # As above, a network that runs in other threads may add up in another order.
-        np.testing.assert_allclose(made.joints, one[n % 12].joints, atol=1e-4)
-        np.testing.assert_allclose(made.parts, one[n % 12].parts, atol=1e-4)
+        np.testing.assert_allclose(estimate.joints, expected[n % 12].joints, atol=1e-4)
+        np.testing.assert_allclose(estimate.parts, expected[n % 12].parts, atol=1e-4)
 
 
 def test_the_file_is_small():

@@ -42,36 +42,36 @@ def every_lesson() -> list[TrainingSample]:
 @pytest.fixture(scope="module")
 def lessons(every_lesson) -> list[TrainingSample]:
     """Those about people."""
-    return [made for made in every_lesson if np.isfinite(made.facing)]
+    return [lesson for lesson in every_lesson if np.isfinite(lesson.facing)]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """An album of ten, rendered by one process; its folder."""
-    made = tmp_path_factory.mktemp("album")
-    render(made, processes=1)
-    return made
+    album = tmp_path_factory.mktemp("album")
+    render(album, processes=1)
+    return album
 
 
 def render(folder, processes: int, count: int = 10) -> list[int]:
     """Renders a data set with ``processes`` processes, three samples per shard. Returns the reported
     progress, too."""
-    told: list[int] = []
+    progress: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dataset, "SHARD", 3)
         patch.setattr(dataset.os, "cpu_count", lambda: processes)
-        render_dataset(folder, count, 0.5, 3, told.append)
-    return told
+        render_dataset(folder, count, 0.5, 3, progress.append)
+    return progress
 
 
 def seen_at(joints: np.ndarray, cell: float, parts: np.ndarray) -> dict[Joint, int]:
     """Returns the body part visible at each joint of :data:`OWN_PARTS`; NOBODY in a picture of an object."""
-    made = {}
+    labels = {}
     for joint in OWN_PARTS:
         column, row = np.floor(joints[joint, :2] / (2 * cell) + [LABEL_COLUMNS / 2, LABEL_ROWS / 2])
         inside = 0 <= column < LABEL_COLUMNS and 0 <= row < LABEL_ROWS
-        made[joint] = int(parts[int(row), int(column)]) if inside else NOBODY
-    return made
+        labels[joint] = int(parts[int(row), int(column)]) if inside else NOBODY
+    return labels
 
 
 def shares(cases) -> tuple[float, float]:
@@ -94,43 +94,43 @@ def test_the_same_dice_make_the_same_lesson(every_lesson):
     studio = PersonRenderer()
     studio.render_person(np.random.default_rng(1))
     dice = np.random.default_rng(11)
-    for known in every_lesson[:5]:
-        assert same(astuple(known), astuple(training_sample(studio, dice, 0.5)))
+    for lesson in every_lesson[:5]:
+        assert same(astuple(lesson), astuple(training_sample(studio, dice, 0.5)))
 
 
 def test_a_joint_lies_where_its_own_part_is_seen(lessons):
-    own, other = shares((made.joints, made.cell, made.parts) for made in lessons)
+    own, other = shares((lesson.joints, lesson.cell, lesson.parts) for lesson in lessons)
     assert own > 0.7
     assert other < 0.06
 
 
 def test_lessons_contain_a_person_and_valid_numbers(lessons):
-    for made in lessons:
-        person, depth, height, unknown = made.image
-        assert np.isfinite(made.image).all() and np.isfinite(made.joints).all()
+    for lesson in lessons:
+        person, depth, height, unknown = lesson.image
+        assert np.isfinite(lesson.image).all() and np.isfinite(lesson.joints).all()
         assert ((person >= 0) & (unknown >= 0) & (person + unknown <= 1)).all()
         assert person.any() and not depth[person == 0].any() and not height[person == 0].any()
-        assert set(np.unique(made.parts)) <= {*range(len(BodyPart)), NOBODY}
-    assert np.median([np.abs(made.joints).max() for made in lessons]) < 1.5, "joints are about the person"
+        assert set(np.unique(lesson.parts)) <= {*range(len(BodyPart)), NOBODY}
+    assert np.median([np.abs(lesson.joints).max() for lesson in lessons]) < 1.5, "joints are about the person"
 
 
 def test_parts_are_where_the_person_is(lessons):
     right = []
-    for made in lessons:
-        person = made.image[0].reshape(LABEL_ROWS, 2, LABEL_COLUMNS, 2).mean((1, 3))
+    for lesson in lessons:
+        person = lesson.image[0].reshape(LABEL_ROWS, 2, LABEL_COLUMNS, 2).mean((1, 3))
         if (person == 1.0).any():
-            right.append(np.mean((made.parts != NOBODY)[person == 1.0]))
-        assert not (made.parts != NOBODY)[person == 0.0].mean() > 0.05
+            right.append(np.mean((lesson.parts != NOBODY)[person == 1.0]))
+        assert not (lesson.parts != NOBODY)[person == 0.0].mean() > 0.05
     assert np.mean(right) > 0.9
     assert len(right) > 0.8 * len(lessons), "few are seen so patchily that no cell is all theirs"
 
 
 def test_an_album_is_the_same_by_however_many_processes(folder, tmp_path):
-    told = render(tmp_path, processes=3)
-    assert sorted(told) == [1, 3, 3, 3], "ten lessons"
-    one, other = (Dataset(each).batch(np.arange(10)) for each in (folder, tmp_path))
-    assert same(astuple(one), astuple(other))
-    assert len({made.tobytes() for made in one.image}) == 10, "no lesson comes twice"
+    progress = render(tmp_path, processes=3)
+    assert sorted(progress) == [1, 3, 3, 3], "ten lessons"
+    first, other = (Dataset(each).batch(np.arange(10)) for each in (folder, tmp_path))
+    assert same(astuple(first), astuple(other))
+    assert len({image.tobytes() for image in first.image}) == 10, "no lesson comes twice"
 
 
 def test_a_batch_is_in_rising_order(folder):
@@ -154,14 +154,14 @@ def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
     studio, dice = PersonRenderer(), np.random.default_rng(3)
     added = 0
     for _ in range(12):
-        made = studio.render_person(dice, frontal=0.5)
-        mask = made.z > 0
+        rendered = studio.render_person(dice, frontal=0.5)
+        mask = rendered.z > 0
         if not mask.any():
             continue
-        z, taken = samples._with_wall(made.z, mask, dice)
-        wall = taken & ~mask
-        assert (taken | ~mask).all()
-        np.testing.assert_array_equal(z[~wall], made.z[~wall])
+        z, included = samples._with_wall(rendered.z, mask, dice)
+        wall = included & ~mask
+        assert (included | ~mask).all()
+        np.testing.assert_array_equal(z[~wall], rendered.z[~wall])
         assert (z[wall] >= np.float32(0.3)).all()
         added += bool(wall.any())
     assert added > 6
@@ -169,12 +169,12 @@ def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
 
 def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
     studio, dice = PersonRenderer(), np.random.default_rng(5)
-    made = studio.render_person(dice, frontal=0.5)
-    mask = made.z > 0
+    rendered = studio.render_person(dice, frontal=0.5)
+    mask = rendered.z > 0
     for _ in range(20):
-        z, left = samples._left_beside(made.z, mask, dice)
-        assert not (left & mask).any()
-        np.testing.assert_array_equal(z[mask], made.z[mask])
+        z, leftover = samples._left_beside(rendered.z, mask, dice)
+        assert not (leftover & mask).any()
+        np.testing.assert_array_equal(z[mask], rendered.z[mask])
     monkeypatch.setattr(samples, "_CLUTTER", 1.0)
     monkeypatch.setattr(samples, "_LEFT_BESIDE", 1.0)
     for _ in range(5):

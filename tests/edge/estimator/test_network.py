@@ -45,10 +45,10 @@ def seen_by(network, count: int, seed: int = 0):
     dice = np.random.default_rng(seed)
     image = dice.normal(size=(count, CHANNELS, ROWS, COLUMNS)).astype(np.float32)
     facing = dice.uniform(-3, 3, count)
-    told = np.stack([np.cos(facing), np.sin(facing), dice.uniform(0.02, 0.036, count)], 1).astype(np.float32)
+    hints = np.stack([np.cos(facing), np.sin(facing), dice.uniform(0.02, 0.036, count)], 1).astype(np.float32)
     with torch.no_grad():
-        made = network.eval()(torch.from_numpy(image), torch.from_numpy(told))
-    return [each.numpy() for each in made], image, told
+        outputs = network.eval()(torch.from_numpy(image), torch.from_numpy(hints))
+    return [each.numpy() for each in outputs], image, hints
 
 
 def test_network_outputs_have_the_documented_shapes():
@@ -75,9 +75,9 @@ def test_a_joint_is_where_its_heat_is():
 
 def test_facing_output_does_not_depend_on_the_input_facing():
     network = PoseNetwork()
-    (_, _, facing, _), image, told = seen_by(network, 2)
+    (_, _, facing, _), image, hints = seen_by(network, 2)
     with torch.no_grad():
-        other = network(torch.from_numpy(image), torch.from_numpy(-told))[2].numpy()
+        other = network(torch.from_numpy(image), torch.from_numpy(-hints))[2].numpy()
     assert_alike(facing, other)
 
 
@@ -87,45 +87,45 @@ def test_exported_network_gives_the_same_outputs(tmp_path):
     export(network, tmp_path / "made.onnx")
     estimator = PoseEstimator(tmp_path / "made.onnx")
     for count in (1, 2, 5):
-        expected, image, told = seen_by(network, count, count)
-        made = estimator._session.run(None, {"image": image, "told": told})
-        for one, other in zip(made, expected, strict=True):
-            np.testing.assert_allclose(one, other, atol=1e-3)
-    crop = Crop(image[0], 2.0, float(told[0, 2]), np.eye(2), np.zeros(2))
-    seen = estimator.estimates(crop, np.eye(4), [float(np.arctan2(told[0, 1], told[0, 0])), None])
-    np.testing.assert_allclose(seen[0].joints, crop.to_camera(expected[0][0].astype(float)), atol=1e-2)
+        expected, image, hints = seen_by(network, count, count)
+        outputs = estimator._session.run(None, {"image": image, "told": hints})
+        for actual, other in zip(outputs, expected, strict=True):
+            np.testing.assert_allclose(actual, other, atol=1e-3)
+    crop = Crop(image[0], 2.0, float(hints[0, 2]), np.eye(2), np.zeros(2))
+    estimates = estimator.estimates(crop, np.eye(4), [float(np.arctan2(hints[0, 1], hints[0, 0])), None])
+    np.testing.assert_allclose(estimates[0].joints, crop.to_camera(expected[0][0].astype(float)), atol=1e-2)
 
 
 def loss_of(network, album: Dataset) -> float:
     """Returns the loss on the training lessons, with the facing as input."""
     batch = TensorDataset(album, torch.device("cpu")).batch(torch.arange(BACK, COUNT))
-    known, facing = batch.is_person, batch.facing.nan_to_num()
-    told = torch.stack([known * facing.cos(), known * facing.sin(), batch.cell], 1)
+    is_person, facing = batch.is_person, batch.facing.nan_to_num()
+    hints = torch.stack([is_person * facing.cos(), is_person * facing.sin(), batch.cell], 1)
     with torch.no_grad():
-        return float(training._loss(network.train()(batch.image, told), batch))
+        return float(training._loss(network.train()(batch.image, hints), batch))
 
 
 def test_a_few_steps_of_training_reduce_the_loss(album, few_kept_back):
     torch.manual_seed(0)
     steps = []
-    made = train(album, TrainingSettings(steps=25, batch=16, seed=0), lambda n, _: steps.append(n))
+    trained = train(album, TrainingSettings(steps=25, batch=16, seed=0), lambda n, _: steps.append(n))
     assert steps == list(range(25))
     torch.manual_seed(0)
-    assert loss_of(made, album) < LEARNT * loss_of(PoseNetwork(), album)
+    assert loss_of(trained, album) < LEARNT * loss_of(PoseNetwork(), album)
 
 
 def test_the_same_seed_learns_the_same_and_another_does_not(album, few_kept_back):
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        one, same, other = (
+        first, same, other = (
             train(album, TrainingSettings(steps=2, batch=4, seed=seed)).maps.weight.detach().numpy()
             for seed in (3, 3, 4)
         )
     finally:
         torch.set_num_threads(threads)
-    np.testing.assert_array_equal(one, same)
-    assert not np.array_equal(one, other)
+    np.testing.assert_array_equal(first, same)
+    assert not np.array_equal(first, other)
 
 
 def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeypatch):
@@ -144,26 +144,26 @@ def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
     monkeypatch.setattr(training, "KEPT_BACK", 250)
     monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
     export(PoseNetwork(), tmp_path / "made.onnx")
-    found = measure(tmp_path / "made.onnx", album)
-    assert all(0 <= share <= 1 for share in (*found.within, found.facing, found.parts))
+    scores = measure(tmp_path / "made.onnx", album)
+    assert all(0 <= share <= 1 for share in (*scores.within, scores.facing, scores.parts))
 
 
 def test_8_bit_network_is_smaller_and_nearly_equal(album, tmp_path, few_kept_back):
     """Joints agree to millimetres, facing and parts in most cases, for a network trained a little."""
     network = train(album, TrainingSettings(steps=25, batch=16, seed=0))
-    whole, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"
-    export(network, whole)
-    quantise(whole, small, album, BACK)
+    full, small = tmp_path / "whole.onnx", tmp_path / "small.onnx"
+    export(network, full)
+    quantise(full, small, album, BACK)
     batch = album.batch(np.arange(BACK))
     facing = np.nan_to_num(batch.facing)  # clutter has no facing
-    told = np.stack([np.cos(facing), np.sin(facing), batch.cell], 1).astype(np.float32)
-    (joints, _, _, parts), (near, _, _, alike) = (
-        PoseEstimator(path)._session.run(None, {"image": batch.image, "told": told})
-        for path in (whole, small)
+    hints = np.stack([np.cos(facing), np.sin(facing), batch.cell], 1).astype(np.float32)
+    (joints, _, _, parts), (near, _, _, small_parts) = (
+        PoseEstimator(path)._session.run(None, {"image": batch.image, "told": hints})
+        for path in (full, small)
     )
     assert np.median(np.linalg.norm(joints - near, axis=2)) < NEARLY
-    assert (parts.argmax(1) == alike.argmax(1)).mean() > MOSTLY
-    assert small.stat().st_size < 0.4 * whole.stat().st_size
+    assert (parts.argmax(1) == small_parts.argmax(1)).mean() > MOSTLY
+    assert small.stat().st_size < 0.4 * full.stat().st_size
 
 
 def test_the_first_layer_and_the_maps_of_the_joints_stay_in_full_precision(album, tmp_path):

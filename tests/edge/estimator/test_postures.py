@@ -24,12 +24,12 @@ def figures(family: str, count: int = 60, arms: str | None = None) -> list[Figur
 
 def performers(family: str, count: int, arms: str | None) -> list[tuple[Performer, Figure]]:
     """Returns ``count`` people of random builds, each with a figure of a family."""
-    made = []
+    pairs = []
     for seed in range(count):
         dice = np.random.default_rng([7, seed])
         performer = Performer(random_build(dice))
-        made.append((performer, random_figure(performer, dice, dice.uniform(-3, 3), family, arms)))
-    return made
+        pairs.append((performer, random_figure(performer, dice, dice.uniform(-3, 3), family, arms)))
+    return pairs
 
 
 def wrists_of_chest(performer: Performer, figure: Figure) -> np.ndarray:
@@ -80,13 +80,13 @@ def test_no_arm_is_inside_the_trunk_or_the_head(hold):
 @pytest.mark.parametrize("hold", CLOSE_HOLDS)
 def test_arms_held_close_are_near_the_trunk_or_ahead_of_it(hold):
     """In nearly all people no wrist is an arm's length aside; an arm that cannot be close is held out."""
-    near = [np.abs(wrists_of_chest(*made)[:, 0]).max() < 0.45 for made in performers("stand", 20, hold)]
+    near = [np.abs(wrists_of_chest(*pair)[:, 0]).max() < 0.45 for pair in performers("stand", 20, hold)]
     assert np.mean(near) > 0.8
 
 
 @pytest.mark.parametrize("hold", ["folded", "belly", "chin", "guard"])
 def test_wrists_are_before_the_trunk_of_everybody(hold):
-    ahead = [wrists_of_chest(*made)[:, 2].min() > 0.08 for made in performers("stand", 20, hold)]
+    ahead = [wrists_of_chest(*pair)[:, 2].min() > 0.08 for pair in performers("stand", 20, hold)]
     assert np.mean(ahead) > 0.8
 
 

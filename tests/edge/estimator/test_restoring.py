@@ -31,12 +31,12 @@ def dataset(tmp_path_factory) -> Dataset:
 
 def outputs(network, batch) -> list[np.ndarray]:
     """Returns joints, spread, facing and parts of a batch, by a network or by an exported file."""
-    told = np.stack([np.zeros_like(batch.cell), np.zeros_like(batch.cell), batch.cell], 1)
+    hints = np.stack([np.zeros_like(batch.cell), np.zeros_like(batch.cell), batch.cell], 1)
     if not isinstance(network, PoseNetwork):
-        return PoseEstimator(network)._session.run(None, {"image": batch.image, "told": told})
+        return PoseEstimator(network)._session.run(None, {"image": batch.image, "told": hints})
     with torch.no_grad():
-        made = network.eval()(torch.from_numpy(batch.image), torch.from_numpy(told))
-    return [each.numpy() for each in made]
+        predicted = network.eval()(torch.from_numpy(batch.image), torch.from_numpy(hints))
+    return [each.numpy() for each in predicted]
 
 
 def test_an_exported_network_comes_back(dataset, tmp_path):
@@ -50,8 +50,8 @@ def test_an_exported_network_comes_back(dataset, tmp_path):
     path = tmp_path / "whole.onnx"
     export(network, path)
     batch = dataset.batch(np.arange(6))
-    for one, other in zip(outputs(path, batch), outputs(restored(path, dataset, 0), batch), strict=True):
-        np.testing.assert_allclose(one, other, atol=ROUNDING, rtol=ROUNDING)
+    for exported, other in zip(outputs(path, batch), outputs(restored(path, dataset, 0), batch), strict=True):
+        np.testing.assert_allclose(exported, other, atol=ROUNDING, rtol=ROUNDING)
 
 
 def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
@@ -71,15 +71,15 @@ def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
 
 
 def test_between_two_networks_lie_the_two_and_all_on_the_way(dataset):
-    one, other = (PoseNetwork().eval() for _ in range(2))
+    network, other = (PoseNetwork().eval() for _ in range(2))
     batch = dataset.batch(np.arange(3))
-    for share, end in ((0.0, one), (1.0, other)):
-        made = outputs(between(one, other, share), batch)
-        for found, expected in zip(made, outputs(end, batch), strict=True):
-            np.testing.assert_allclose(found, expected, atol=ROUNDING, rtol=ROUNDING)
-    made = between(one, other, 0.25)
-    for (name, first), last in zip(one.named_parameters(), other.parameters(), strict=True):
-        part = made.get_parameter(name).detach()
+    for share, end in ((0.0, network), (1.0, other)):
+        blended = outputs(between(network, other, share), batch)
+        for actual, expected in zip(blended, outputs(end, batch), strict=True):
+            np.testing.assert_allclose(actual, expected, atol=ROUNDING, rtol=ROUNDING)
+    blended = between(network, other, 0.25)
+    for (name, first), last in zip(network.named_parameters(), other.parameters(), strict=True):
+        part = blended.get_parameter(name).detach()
         torch.testing.assert_close(part, 0.75 * first.detach() + 0.25 * last.detach())
         assert part.data_ptr() != last.data_ptr()
 

@@ -80,9 +80,9 @@ def test_axis_aligned_rays_hit_solids_in_front_only(seed, is_round):
 @settings(max_examples=200, deadline=None)
 def test_clutter_is_near_its_position(seed, x, z):
     """The centre of every part is above the floor and within 1.5 m."""
-    made = random_clutter(np.array([x, z]), np.random.default_rng(seed))
-    assert made
-    for solid in made:
+    clutter = random_clutter(np.array([x, z]), np.random.default_rng(seed))
+    assert clutter
+    for solid in clutter:
         corners = solid.centre + (solid.half * CORNERS) @ solid.turn.T
         assert np.hypot(corners[:, 0] - x, corners[:, 2] - z).max() < 1.5
         assert solid.centre[1] >= 0.0
@@ -93,8 +93,8 @@ def test_clutter_is_near_its_position(seed, x, z):
 def test_clutter_stands_on_the_floor():
     """It touches the floor or nearly does; rotated parts may penetrate it slightly."""
     for seed in range(100):
-        made = random_clutter(np.zeros(2), np.random.default_rng(seed))
-        lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in made)
+        clutter = random_clutter(np.zeros(2), np.random.default_rng(seed))
+        lowest = min((s.centre + (s.half * CORNERS) @ s.turn.T)[:, 1].min() for s in clutter)
         assert -0.7 < lowest < 0.1
 
 
@@ -103,30 +103,32 @@ def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
     for seed in range(60):
         dice = np.random.default_rng(seed)
         middle, size = dice.uniform([40, 50], [110, 150]), dice.uniform(20, 80, 2)
-        made = piece_of_wall((150, 200), middle, size, dice)
-        assert made.dtype == bool and made.shape == (150, 200)
-        has_middle.append(made[tuple(middle.astype(int))])
-        off = np.median(np.argwhere(made), axis=0) - middle
+        piece = piece_of_wall((150, 200), middle, size, dice)
+        assert piece.dtype == bool and piece.shape == (150, 200)
+        has_middle.append(piece[tuple(middle.astype(int))])
+        off = np.median(np.argwhere(piece), axis=0) - middle
         near.append((np.abs(off) < 0.5 * size + 8).all())
-        size_right.append(0.3 * size.prod() < made.sum() < 2.5 * size.prod())
+        size_right.append(0.3 * size.prod() < piece.sum() < 2.5 * size.prod())
     assert np.mean(has_middle) > 0.8 and np.mean(near) > 0.9 and np.mean(size_right) > 0.8
 
 
 @pytest.mark.parametrize("seed", range(25))
 def test_clutter_picture_contains_no_person(studio, seed):
-    made = studio.render_clutter(np.random.default_rng(seed))
-    assert np.count_nonzero(made.z) >= 60
-    assert made.figure is None
-    assert (made.label == NOBODY).all() and made.label.shape == made.z.shape == made.around.shape
-    assert np.isfinite(made.z).all() and (made.z >= 0).all() and np.isfinite(made.around).all()
-    np.testing.assert_array_equal(made.z[made.z > 0], made.around[made.z > 0])
+    picture = studio.render_clutter(np.random.default_rng(seed))
+    assert np.count_nonzero(picture.z) >= 60
+    assert picture.figure is None
+    assert (picture.label == NOBODY).all() and picture.label.shape == picture.z.shape == picture.around.shape
+    assert np.isfinite(picture.z).all() and (picture.z >= 0).all() and np.isfinite(picture.around).all()
+    np.testing.assert_array_equal(picture.z[picture.z > 0], picture.around[picture.z > 0])
 
 
 def test_the_same_dice_take_the_same_picture(studio):
     """Independent of the pictures that were rendered before."""
     for seed in range(5):
-        one, other = (each.render_clutter(np.random.default_rng(seed)) for each in (studio, PersonRenderer()))
-        assert all(np.array_equal(a, b) for a, b in zip(astuple(one), astuple(other), strict=True))
+        first, second = (
+            each.render_clutter(np.random.default_rng(seed)) for each in (studio, PersonRenderer())
+        )
+        assert all(np.array_equal(a, b) for a, b in zip(astuple(first), astuple(second), strict=True))
 
 
 @pytest.fixture(scope="module")
@@ -136,20 +138,20 @@ def lessons(studio):
 
 
 def test_clutter_lessons_have_no_person_labels(lessons):
-    about = [made for made in lessons if np.isnan(made.facing)]
+    about = [lesson for lesson in lessons if np.isnan(lesson.facing)]
     assert about
-    for made in about:
-        assert (made.joints == 0).all() and made.joints.shape == (20, 3)
-        assert (made.parts == NOBODY).all()
-        assert made.image[0].any() and np.isfinite(made.image).all() and made.cell > 0
+    for lesson in about:
+        assert (lesson.joints == 0).all() and lesson.joints.shape == (20, 3)
+        assert (lesson.parts == NOBODY).all()
+        assert lesson.image[0].any() and np.isfinite(lesson.image).all() and lesson.cell > 0
 
 
 def test_person_lessons_have_joint_labels(lessons):
-    for made in lessons:
-        if np.isfinite(made.facing):
-            assert np.ptp(made.joints, axis=0).max() > 0.1
+    for lesson in lessons:
+        if np.isfinite(lesson.facing):
+            assert np.ptp(lesson.joints, axis=0).max() > 0.1
 
 
 def test_fraction_of_clutter_lessons_is_as_configured(lessons):
-    share = np.mean([np.isnan(made.facing) for made in lessons])
+    share = np.mean([np.isnan(lesson.facing) for lesson in lessons])
     assert 0.4 * _CLUTTER < share < 1.8 * _CLUTTER

@@ -31,23 +31,23 @@ def without_torch(monkeypatch):
 
 
 def test_an_existing_file_is_not_replaced_unasked(tmp_path):
-    there = tmp_path / "mine.onnx"
-    there.write_bytes(b"precious")
-    said = refused("-o", there)
-    assert str(there) in said and "there already" in said and "--overwrite" in said
-    assert there.read_bytes() == b"precious"
+    existing = tmp_path / "mine.onnx"
+    existing.write_bytes(b"precious")
+    message = refused("-o", existing)
+    assert str(existing) in message and "there already" in message and "--overwrite" in message
+    assert existing.read_bytes() == b"precious"
 
 
 @pytest.mark.parametrize("name", ["network", "network.npz", "network.onnx.gz"])
 def test_another_kind_of_file_is_refused(tmp_path, name):
-    said = refused("-o", tmp_path / name)
-    assert name in said and ".onnx" in said
+    message = refused("-o", tmp_path / name)
+    assert name in message and ".onnx" in message
     assert not (tmp_path / name).exists()
 
 
 def test_missing_torch_is_reported_with_the_install_command(tmp_path, without_torch):
-    said = refused("-o", tmp_path / "made.onnx")
-    assert "torch" in said and 'pip install "enliven-synthesis[training]"' in said
+    message = refused("-o", tmp_path / "made.onnx")
+    assert "torch" in message and 'pip install "enliven-synthesis[training]"' in message
     assert not list(tmp_path.iterdir())
 
 

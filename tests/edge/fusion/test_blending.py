@@ -56,8 +56,8 @@ def test_blend_matches_the_slow_reference(seed, count, known, share, width):
     expected = slow_blend(x, w, predicted, known, before, d, share)
     out = np.empty((20, width))
     blend(x, w, predicted, known, before, d, share, out)
-    for made, wanted in zip((out, before, d), expected, strict=True):
-        assert np.allclose(made, wanted, atol=1e-9)
+    for actual, wanted in zip((out, before, d), expected, strict=True):
+        assert np.allclose(actual, wanted, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=30)
@@ -116,12 +116,12 @@ def test_distances_and_sides_match_the_slow_reference():
     for m in range(3):
         for n in range(2):
             weights = middle_weights(sa[m]) * middle_weights(sb[n]) + 1e-3
-            apart = np.linalg.norm(middles(a[m]) - middles(b[n]), axis=1)
-            assert np.isclose(out[m, n], (weights * apart).sum() / weights.sum())
+            distances = np.linalg.norm(middles(a[m]) - middles(b[n]), axis=1)
+            assert np.isclose(out[m, n], (weights * distances).sum() / weights.sum())
     weights = np.minimum(sa[0], sa[0][OTHER_SIDE])[LATERAL] + 1e-3
-    for made, x in zip(side_costs(a[0], sa[0], b[0], OTHER_SIDE), (a[0], a[0][OTHER_SIDE]), strict=True):
-        apart = np.minimum(np.linalg.norm(x - b[0], axis=1), 0.5)[LATERAL]
-        assert np.isclose(made, (weights * apart).sum() / weights.sum())
+    for cost, x in zip(side_costs(a[0], sa[0], b[0], OTHER_SIDE), (a[0], a[0][OTHER_SIDE]), strict=True):
+        distances = np.minimum(np.linalg.norm(x - b[0], axis=1), 0.5)[LATERAL]
+        assert np.isclose(cost, (weights * distances).sum() / weights.sum())
 
 
 @settings(deadline=None, max_examples=30)
@@ -130,15 +130,15 @@ def test_confidence_matches_the_slow_reference(seed):
     random = np.random.default_rng(seed)
     x, joints = 0.1 * random.normal(size=(3, 20, 3)), 0.1 * random.normal(size=(20, 3))
     w = random.uniform(size=(3, 20)) * (random.uniform(size=(3, 20)) > 0.4)
-    told, out = random.uniform(size=(3, 20)), np.empty(20)
-    fuse_confidence(x, w, told, joints, out)
+    confidences, out = random.uniform(size=(3, 20)), np.empty(20)
+    fuse_confidence(x, w, confidences, joints, out)
     for j in range(20):
         if not w[:, j].any():
             assert out[j] == 0.0
             continue
         share = w[:, j] / w[:, j].sum()
         spread = (share * ((x[:, j] - joints[j]) ** 2).sum(1)).sum()
-        sure = max([(share * told[:, j]).sum(), *told[share > 0.3, j]])
+        sure = max([(share * confidences[:, j]).sum(), *confidences[share > 0.3, j]])
         assert np.isclose(out[j], sure / (1 + spread / 0.12**2))
 
 

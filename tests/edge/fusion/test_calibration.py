@@ -45,12 +45,12 @@ def b_of_both():
 
 def errors(calibration, places, names="abcdef"):
     """Returns the error of each sensor's pose relative to the first, in metres and degrees."""
-    found = []
+    rows = []
     for name, place in zip(names, places, strict=False):
         true = inverse(places[0]) @ place
-        made = calibration.world_from_sensor[name]
-        found.append((np.linalg.norm(made[:3, 3] - true[:3, 3]), np.degrees(angle_between(made, true))))
-    return np.array(found)
+        pose = calibration.world_from_sensor[name]
+        rows.append((np.linalg.norm(pose[:3, 3] - true[:3, 3]), np.degrees(angle_between(pose, true))))
+    return np.array(rows)
 
 
 def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
@@ -60,12 +60,12 @@ def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
 
 
 def test_exact_bodies_give_exact_places_and_clocks():
-    made = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
-    assert made.good and made.advice == []
+    calibration = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
+    assert calibration.good and calibration.advice == []
     # The remaining error comes from linear interpolation of a curved motion between two frames.
-    metres, degrees = errors(made, [A, B]).max(0)
+    metres, degrees = errors(calibration, [A, B]).max(0)
     assert metres < 1e-4 and degrees < 1e-3
-    assert made.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
+    assert calibration.clock_offset_ns["b"] == pytest.approx(-3.25e9, abs=5e4)
 
 
 @settings(max_examples=6, deadline=None)
@@ -87,9 +87,9 @@ def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
 def test_without_gravity_any_motion_is_found(pitch, roll):
     a, b = seen_by_both()
     motion = rigid(turn(np.array([pitch, 0.3, roll])), np.array([0.4, 0.9, -2.0]))
-    made = calibrate([a, changed(b, motion)], CalibrationSettings(floor_known=False))
+    calibration = calibrate([a, changed(b, motion)], CalibrationSettings(floor_known=False))
     expected = inverse(A) @ B @ inverse(motion)
-    assert np.allclose(made.world_from_sensor["b"], expected, atol=1e-3)
+    assert np.allclose(calibration.world_from_sensor["b"], expected, atol=1e-3)
 
 
 @settings(max_examples=5, deadline=None)
@@ -97,15 +97,15 @@ def test_without_gravity_any_motion_is_found(pitch, roll):
 def test_the_clocks_difference_is_found(clock):
     a, b = seen_by_both()
     later = dataclasses.replace(b, first_ns=b.first_ns + round(clock * 1e9))
-    made = calibrate([a, later])
-    assert made.clock_offset_ns["b"] == pytest.approx(-(3.0 + clock) * 1e9, abs=2e5)
+    calibration = calibrate([a, later])
+    assert calibration.clock_offset_ns["b"] == pytest.approx(-(3.0 + clock) * 1e9, abs=2e5)
 
 
 def test_noise_does_not_pull_the_clock_between_frames():
     """Interpolated joints are less noisy halfway between frames, which must not bias the time offset."""
-    made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.9))], [A, B], noise=0.03))
-    assert abs(made.clock_offset_ns["b"]) < 2.5e6
-    assert errors(made, [A, B])[1, 0] < 0.01
+    calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.9))], [A, B], noise=0.03))
+    assert abs(calibration.clock_offset_ns["b"]) < 2.5e6
+    assert errors(calibration, [A, B])[1, 0] < 0.01
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
@@ -126,10 +126,10 @@ def test_a_back_with_sides_exchanged():
     for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
         a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
         b = stream_of("b", told([Walker()], opposite, TIMES + 0.01, sensor="b", swapped=swapped))
-        made = calibrate([a, b])
-        assert made.good
-        assert errors(made, [A, opposite]).max() < 2e-3
-        assert made.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
+        calibration = calibrate([a, b])
+        assert calibration.good
+        assert errors(calibration, [A, opposite]).max() < 2e-3
+        assert calibration.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
 
 
 def test_joints_that_lie_do_not_matter():
@@ -143,18 +143,18 @@ def test_joints_that_lie_do_not_matter():
 
 
 def test_straight_walk_is_not_enough_and_gives_advice():
-    made = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
-    assert not made.good
-    assert made.pairs[0].quality.verdict is Verdict.WALK_ON
-    assert "walk on, to the " in made.advice[0] and "of sensor b" in made.advice[0]
+    calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
+    assert not calibration.good
+    assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
+    assert "walk on, to the " in calibration.advice[0] and "of sensor b" in calibration.advice[0]
     # Sensor b sees the line walked in depth only; there are no data to its left or right yet.
-    assert made.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
-    assert made.pairs[0].quality.breadth < 0.1
+    assert calibration.pairs[0].quality.length == pytest.approx(1.6, abs=0.1)
+    assert calibration.pairs[0].quality.breadth < 0.1
 
 
 def test_a_short_look_is_not_enough():
-    made = calibrate(streams([Walker()], [A, B], times=np.arange(0, 3, 1 / 30)))
-    assert not made.good
+    calibration = calibrate(streams([Walker()], [A, B], times=np.arange(0, 3, 1 / 30)))
+    assert not calibration.good
 
 
 def test_different_people_fail_calibration():
@@ -162,8 +162,8 @@ def test_different_people_fail_calibration():
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
     other = Walker(WalkPath(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
     b = stream_of("b", told([other], B, TIMES, sensor="b", noise=0.01))
-    made = calibrate([a, b])
-    assert not made.good and made.advice
+    calibration = calibrate([a, b])
+    assert not calibration.good and calibration.advice
 
 
 def test_a_chain_of_sensors_that_do_not_all_overlap():
@@ -180,18 +180,18 @@ def test_a_chain_of_sensors_that_do_not_all_overlap():
             stream, tracks=(BodyTrack(t.id, t.times[k], t.joints[k], t.confidence[k]),)
         )
 
-    made = calibrate([cut(a, 0, 14), b, cut(c, 15, 30)])
-    assert made.good
-    assert errors(made, [A, B, far]).max(0) == pytest.approx([0, 0], abs=0.3)
-    assert errors(made, [A, B, far])[:, 0].max() < 0.02
-    assert [pair.good for pair in made.pairs] == [True, False, True]
+    calibration = calibrate([cut(a, 0, 14), b, cut(c, 15, 30)])
+    assert calibration.good
+    assert errors(calibration, [A, B, far]).max(0) == pytest.approx([0, 0], abs=0.3)
+    assert errors(calibration, [A, B, far])[:, 0].max() < 0.02
+    assert [pair.good for pair in calibration.pairs] == [True, False, True]
 
 
 def test_a_loop_is_closed_with_less_error_than_its_worst_pair():
     places = [A, B, stand(-2.0, -2.0, -60.0)]
-    made = calibrate(streams([Walker()], places, noise=0.03))
-    assert made.good and 0 < made.loop_cm < 1.0
-    assert errors(made, places)[:, 0].max() < 0.01
+    calibration = calibrate(streams([Walker()], places, noise=0.03))
+    assert calibration.good and 0 < calibration.loop_cm < 1.0
+    assert errors(calibration, places)[:, 0].max() < 0.01
 
 
 def test_one_sensor_or_one_name_twice_is_refused():
@@ -204,16 +204,16 @@ def test_one_sensor_or_one_name_twice_is_refused():
 
 def test_sensor_that_saw_nobody_is_reported():
     a, _ = seen_by_both()
-    made = calibrate([a, stream_of("b", [])])
-    assert made.pairs[0].fit is None and not made.good
-    assert "b never saw a performer" in made.advice[0]
-    assert "b" not in made.world_from_sensor
+    calibration = calibrate([a, stream_of("b", [])])
+    assert calibration.pairs[0].fit is None and not calibration.good
+    assert "b never saw a performer" in calibration.advice[0]
+    assert "b" not in calibration.world_from_sensor
 
 
 def test_a_slow_sensor_is_placed_too():
     """Five frames per second against thirty."""
     a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
     b = stream_of("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
-    made = calibrate([a, b])
-    assert made.good
-    assert errors(made, [A, B])[1, 0] < 0.03
+    calibration = calibrate([a, b])
+    assert calibration.good
+    assert errors(calibration, [A, B])[1, 0] < 0.03

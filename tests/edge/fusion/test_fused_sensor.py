@@ -84,18 +84,18 @@ def watched(reels, space=SPACE):
 def test_recordings_run_side_by_side_whatever_their_threads_do():
     """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()
-    frames, sensor = watched({name: Reel(name, told) for name, told in streams.items()})
+    frames, sensor = watched({name: Reel(name, stream) for name, stream in streams.items()})
     expected = list(fused(streams, SPACE, Fuser(eyes(SPACE))))
     assert [f.time_ns for f in frames] == [f.time_ns for f in expected]
-    for made, wanted in zip(frames, expected, strict=True):
-        assert [b.id for b in made.bodies] == [b.id for b in wanted.bodies]
-        assert all(alike(x.joints, y.joints) for x, y in zip(made.bodies, wanted.bodies, strict=True))
+    for frame, wanted in zip(frames, expected, strict=True):
+        assert [b.id for b in frame.bodies] == [b.id for b in wanted.bodies]
+        assert all(alike(x.joints, y.joints) for x, y in zip(frame.bodies, wanted.bodies, strict=True))
     assert set(sensor.states.values()) == {SensorState.ENDED}
 
 
 def test_fused_body_is_at_the_persons_position():
     walker = Walker()
-    frames, _ = watched({name: Reel(name, told) for name, told in seen(walker).items()})
+    frames, _ = watched({name: Reel(name, stream) for name, stream in seen(walker).items()})
     for frame in frames[6:]:
         (body,) = frame.bodies
         assert np.abs(body.joints - walker.joints(frame.time_ns * 1e-9)).max() < 0.03
@@ -115,7 +115,7 @@ def test_unplugged_sensor_is_reported_and_the_other_continues():
 
 def test_losing_all_sensors_is_an_error():
     streams = seen()
-    reels = {name: Reel(name, told, breaks=5) for name, told in streams.items()}
+    reels = {name: Reel(name, stream, breaks=5) for name, stream in streams.items()}
     with pytest.raises(ResourceError, match=r"every sensor was lost.*unplugged"):
         watched(reels)
 
@@ -170,7 +170,7 @@ def test_clocks_that_drift_are_kept_together():
 
 def test_read_timeout_is_reported():
     streams = seen()
-    reels = {name: Reel(name, told, live=0.001) for name, told in streams.items()}
+    reels = {name: Reel(name, stream, live=0.001) for name, stream in streams.items()}
     with FusedSensors(reels, {n: Tracker() for n in "ab"}, SPACE) as sensor:
         sensor.read(PATIENCE)
         with pytest.raises(TimeoutError):
@@ -200,5 +200,5 @@ def test_failed_collector_gives_the_reason():
 @pytest.mark.parametrize(("stated", "kept"), [(0.0, 1.0), (1.7, 1.7)])
 def test_sensors_without_a_floor_keep_a_fixed_height(stated, kept):
     """A height estimated from people would differ from the one used in calibration."""
-    made = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
-    assert made.scene.height == kept
+    settings = settings_before_fusion(TrackerSettings(scene=SceneSettings(height=stated)))
+    assert settings.scene.height == kept

@@ -43,10 +43,10 @@ def run(says, seconds, sensors=("a", "b"), fuser=None, start=0.0, alive=True):
     for n in range(round(seconds / STEP)):
         time = start + n * STEP
         for name in sensors:
-            told = says(name, time)
-            if told is not None:
+            reported = says(name, time)
+            if reported is not None:
                 # A real person never stands so still that no bit changes.
-                bodies = [dataclasses.replace(b, joints=b.joints + 1e-9 * n * alive) for b in told]
+                bodies = [dataclasses.replace(b, joints=b.joints + 1e-9 * n * alive) for b in reported]
                 fuser.update(name, bodies, ns(time))
         yield time, fuser.bodies(ns(time)), fuser
 
@@ -67,13 +67,13 @@ def test_identical_bodies_are_fused_to_themselves(count, seed):
         lambda name, t: [body(walker.joints(t + phase), orientations=turns)], 0.6, "abc"[:count]
     ):
         if time > 0.2:
-            (made,) = bodies
-            assert np.allclose(made.joints, walker.joints(time + phase), atol=1e-7)
+            (fused,) = bodies
+            assert np.allclose(fused.joints, walker.joints(time + phase), atol=1e-7)
             assert np.allclose(
-                made.orientations, turns * np.sign((made.orientations * turns).sum(1))[:, None]
+                fused.orientations, turns * np.sign((fused.orientations * turns).sum(1))[:, None]
             )
-            assert np.allclose(made.confidence, 1.0)
-            assert made.id == 1
+            assert np.allclose(fused.confidence, 1.0)
+            assert fused.id == 1
 
 
 @settings(max_examples=10, deadline=None)
@@ -88,8 +88,8 @@ def test_order_of_sensors_and_their_ids_do_not_matter(order, numbers, seed):
     plain, _ = last(run(told, 0.5, "abc"))
     other, _ = last(run(lambda n, t: told(n, t, (numbers[1], numbers[2]))[::-1], 0.5, order))
     assert len(plain) == len(other) == 2
-    for one in plain:
-        assert min(np.abs(one.joints - two.joints).max() for two in other) < 1e-9
+    for person in plain:
+        assert min(np.abs(person.joints - partner.joints).max() for partner in other) < 1e-9
 
 
 def test_bodies_of_different_times_are_aligned():
@@ -100,9 +100,9 @@ def test_bodies_of_different_times_are_aligned():
         for name, later in (("a", 0.0), ("b", 0.015)):
             time = n * STEP + later
             fuser.update(name, [body(shifted(2.0 * time - 2.0, 0, 0))], ns(time))
-            made = fuser.bodies(ns(time))
+            fused = fuser.bodies(ns(time))
             if n > 20:
-                worst = max(worst, np.abs(made[0].joints - STANDING - [2.0 * time - 2.0, 0, 0]).max())
+                worst = max(worst, np.abs(fused[0].joints - STANDING - [2.0 * time - 2.0, 0, 0]).max())
     assert worst < 1e-3
 
 
@@ -110,12 +110,12 @@ def test_the_nearer_and_surer_sensor_counts_more():
     near, far = shifted(0.03, 0, 0), STANDING
     eyes = {"a": STANDING[0] + [0, 0, 1.5], "b": STANDING[0] + [0, 0, 4.5]}
     fuser = Fuser(eyes)
-    made, _ = last(run(lambda n, t: [body(near if n == "a" else far)], 2.0, fuser=fuser))
-    assert 0.02 < (made[0].joints - far)[:, 0].mean() < 0.03
+    fused, _ = last(run(lambda n, t: [body(near if n == "a" else far)], 2.0, fuser=fuser))
+    assert 0.02 < (fused[0].joints - far)[:, 0].mean() < 0.03
     sure = {"a": 0.9, "b": 0.1}
-    made, _ = last(run(lambda n, t: [body(near if n == "a" else far, sure=sure[n])], 2.0))
-    assert (made[0].joints - far)[:, 0].mean() > 0.02
-    assert made[0].confidence == pytest.approx(0.9, abs=0.06)
+    fused, _ = last(run(lambda n, t: [body(near if n == "a" else far, sure=sure[n])], 2.0))
+    assert (fused[0].joints - far)[:, 0].mean() > 0.02
+    assert fused[0].confidence == pytest.approx(0.9, abs=0.06)
 
 
 def test_contradiction_lowers_confidence():
@@ -142,10 +142,10 @@ def test_handing_over_makes_no_jump_and_ends_where_the_other_sees():
 
 def test_one_joint_lost_makes_no_jump():
     def told(name, time):
-        made = body(shifted(0.05 * (name == "b")))
+        sighting = body(shifted(0.05 * (name == "b")))
         if name == "a" and 1.0 <= time < 2.0:
-            made.confidence[7] = 0.0
-        return [made]
+            sighting.confidence[7] = 0.0
+        return [sighting]
 
     hands = np.array([bodies[0].joints[7] for _, bodies, _ in run(told, 3.0) if bodies])
     assert np.linalg.norm(np.diff(hands, axis=0), axis=1).max() < 0.006
@@ -189,10 +189,10 @@ def test_left_right_swap_is_corrected_by_majority():
 def test_walking_direction_decides_between_swapped_sides():
     """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
-    made, _ = last(
+    fused, _ = last(
         run(lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
     )
-    assert np.abs(made[0].joints - walker.joints(6.0 - STEP)).max() < 0.02
+    assert np.abs(fused[0].joints - walker.joints(6.0 - STEP)).max() < 0.02
 
 
 def test_lasting_agreement_of_all_sensors_swaps_the_sides():
@@ -216,9 +216,9 @@ def test_identities_hold_through_a_crossing_in_which_one_sensor_swaps_them():
         return shifted(x, 0, 0.2), shifted(-x, 0, -0.2)
 
     def told(name, time):
-        one, two = where(time)
+        first, second = where(time)
         crossed = name == "a" and time >= swapped_at
-        return [body(one, 2 if crossed else 1), body(two, 1 if crossed else 2)]
+        return [body(first, 2 if crossed else 1), body(second, 1 if crossed else 2)]
 
     ids = set()
     first = None
@@ -322,8 +322,8 @@ def test_a_sensor_that_freezes_is_given_up_and_taken_back():
     for time, bodies, _ in run(told, 7.0, alive=False, fuser=fuser):
         if time > 3.0:
             assert np.abs(bodies[0].joints - walker.joints(time)).max() < 0.02
-    said = [(w.sensor, w.state) for w in fuser.take_warnings()]
-    assert said == [("a", SensorState.FROZEN), ("a", SensorState.LIVE)]
+    warnings = [(w.sensor, w.state) for w in fuser.take_warnings()]
+    assert warnings == [("a", SensorState.FROZEN), ("a", SensorState.LIVE)]
 
 
 def test_a_sensor_that_comes_late_is_welcome():
@@ -376,9 +376,9 @@ def test_turns_are_meant_with_either_sign():
         return [body(STANDING, orientations=turned)]
 
     eyes = {n: STANDING[0] + [0, 0, 2.0] for n in "ab"}
-    (made,), _ = last(run(told, 3.0, fuser=Fuser(eyes)))
-    assert np.abs(np.abs((made.orientations * base).sum(1)) - 1.0).max() < 1e-5
-    assert np.allclose(np.linalg.norm(made.orientations, axis=1), 1.0)
+    (fused,), _ = last(run(told, 3.0, fuser=Fuser(eyes)))
+    assert np.abs(np.abs((fused.orientations * base).sum(1)) - 1.0).max() < 1e-5
+    assert np.allclose(np.linalg.norm(fused.orientations, axis=1), 1.0)
 
 
 def test_an_orientation_that_one_sensor_has_is_kept():
@@ -389,9 +389,9 @@ def test_an_orientation_that_one_sensor_has_is_kept():
             body(STANDING, orientations=turns if name == "a" else None, stature=1.8 if name == "b" else None)
         ]
 
-    (made,), _ = last(run(told, 1.0))
-    assert np.abs(np.abs((made.orientations * turns).sum(1)) - 1.0).max() < 1e-9
-    assert made.stature == pytest.approx(1.8)
+    (fused,), _ = last(run(told, 1.0))
+    assert np.abs(np.abs((fused.orientations * turns).sum(1)) - 1.0).max() < 1e-9
+    assert fused.stature == pytest.approx(1.8)
 
 
 def test_swapping_sides_twice_is_identity_and_once_turns_the_front():

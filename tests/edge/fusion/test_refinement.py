@@ -25,7 +25,7 @@ def test_normal_equations_match_the_slow_reference(frames, seed):
         jacobian = jacobian_of(arm[index], velocity[index])
         h += weights[index] * jacobian.T @ jacobian
         g += weights[index] * jacobian.T @ error[index]
-    made = normal_equations(arm, velocity, error, weights)
+    equations = normal_equations(arm, velocity, error, weights)
     # Sums of some hundred numbers near one, in another order.
-    np.testing.assert_allclose(made[0], h, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(made[1], g, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(equations[0], h, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(equations[1], g, rtol=0, atol=1e-9)

@@ -58,8 +58,8 @@ def test_no_other_transform_is_better():
 
 def test_mirrored_points_give_a_rotation_still():
     source = points(5)
-    found = best_rigid(source, source * [-1, 1, 1], np.ones(12), upright=False)
-    assert np.linalg.det(found[:3, :3]) > 0.999
+    motion = best_rigid(source, source * [-1, 1, 1], np.ones(12), upright=False)
+    assert np.linalg.det(motion[:3, :3]) > 0.999
 
 
 @given(ANGLES, SHIFTS)

@@ -18,9 +18,9 @@ def supposing(name, time):
 
 
 def test_predicted_body_keeps_its_identity():
-    told = [(time, bodies) for time, bodies, _ in run(supposing, 6.0) if time > 0.3]
-    assert {tuple(b.id for b in bodies) for _, bodies in told} == {(1,)}
-    assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in told for b in bodies) < 0.05
+    fused = [(time, bodies) for time, bodies, _ in run(supposing, 6.0) if time > 0.3]
+    assert {tuple(b.id for b in bodies) for _, bodies in fused} == {(1,)}
+    assert max(abs(b.joints[0, 0] - shifted(WALK * t)[0, 0]) for t, bodies in fused for b in bodies) < 0.05
 
 
 def test_return_from_a_predicted_position_has_no_velocity():

@@ -35,8 +35,8 @@ def performed(tmp_path_factory) -> Document:
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command("import")(import_recording)
     write_bvh(folder / "arms.bvh", danced("overhead", seconds=3.4))
-    made = CliRunner().invoke(app, [str(folder / "arms.bvh"), "-o", str(folder / "arms.mcap")])
-    assert made.exit_code == 0, made.output
+    result = CliRunner().invoke(app, [str(folder / "arms.bvh"), "-o", str(folder / "arms.mcap")])
+    assert result.exit_code == 0, result.output
     play(folder / "arms.mcap", folder / "performance.mcap")
     document = Document(Timeline(bounded=False))
     take = TakeFeed(folder / "performance.mcap")
@@ -61,9 +61,9 @@ def play(recording: Path, performance: Path) -> None:
 
 
 def moment(document: Document, second: float):
-    found = document.timeline.at(document.timeline.start_ns + round(second * 1e9))
-    assert found is not None
-    return found
+    instant = document.timeline.at(document.timeline.start_ns + round(second * 1e9))
+    assert instant is not None
+    return instant
 
 
 def test_the_lamp_waits_and_is_possessed_when_it_was_asked_for(performed) -> None:

@@ -187,13 +187,13 @@ def test_images_that_only_the_library_understands_are_refused(
 
 def with_properties(folder, orbbec, monkeypatch, about):
     """Returns the frames of a recording of a camera with other properties."""
-    made = playback._Bag.write
+    write_bag = playback._Bag.write
 
     def write(bag, messages):
         others = [each for each in messages if each[0] != "property"]
         if len(others) < len(messages):
             others += [("property", 1_000_000, playback._property(*each)) for each in about.items()]
-        made(bag, others)
+        write_bag(bag, others)
 
     monkeypatch.setattr(playback._Bag, "write", write)
     write_playback(str(orbbec.with_suffix(".mcap")), folder / "other.bag")

@@ -39,12 +39,12 @@ def run(*words) -> str:
 
 @pytest.fixture
 def folder(tmp_path):
-    made = tmp_path / "frames"
-    made.mkdir()
+    frames = tmp_path / "frames"
+    frames.mkdir()
     rng = np.random.default_rng(0)
     for i in range(4):
-        Image.fromarray(rng.integers(0, 5000, (240, 320), np.uint16)).save(made / f"{i}.png")
-    return made
+        Image.fromarray(rng.integers(0, 5000, (240, 320), np.uint16)).save(frames / f"{i}.png")
+    return frames
 
 
 def test_import_reports_findings_and_assumptions(folder, tmp_path):
@@ -167,9 +167,9 @@ def test_ctrl_c_finishes_the_file(tmp_path):
 
         until(lambda: written() or process.poll() is not None, "a recording")
         process.send_signal(signal.SIGINT)
-        said = process.communicate(timeout=PATIENCE)[0]
-    assert process.returncode == 0, said
-    assert "frames of slow" in said
+        log_text = process.communicate(timeout=PATIENCE)[0]
+    assert process.returncode == 0, log_text
+    assert "frames of slow" in log_text
     info = Recording(output).info
     assert info.complete
     assert 0 < info.topics["/bodies"].count < 1000

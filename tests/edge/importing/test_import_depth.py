@@ -280,12 +280,12 @@ def test_an_image_without_depth_is_reported_and_leaves_a_gap(tmp_path, how, word
         save(tmp_path / f"colour_{i}.png", np.zeros((240, 320, 3), np.uint8))
     spoil(tmp_path / f"depth_{at}.png", how)
     frames, notes = read_with(None, tmp_path, fps=10)
-    kept = [i for i in range(5) if i != at]
-    assert [frame.time_ns for frame in frames] == [i * 10**8 for i in kept]
-    for i, frame in zip(kept, frames, strict=True):
+    readable = [i for i in range(5) if i != at]
+    assert [frame.time_ns for frame in frames] == [i * 10**8 for i in readable]
+    for i, frame in zip(readable, frames, strict=True):
         assert np.array_equal(frame.depth, depth_image(i, 240, 320))
-    (told,) = [note for note in notes if "left out" in note]
-    assert f"depth_{at}.png" in told and words in told
+    (warning,) = [note for note in notes if "left out" in note]
+    assert f"depth_{at}.png" in warning and words in warning
 
 
 def test_many_images_without_depth_are_counted(tmp_path):
@@ -328,11 +328,11 @@ def test_a_d405_is_known_by_name(tmp_path):
     assert (frame.depth == 300).all() and "RealSense D405" in notes[0]
     matrix = {"320x240": [300.0, 0, 160, 0, 300, 120, 0, 0, 1]}
     entry = {"Device": "A", "Type": "Intel RealSense D405", "Serial": "1", "Depth Intrinsics": [matrix]}
-    made = tmp_path / "devices"
-    made.mkdir()
-    (made / "device_repository.json").write_text(json.dumps([entry]))
-    save(made / "0_A_depth_0.png", wall(10_000, 0.3))
-    (frame,), _ = read_with(None, made)
+    devices = tmp_path / "devices"
+    devices.mkdir()
+    (devices / "device_repository.json").write_text(json.dumps([entry]))
+    save(devices / "0_A_depth_0.png", wall(10_000, 0.3))
+    (frame,), _ = read_with(None, devices)
     assert (frame.depth == 300).all()
 
 

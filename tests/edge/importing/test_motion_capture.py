@@ -77,15 +77,15 @@ def test_imported_motion_capture_equals_the_read_frames(tmp_path) -> None:
     write_bvh(tmp_path / "walk.bvh", joints)
     app = typer.Typer(pretty_exceptions_enable=False)
     app.command("import")(import_recording)
-    made = CliRunner().invoke(app, [str(tmp_path / "walk.bvh"), "-o", str(tmp_path / "walk.mcap")])
-    assert made.exit_code == 0, made.output
-    assert f"{len(joints)} frames of bodies, 1 person" in made.output
-    kept = list(Recording(tmp_path / "walk.mcap").frames())
-    assert len(kept) == len(joints)
-    first, again = read(tmp_path / "walk.bvh")[5].bodies[0], kept[5].bodies[0]
-    np.testing.assert_array_equal(first.joints, again.joints)
-    np.testing.assert_array_equal(first.orientations, again.orientations)
-    assert first.stature == again.stature
+    result = CliRunner().invoke(app, [str(tmp_path / "walk.bvh"), "-o", str(tmp_path / "walk.mcap")])
+    assert result.exit_code == 0, result.output
+    assert f"{len(joints)} frames of bodies, 1 person" in result.output
+    frames = list(Recording(tmp_path / "walk.mcap").frames())
+    assert len(frames) == len(joints)
+    first, replayed = read(tmp_path / "walk.bvh")[5].bodies[0], frames[5].bodies[0]
+    np.testing.assert_array_equal(first.joints, replayed.joints)
+    np.testing.assert_array_equal(first.orientations, replayed.orientations)
+    assert first.stature == replayed.stature
 
 
 def test_non_human_skeleton_error_names_missing_joints(tmp_path) -> None:
@@ -107,11 +107,11 @@ def test_a_motion_capture_plays_in_place_of_a_sensor_over_and_over(tmp_path):
     expected = read(path)
     with ReplaySensor(path, speed=0.0, loop=True) as sensor:
         frames = [sensor.read() for _ in range(2 * len(expected))]
-        made = sensor.recording.path
+        converted = sensor.recording.path
     for frame, wanted in zip(frames, [*expected, *expected], strict=True):
         np.testing.assert_allclose(frame.bodies[0].joints, wanted.bodies[0].joints, atol=1e-3)
     times = [frame.time_ns for frame in frames]
-    assert times == sorted(times) and not made.exists(), "nothing is left behind"
+    assert times == sorted(times) and not converted.exists(), "nothing is left behind"
     broken = tmp_path / "b.bvh"
     broken.write_text("HIERARCHY\nROOT nothing")
     with pytest.raises(InputError, match=r"b\.bvh"):

@@ -26,29 +26,29 @@ seeds = st.integers(0, 1000)
 @settings(max_examples=50)
 def test_colour_without_confidence_changes_nothing(a, b):
     depth, colour = body(a), dataclasses.replace(body(b, spread=1.0), confidence=np.zeros(20))
-    made = join(depth, colour)
-    np.testing.assert_array_equal(made.joints, depth.joints)
-    assert (made.confidence <= depth.confidence + 1e-12).all()
+    joined = join(depth, colour)
+    np.testing.assert_array_equal(joined.joints, depth.joints)
+    assert (joined.confidence <= depth.confidence + 1e-12).all()
 
 
 @given(seeds)
 @settings(max_examples=50)
 def test_agreeing_sources_increase_confidence(a):
     depth = body(a)
-    made = join(depth, dataclasses.replace(depth, id=5))
-    np.testing.assert_allclose(made.joints, depth.joints)
-    assert (made.confidence >= depth.confidence - 1e-12).all() and made.id == depth.id
+    joined = join(depth, dataclasses.replace(depth, id=5))
+    np.testing.assert_allclose(joined.joints, depth.joints)
+    assert (joined.confidence >= depth.confidence - 1e-12).all() and joined.id == depth.id
 
 
 @given(seeds, seeds, st.floats(0.0, 2.0))
 @settings(max_examples=50)
 def test_a_joint_is_between_both_and_its_confidence_a_probability(a, b, spread):
     depth, colour = body(a), body(b, spread=spread)
-    made = join(depth, colour)
-    whole = np.linalg.norm(colour.joints - depth.joints, axis=1)
-    parts = [np.linalg.norm(made.joints - each.joints, axis=1) for each in (depth, colour)]
-    np.testing.assert_allclose(parts[0] + parts[1], whole, atol=1e-9)
-    assert made.confidence.min() >= 0.0 and made.confidence.max() <= 1.0
+    joined = join(depth, colour)
+    distance = np.linalg.norm(colour.joints - depth.joints, axis=1)
+    parts = [np.linalg.norm(joined.joints - each.joints, axis=1) for each in (depth, colour)]
+    np.testing.assert_allclose(parts[0] + parts[1], distance, atol=1e-9)
+    assert joined.confidence.min() >= 0.0 and joined.confidence.max() <= 1.0
 
 
 def test_contradicting_sources_give_surer_one_with_less_confidence():
@@ -67,9 +67,9 @@ def test_depth_and_colour_people_are_merged_without_new_ones():
     for each in (ada, bob):
         each.confidence[[Joint.HIP_CENTER, Joint.HEAD]] = 0.8
     stranger = dataclasses.replace(bob, joints=bob.joints + 3.0 * ASIDE)
-    made = join_people([ada, bob], [stranger, bob, ada])
-    assert [b.id for b in made] == [1, 2]
-    for joined, own in zip(made, (ada, bob), strict=True):
+    people = join_people([ada, bob], [stranger, bob, ada])
+    assert [b.id for b in people] == [1, 2]
+    for joined, own in zip(people, (ada, bob), strict=True):
         np.testing.assert_allclose(joined.joints, own.joints)
         assert joined.confidence.mean() > own.confidence.mean()
     assert join_people([], [ada]) == []

@@ -33,9 +33,9 @@ def test_a_joint_s_shares_of_the_landmarks_are_one():
 def test_lifted_joints_are_correct_for_any_source_scale(landmarks_of, choreography, scale):
     lifter = Lifter()
     for frame, truth in seen(choreography):
-        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, scale)
-        found = dataclasses.replace(found, points=2 * found.points + 0.5)
-        body = lifter.lift(found, frame, frame.world_from_camera, 7)
+        landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, scale)
+        landmarks = dataclasses.replace(landmarks, points=2 * landmarks.points + 0.5)
+        body = lifter.lift(landmarks, frame, frame.world_from_camera, 7)
         away = np.linalg.norm(body.joints - truth.joints, axis=1)
         assert body.id == 7
         assert np.mean(away[LIMBS]) < 0.05 and np.max(away[LIMBS]) < 0.15
@@ -46,12 +46,12 @@ def test_lifted_joints_are_correct_for_any_source_scale(landmarks_of, choreograp
 def test_occluder_does_not_carry_a_limb_away(landmarks_of):
     """A board is in front of the left hand: the hand stays with the body, with low confidence."""
     for frame, truth in seen("idle", 1):
-        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
-        found = dataclasses.replace(found, points=2 * found.points + 0.5)
-        u, v = np.rint(found.points[15] / 2).astype(int)
+        landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        landmarks = dataclasses.replace(landmarks, points=2 * landmarks.points + 0.5)
+        u, v = np.rint(landmarks.points[15] / 2).astype(int)
         depth = frame.depth.copy()
         depth[v - 20 : v + 30, u - 12 : u + 12] = 1000
-        body = Lifter().lift(found, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
+        body = Lifter().lift(landmarks, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
     away = np.linalg.norm(body.joints - truth.joints, axis=1)
     assert away[[Joint.WRIST_LEFT, Joint.HAND_LEFT]].max() < 0.15
     assert body.confidence[Joint.HAND_LEFT] < 0.4 < body.confidence[Joint.HAND_RIGHT]
@@ -59,11 +59,11 @@ def test_occluder_does_not_carry_a_limb_away(landmarks_of):
 
 def test_holes_leave_the_posture_and_little_confidence(landmarks_of):
     for frame, truth in seen("idle", 1):
-        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
-        found = dataclasses.replace(found, points=2 * found.points + 0.5)
+        landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        landmarks = dataclasses.replace(landmarks, points=2 * landmarks.points + 0.5)
         depth = frame.depth.copy()
         depth[140:] = 0
-        body = Lifter().lift(found, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
+        body = Lifter().lift(landmarks, dataclasses.replace(frame, depth=depth), frame.world_from_camera, 1)
     away = np.linalg.norm(body.joints - truth.joints, axis=1)
     assert away[Joint.FOOT_LEFT] < 0.2
     assert body.confidence[Joint.FOOT_LEFT] == pytest.approx(LiftSettings().without_depth)
@@ -73,9 +73,9 @@ def test_holes_leave_the_posture_and_little_confidence(landmarks_of):
 def test_joints_outside_the_image_are_not_lifted(landmarks_of):
     for frame, truth in seen("idle", 1):
         low = truth.joints - [0.0, 1.0, 0.0]
-        found = landmarks_of(low, frame.intrinsics, frame.world_from_camera)
-        found = dataclasses.replace(found, points=2 * found.points + 0.5)
-        body = Lifter().lift(found, frame, frame.world_from_camera, 1)
+        landmarks = landmarks_of(low, frame.intrinsics, frame.world_from_camera)
+        landmarks = dataclasses.replace(landmarks, points=2 * landmarks.points + 0.5)
+        body = Lifter().lift(landmarks, frame, frame.world_from_camera, 1)
     assert body.confidence[[Joint.FOOT_LEFT, Joint.FOOT_RIGHT]].max() == 0.0
     assert np.isfinite(body.joints).all()
 
@@ -83,8 +83,8 @@ def test_joints_outside_the_image_are_not_lifted(landmarks_of):
 def test_without_depth_the_height_gives_the_distance(landmarks_of):
     for frame, truth in seen():
         lifter = Lifter(LiftSettings(body_height=truth.height))
-        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, 0.7)
-        body = lifter.guess(found, frame.intrinsics, frame.world_from_camera, 1)
+        landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera, 0.7)
+        body = lifter.guess(landmarks, frame.intrinsics, frame.world_from_camera, 1)
         assert np.linalg.norm(body.joints - truth.joints, axis=1).mean() < 0.12
         assert 0.0 < body.confidence.max() <= LiftSettings().without_depth
 
@@ -94,13 +94,13 @@ def test_noise_instead_of_landmarks_gives_finite_joints(landmarks_of):
     for frame, truth in seen("idle", 1):
         good = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
         for _ in range(20):
-            found = dataclasses.replace(
+            landmarks = dataclasses.replace(
                 good, points=random.normal(200, 400, (33, 2)), offsets=random.normal(size=(33, 3)),
                 visibility=random.random(33),
             )  # fmt: skip
             for body in (
-                Lifter().lift(found, frame, frame.world_from_camera, 1),
-                Lifter().guess(found, frame.intrinsics, frame.world_from_camera, 1),
+                Lifter().lift(landmarks, frame, frame.world_from_camera, 1),
+                Lifter().guess(landmarks, frame.intrinsics, frame.world_from_camera, 1),
             ):
                 assert np.isfinite(body.joints).all()
                 assert body.confidence.min() >= 0.0 and body.confidence.max() <= 1.0
@@ -108,6 +108,6 @@ def test_noise_instead_of_landmarks_gives_finite_joints(landmarks_of):
 
 def test_a_frame_without_colour_is_refused(landmarks_of):
     for frame, truth in seen("idle", 1):
-        found = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
+        landmarks = landmarks_of(truth.joints, frame.intrinsics, frame.world_from_camera)
         with pytest.raises(InputError, match="colour"):
-            Lifter().lift(found, dataclasses.replace(frame, colour=None), frame.world_from_camera, 1)
+            Lifter().lift(landmarks, dataclasses.replace(frame, colour=None), frame.world_from_camera, 1)

@@ -203,23 +203,28 @@ def test_low_ranked_match_is_published_too() -> None:
 
 def test_one_of_two_driving_performers_releases() -> None:
     show = Show()
-    one, two = person(id=1), person(left=(0.6, -0.8, 0.0), right=(-0.6, -0.8, 0.0), id=2, at=(1.0, 0, -2.5))
-    show.play(one, two)
+    first, second = (
+        person(id=1),
+        person(left=(0.6, -0.8, 0.0), right=(-0.6, -0.8, 0.0), id=2, at=(1.0, 0, -2.5)),
+    )
+    show.play(first, second)
     show.stage.possess("star", body=1, parts="arms")
-    board = show.play(one, two)
+    board = show.play(first, second)
     assert (board.state, board.body) == ("playing", 1), "the match of who comes next would hide what is held"
     assert [(row.body, row.limbs) for row in board.rows] == [(1, (1, 2))], "both arms, by their numbers"
     show.stage.possess("star", body=2, parts="arms", mode="join")
-    board = show.play(one, two)
+    board = show.play(first, second)
     assert [(row.body, row.limbs) for row in board.rows] == [(1, (1, 2)), (2, (1, 2))]
     assert show.stage.holders == {1, 2}
     rest = show.limb("right")
-    show.play(replace(moved(60, (0, 0, 1)), id=1), two)
+    show.play(replace(moved(60, (0, 0, 1)), id=1), second)
     assert np.linalg.norm(show.limb("right") - rest) > 0.3
-    kept = show.limb("right")
+    limb_before = show.limb("right")
     show.stage.release("star", 2)
-    show.play(replace(two, id=3))
-    np.testing.assert_allclose(show.limb("right"), kept, atol=1e-9, err_msg="who is away stays as they were")
+    show.play(replace(second, id=3))
+    np.testing.assert_allclose(
+        show.limb("right"), limb_before, atol=1e-9, err_msg="who is away stays as they were"
+    )
     with pytest.raises(InputError, match="does not drive it"):
         show.stage.release("star", 2)
 
@@ -306,9 +311,9 @@ def test_a_board_survives_the_wire() -> None:
     board = show.play(person())
     back = message_to_board(board_to_message(board))
     assert (back.state, back.shown, back.total, len(back.rows)) == ("choosing", board.shown, board.total, 6)
-    for one, other in zip(board.rows, back.rows, strict=True):
-        assert (one.name, one.place, one.score) == (other.name, other.place, other.score)
-        for a, b in zip(one.lines, other.lines, strict=True):
+    for row, other in zip(board.rows, back.rows, strict=True):
+        assert (row.name, row.place, row.score) == (other.name, other.place, other.score)
+        for a, b in zip(row.lines, other.lines, strict=True):
             np.testing.assert_allclose(a, b, atol=3e-4)
 
 

@@ -48,8 +48,8 @@ def until(done: Callable[[], Any], *steps: Callable[[], Any]) -> None:
 
 @pytest.fixture
 def publisher() -> Iterator[Publisher]:
-    with Publisher(name=unique(), pose_port=0, control_port=0) as made:
-        yield made
+    with Publisher(name=unique(), pose_port=0, control_port=0) as opened:
+        yield opened
 
 
 class Stage:
@@ -99,14 +99,14 @@ class Peer:
 
 @pytest.fixture
 def peers(request: pytest.FixtureRequest) -> Iterator[Callable[[Publisher], Peer]]:
-    made: list[Peer] = []
+    opened: list[Peer] = []
 
     def make(publisher: Publisher) -> Peer:
-        made.append(Peer(publisher))
-        return made[-1]
+        opened.append(Peer(publisher))
+        return opened[-1]
 
     yield make
-    for each in made:
+    for each in opened:
         each.close()
 
 
@@ -151,8 +151,8 @@ def test_newcomers_without_end_do_not_keep_a_known_viewer_waiting(stage: Stage, 
     good = peers(stage.outlet.publisher)
     good.send(requests.Ping("good", 0))
     until(lambda: good.replies, stage.hear, good.read)
-    known = time.monotonic() + 1.5
-    until(lambda: time.monotonic() > known, stage.hear)
+    deadline = time.monotonic() + 1.5
+    until(lambda: time.monotonic() > deadline, stage.hear)
     stage.seconds = 0.01
 
     def come() -> None:

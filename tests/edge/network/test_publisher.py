@@ -39,8 +39,8 @@ def character(name: str = "chair", count: int = 8) -> Character:
 
 @pytest.fixture
 def publisher() -> Iterator[Publisher]:
-    with Publisher(name=unique(), pose_port=0, control_port=0) as made:
-        yield made
+    with Publisher(name=unique(), pose_port=0, control_port=0) as opened:
+        yield opened
 
 
 class Peer:
@@ -89,12 +89,12 @@ class Peer:
 
     def received(self, count: int) -> list:
         """Returns the next ``count`` messages except heartbeats."""
-        found = []
-        while len(found) < count and self.sub.poll(5000):
+        messages = []
+        while len(messages) < count and self.sub.poll(5000):
             topic, message = unpack_stream(self.sub.recv())
             if topic is not topics.STATUS:
-                found.append(message)
-        return found
+                messages.append(message)
+        return messages
 
     def close(self) -> None:
         self.context.destroy(linger=0)
@@ -102,9 +102,9 @@ class Peer:
 
 @pytest.fixture
 def peer(publisher: Publisher) -> Iterator[Peer]:
-    made = Peer(publisher)
-    yield made
-    made.close()
+    connected = Peer(publisher)
+    yield connected
+    connected.close()
 
 
 def test_poses_arrive_in_order_with_their_times(publisher: Publisher, peer: Peer) -> None:

@@ -26,9 +26,9 @@ ORDER = framed(pack_control(requests.Request(1, requests.Possess("chair", mode="
 
 @pytest.fixture
 def publisher() -> Iterator[Publisher]:
-    with Publisher(name=uuid.uuid4().hex[:12], pose_port=0, control_port=0, budget_ms=2.0) as made:
-        made._server._most = PLACES
-        yield made
+    with Publisher(name=uuid.uuid4().hex[:12], pose_port=0, control_port=0, budget_ms=2.0) as opened:
+        opened._server._most = PLACES
+        yield opened
 
 
 class Crowd:
@@ -100,15 +100,15 @@ class Studio:
 def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
     publisher: Publisher, first: bytes, again: bytes
 ) -> None:
-    known = Studio(publisher)
+    studio = Studio(publisher)
     start = time.monotonic()
-    while time.monotonic() < start + 1.3 or known.answered < 5:
+    while time.monotonic() < start + 1.3 or studio.answered < 5:
         assert time.monotonic() < start + PATIENCE
         publisher.poll()
-        known.ask()
+        studio.ask()
     (own,) = publisher._server.connections
     crowd = Crowd(publisher, first, again)
-    new, before, start = Studio(publisher), known.answered, time.monotonic()
+    new, before, start = Studio(publisher), studio.answered, time.monotonic()
     try:
         # A newcomer competes with many connections for half of the places: it gets in after some seconds.
         waits = PING not in first and not again
@@ -117,13 +117,13 @@ def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
             crowd.push()
             for command in publisher.poll():
                 command.reply(requests.Done())
-            known.ask()
+            studio.ask()
             new.ask()
             time.sleep(0.001)
         assert own.is_open, "it has the same connection as before"
-        assert known.answered - before >= 5 and known.asked - known.answered <= 5
+        assert studio.answered - before >= 5 and studio.asked - studio.answered <= 5
         assert len(list(publisher._server.connections)) <= PLACES
     finally:
         crowd.close()
         new.close()
-        known.close()
+        studio.close()

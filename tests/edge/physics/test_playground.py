@@ -71,20 +71,20 @@ def across(k: int) -> tuple[float, float, float]:
 
 
 def test_a_character_knocks_the_tower_over():
-    made = playground()
-    places = performed(made, across)
+    simulation = playground()
+    places = performed(simulation, across)
     assert np.abs(places[8] - places[0]).max() < 0.005
     # Two lie on the floor beyond; the third may lie on the block.
     assert (places[-1][:, 0] > 0.7).all() and (places[-1][:, 1] < 0.1).sum() >= 2
-    props = step(made, [at(across(60))], [], set(), 60 * NS)
+    props = step(simulation, [at(across(60))], [], set(), 60 * NS)
     assert props.note == "3 of 3 boxes down"
 
 
 def test_towers_are_not_built_into_a_character():
-    made = playground()
-    first = step(made, [at((0.55, 0.0, 0.1))], [], set(), 0).positions
+    simulation = playground()
+    first = step(simulation, [at((0.55, 0.0, 0.1))], [], set(), 0).positions
     for k in range(1, 45):
-        props = step(made, [at((0.55, 0.0, 0.1))], [], set(), k * NS)
+        props = step(simulation, [at((0.55, 0.0, 0.1))], [], set(), k * NS)
     assert np.abs(props.positions - first).max() < 0.01 and props.note == ""
     assert 0.1 < np.linalg.norm(first[0, [0, 2]] - (0.5, 0.0)) < 0.6, "aside, and still at hand"
 
@@ -97,11 +97,11 @@ def test_no_tower_box_flies_before_attachment(name: str, tower: int) -> None:
     skin = SkinWeights(np.zeros((len(mesh.vertices), 4), np.uint16), weights)
     corners, middle = mesh.vertices.astype(np.float32), np.zeros((1, 3), np.float32)
     still = Character(name, corners, mesh.faces, skin, middle, np.zeros((0, 2), np.int32))
-    made = Playground(PhysicsSettings("boxes", boxes=boxes, engine=UNBOUND, place="fixed"), [still])
+    simulation = Playground(PhysicsSettings("boxes", boxes=boxes, engine=UNBOUND, place="fixed"), [still])
     place = boxes.at[tower][0], 0.0, boxes.at[tower][1]
-    first = step(made, [at(place, name)], [], set(), 0).positions
+    first = step(simulation, [at(place, name)], [], set(), 0).positions
     for k in range(1, 30):
-        props = step(made, [at(place, name)], [], set(), k * NS)
+        props = step(simulation, [at(place, name)], [], set(), k * NS)
     assert len(first) == 48 and np.linalg.norm(props.positions - first, axis=1).max() < 0.02
 
 
@@ -127,10 +127,10 @@ def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
 
 
 def test_a_performer_who_never_stands_still_gets_the_world_too():
-    made = playground(place="performer", patience=2.0)
+    simulation = playground(place="performer", patience=2.0)
     for k in range(100):
         swing = 0.4 * np.sin(0.3 * k)
-        props = step(made, [], [person((1.0 + swing, -3.0))], set(), k * NS)
+        props = step(simulation, [], [person((1.0 + swing, -3.0))], set(), k * NS)
         if props is not None:
             break
     assert k in (60, 61) and np.allclose(props.positions[:, [0, 2]].mean(0), [1.5, -3.0], atol=0.1)
@@ -142,98 +142,98 @@ def test_the_same_frames_give_the_same_props():
 
 
 def test_boxes_appear_only_after_a_person_stands_still():
-    made = playground(place="performer")
-    assert step(made, [at((9, 0, 9))], [], set(), 0) is None
+    simulation = playground(place="performer")
+    assert step(simulation, [at((9, 0, 9))], [], set(), 0) is None
     for k in range(1, 20):
-        assert step(made, [], [person((0.05 * k, -3.0))], set(), k * NS) is None, "they still walk"
+        assert step(simulation, [], [person((0.05 * k, -3.0))], set(), k * NS) is None, "they still walk"
     for k in range(20, 28):
-        assert step(made, [], [person((2.0, -3.0))], set(), k * NS) is None
-    props = step(made, [], [person((2.02, -3.0))], set(), 32 * NS)
+        assert step(simulation, [], [person((2.0, -3.0))], set(), k * NS) is None
+    props = step(simulation, [], [person((2.02, -3.0))], set(), 32 * NS)
     assert np.allclose(props.positions[:, [0, 2]].mean(0), [2.52, -3.0], atol=0.05)
-    again = step(made, [], [person((-1.0, -1.0))], set(), 33 * NS)
-    assert np.allclose(again.positions, props.positions, atol=0.01), "the place is known once and for all"
+    later = step(simulation, [], [person((-1.0, -1.0))], set(), 33 * NS)
+    assert np.allclose(later.positions, props.positions, atol=0.01), "the place is known once and for all"
 
 
 @pytest.mark.parametrize(("rule", "holders", "pushes"), [
     ("never", set(), False), ("free", set(), True), ("free", {1}, False), ("always", {1}, True),
 ])  # fmt: skip
 def test_performers_push_only_if_the_rule_allows(rule, holders, pushes):
-    made = playground(bodies=rule)
+    simulation = playground(bodies=rule)
     for k in range(45):
         body = person((-0.4 + 0.03 * k, 0.0))
-        props = step(made, [], [body], holders, k * NS)
+        props = step(simulation, [], [body], holders, k * NS)
     assert (np.abs(props.positions[:, 0] - 0.5).max() > 0.2) == pushes
 
 
 def test_character_appearing_among_boxes_does_not_fling_them():
-    made = playground()
-    step(made, [], [], set(), 0)
+    simulation = playground()
+    step(simulation, [], [], set(), 0)
     highest = 0.0
     for k in range(1, 40):
-        step(made, [at((0.5, 0.1, 0.05))], [], set(), k * NS)
-        highest = max(highest, float(np.abs(made.world.velocities[:, :3]).max()))
-    assert highest < 4.0 and made.resets == 0
+        step(simulation, [at((0.5, 0.1, 0.05))], [], set(), k * NS)
+        highest = max(highest, float(np.abs(simulation.world.velocities[:, :3]).max()))
+    assert highest < 4.0 and simulation.resets == 0
 
 
 def test_boxes_stay_while_characters_scale_leave_and_return():
-    made = playground()
-    made.introduce(block("second"))
+    simulation = playground()
+    simulation.introduce(block("second"))
     poses = [
         [], [at((0, 0, 3))], [at((0, 0, 3), scale=2.0)], [at((0, 0, 3)), at((1, 0, 3), "second")],
         [at((1, 0, 3), "second")], [at((0, 0, 3), "unknown")], [at((np.nan, 0, 3))],
     ]  # fmt: skip
-    for k, there in enumerate(poses * 3):
-        props = step(made, there, [person((0, 5), 1)] * (k % 2), set(), k * NS)
+    for k, poses_now in enumerate(poses * 3):
+        props = step(simulation, poses_now, [person((0, 5), 1)] * (k % 2), set(), k * NS)
         assert np.abs(props.positions[:, 0] - 0.5).max() < 0.02
-    assert made.resets == 0
+    assert simulation.resets == 0
 
 
 def test_fallen_towers_stand_again_but_not_on_anybody():
-    made = playground()
-    places = performed(made, across, 60)
+    simulation = playground()
+    places = performed(simulation, across, 60)
     for k in range(60, 200):
-        props = step(made, [at((0.5, 0.0, 0.0))], [], set(), k * NS)
+        props = step(simulation, [at((0.5, 0.0, 0.0))], [], set(), k * NS)
     assert props.note, "somebody stands where the tower was"
     for k in range(200, 320):
-        props = step(made, [at((5.0, 0.0, 0.0))], [], set(), k * NS)
+        props = step(simulation, [at((5.0, 0.0, 0.0))], [], set(), k * NS)
     assert np.allclose(props.positions, places[0], atol=0.01) and props.note == ""
 
 
 def test_a_replay_that_begins_again_begins_with_new_towers():
-    made = playground()
-    places = performed(made, across, 60)
-    again = step(made, [at(across(0))], [], set(), 0)
-    assert np.allclose(again.positions, places[0], atol=1e-6)
+    simulation = playground()
+    places = performed(simulation, across, 60)
+    restarted = step(simulation, [at(across(0))], [], set(), 0)
+    assert np.allclose(restarted.positions, places[0], atol=1e-6)
 
 
 def test_playground_with_nan_velocity_restarts(caplog):
-    made = playground()
-    performed(made, lambda k: (-2.0, 0.0, 0.0), 3)
-    made.world.velocities[0, 0] = np.nan
-    props = step(made, [], [], set(), 3 * NS)
-    assert made.resets == 1 and "starts again" in caplog.text
+    simulation = playground()
+    performed(simulation, lambda k: (-2.0, 0.0, 0.0), 3)
+    simulation.world.velocities[0, 0] = np.nan
+    props = step(simulation, [], [], set(), 3 * NS)
+    assert simulation.resets == 1 and "starts again" in caplog.text
     assert np.allclose(props.positions, tower_places(SMALL), atol=1e-6)
 
 
 def test_balls_are_thrown_and_hits_are_counted():
     game = DodgeballSettings(balls=2, every=0.5, flight=0.4, distance=1.5)
-    made = playground("dodgeball", dodgeball=game, bodies="free")
+    simulation = playground("dodgeball", dodgeball=game, bodies="free")
     for k in range(150):
         body = person((0.0, -3.0), 7)
-        props = step(made, [at((0.0, 0.0, 0.0))], [body], set(), k * NS)
-    assert made.game.hits["block"] >= 1 and made.game.hits["performer 7"] >= 1
+        props = step(simulation, [at((0.0, 0.0, 0.0))], [body], set(), k * NS)
+    assert simulation.game.hits["block"] >= 1 and simulation.game.hits["performer 7"] >= 1
     assert "block hit" in props.note and "performer 7 hit" in props.note
 
 
 def test_character_stepping_aside_is_not_hit():
     game = DodgeballSettings(balls=1, every=0.5, flight=0.8, distance=2.5)
-    made = playground("dodgeball", dodgeball=game)
+    simulation = playground("dodgeball", dodgeball=game)
     for k in range(120):
         aside = 1.5 * (k // 20 % 2)
-        step(made, [at((aside, 0.0, 0.0))], [], set(), k * NS)
+        step(simulation, [at((aside, 0.0, 0.0))], [], set(), k * NS)
     always = playground("dodgeball", dodgeball=game)
     performed(always, lambda k: (0.0, 0.0, 0.0), 120)
-    assert made.game.hits["block"] < always.game.hits["block"]
+    assert simulation.game.hits["block"] < always.game.hits["block"]
 
 
 def test_bodies_become_spheres_about_their_joints():
@@ -250,8 +250,12 @@ def test_the_ground_is_where_a_performer_stands_and_looks():
     np.testing.assert_allclose(
         ground.to_world(np.array([[0, 0, 1.0], [1, 0, 0]])), [[2, 0, 2], [1, 0, 1]], atol=1e-12
     )
-    found = ground_under(person((3.0, 4.0)))
-    assert found is not None and np.allclose(found.at[[0, 2]], [3, 4], atol=0.05) and abs(found.yaw) < 0.1
+    standpoint = ground_under(person((3.0, 4.0)))
+    assert (
+        standpoint is not None
+        and np.allclose(standpoint.at[[0, 2]], [3, 4], atol=0.05)
+        and abs(standpoint.yaw) < 0.1
+    )
     unseen = replace(person(), confidence=np.zeros(20))
     assert ground_under(unseen) is None
 
@@ -283,15 +287,15 @@ def test_settings_are_read_and_checked():
 
 
 def test_every_character_on_the_stage_pushes_and_one_that_has_gone_does_not() -> None:
-    made = playground()
+    simulation = playground()
     pair = {name: block(name) for name in ("block", "other")}
-    made.show(pair)
+    simulation.show(pair)
     poses = [at((5.0, 0.0, 0.0)), at((-5.0, 0.0, 0.0), "other")]
-    step(made, poses, [], set(), 0)
-    assert set(made._slots) == set(pair)
-    before = made._proxies["block"]
-    made.show({"block": pair["block"]})
-    step(made, poses, [], set(), NS)
-    assert set(made._slots) == {"block"} and made._proxies["block"] is before
-    made.show({"block": block()})
-    assert made._proxies["block"] is not before
+    step(simulation, poses, [], set(), 0)
+    assert set(simulation._slots) == set(pair)
+    before = simulation._proxies["block"]
+    simulation.show({"block": pair["block"]})
+    step(simulation, poses, [], set(), NS)
+    assert set(simulation._slots) == {"block"} and simulation._proxies["block"] is before
+    simulation.show({"block": block()})
+    assert simulation._proxies["block"] is not before

@@ -151,13 +151,13 @@ def test_the_pace_of_the_frames_does_not_matter(step: int) -> None:
 def test_frames_that_come_unevenly_and_are_left_out_do_no_harm() -> None:
     rng = np.random.default_rng(1)
     show, smooth = Show(), Show()
-    for one, jitter in ((show, True), (smooth, False)):
-        one.play(person())
-        one.stage.possess("cactus")
-        while one.time_ns < 3e9:
+    for performance, jitter in ((show, True), (smooth, False)):
+        performance.play(person())
+        performance.stage.possess("cactus")
+        while performance.time_ns < 3e9:
             step = int(FRAME * rng.choice([0.4, 0.9, 1.0, 1.2, 3.0])) if jitter else FRAME
-            when = (one.time_ns + step) * 1e-9
-            one.play(person(left=1.3 - 1.3 * np.cos(2.0 * when)), step=step)
+            when = (performance.time_ns + step) * 1e-9
+            performance.play(person(left=1.3 - 1.3 * np.cos(2.0 * when)), step=step)
     assert show.pace < 1.3 * smooth.pace + 0.3
 
 

@@ -42,13 +42,13 @@ def test_puppet_names_are_recognised() -> None:
 def test_the_made_cactus_a_session_and_a_project_are_the_same_puppet(tmp_path: Path) -> None:
     session = tmp_path / "show.toml"
     write_session(session, CACTUS, "cactus")
-    made = [cast_puppet(spec) for spec in ("cactus", str(session), written(tmp_path / "p.enliven", CACTUS))]
-    assert {len(actor.character.pivots) for actor in made} == {1 + len(PUPPET.points)}
-    assert {actor.character.id for actor in made} >= {"cactus"}
-    for actor in made[1:]:
+    actors = [cast_puppet(spec) for spec in ("cactus", str(session), written(tmp_path / "p.enliven", CACTUS))]
+    assert {len(actor.character.pivots) for actor in actors} == {1 + len(PUPPET.points)}
+    assert {actor.character.id for actor in actors} >= {"cactus"}
+    for actor in actors[1:]:
         assert actor.character.held is not None
         np.testing.assert_array_equal(actor.character.held, [point.vertex for point in PUPPET.points])
-        np.testing.assert_allclose(actor._examples.targets, made[1]._examples.targets, atol=1e-3)
+        np.testing.assert_allclose(actor._examples.targets, actors[1]._examples.targets, atol=1e-3)
 
 
 def test_one_of_several_puppets_must_be_named(tmp_path: Path) -> None:
@@ -106,6 +106,6 @@ def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
 def test_edge_reports_missing_key_pose_before_listening(tmp_path: Path, capfd) -> None:
     spec = written(tmp_path / "p.enliven", with_puppet(poses=PUPPET.poses[:1]))
     assert run(["edge", "--mesh", spec, "--port", "0"]) != 0
-    told = capfd.readouterr().err
-    assert "Pose one more" in " ".join(told.split())
-    assert "listens" not in told
+    output = capfd.readouterr().err
+    assert "Pose one more" in " ".join(output.split())
+    assert "listens" not in output

@@ -151,10 +151,10 @@ def test_only_visibly_lifted_feet_count_as_airborne() -> None:
     up = feet.see(person(up=0.25), STEP)
     assert not up.touches
     assert 0.08 < up.lift < 0.25 / 1.75
-    one = person(up=0.25, knees=(0.0, 0.9))
-    assert not feet.see(one, STEP).touches
-    one.confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
-    assert feet.see(one, STEP).touches
+    body = person(up=0.25, knees=(0.0, 0.9))
+    assert not feet.see(body, STEP).touches
+    body.confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
+    assert feet.see(body, STEP).touches
     sure = replace(person(up=0.25), contacts=np.array([0.9, 0.0]))
     assert feet.see(sure, STEP).touches
     assert feet.see(person(knees=(1.2, 0.0)), STEP).touches

@@ -91,8 +91,8 @@ def test_size_place_and_facing_do_not_matter(height, x, z, yaw, arm) -> None:
     for skeleton, joints in ((OTHER, HANDS), (own_skeleton(), PAIRED)):
         retargeting = Retargeting(skeleton, joints)
         expected = seen(retargeting, person(arm=arm))
-        made = seen(retargeting, person(x, z, yaw, arm, height=height))
-        np.testing.assert_allclose(made, expected, atol=0.02)
+        posed = seen(retargeting, person(x, z, yaw, arm, height=height))
+        np.testing.assert_allclose(posed, expected, atol=0.02)
 
 
 def own_skeleton() -> Skeleton:
@@ -176,6 +176,6 @@ def test_the_mirror_of_a_pose_is_the_pose_of_the_mirror() -> None:
     retargeting = Retargeting(own_skeleton(), joints)
     body = person(arm=1.2, knee=0.7)
     turned = Body(1, body.joints[list(MIRROR)] * [-1.0, 1.0, 1.0], np.ones(20))
-    one, other = seen(retargeting, body), seen(retargeting, turned)
-    np.testing.assert_allclose(other[list(MIRROR)] * [-1.0, 1.0, 1.0], one, atol=0.01)
-    assert len(PARENTS) == len(one)
+    posed, other = seen(retargeting, body), seen(retargeting, turned)
+    np.testing.assert_allclose(other[list(MIRROR)] * [-1.0, 1.0, 1.0], posed, atol=0.01)
+    assert len(PARENTS) == len(posed)

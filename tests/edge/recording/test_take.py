@@ -128,9 +128,9 @@ def read_back(path) -> list[int]:
 @pytest.mark.skipif(sys.platform == "win32", reason="needs limits of POSIX")
 @pytest.mark.parametrize("limit", [20_000, 300_000])
 def test_a_file_that_may_not_grow_ends_the_take_not_the_show(tmp_path, limit):
-    said = performed(tmp_path / "take.mcap", str(limit))
-    assert said.startswith("900 ") and HealthKind.TAKE_ENDED in said and "File too large" in said
-    assert f", {int(Severity.WARNING)}, " in said
+    output = performed(tmp_path / "take.mcap", str(limit))
+    assert output.startswith("900 ") and HealthKind.TAKE_ENDED in output and "File too large" in output
+    assert f", {int(Severity.WARNING)}, " in output
     times = read_back(tmp_path / "take.mcap")
     assert times == [i * STEP for i in range(1, len(times) + 1)]
     size = (tmp_path / "take.mcap").stat().st_size
@@ -145,8 +145,8 @@ def test_a_full_disk_ends_the_take_not_the_show(tmp_path):
     if subprocess.run(mount, capture_output=True).returncode:
         pytest.skip("a disk of 256 kB can be mounted by root only")
     try:
-        said = performed(disk / "take.mcap", "as it is")
-        assert said.startswith("900 ") and "No space left on device" in said
+        output = performed(disk / "take.mcap", "as it is")
+        assert output.startswith("900 ") and "No space left on device" in output
         times = read_back(disk / "take.mcap")
     finally:
         subprocess.run(["umount", str(disk)], check=True)

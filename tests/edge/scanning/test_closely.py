@@ -22,7 +22,7 @@ def test_close_alignment_finds_pose_hidden_by_floor_noise():
         view = scanner.prepared(take.frame(index))
         first = tracker.align(view, take.pose(BEFORE[-1]))
         close = tracker.align_closely(view, first.world_from_camera)
-        off = [apart(found.world_from_camera, take.pose(index))[0] for found in (first, close)]
+        off = [apart(placed.world_from_camera, take.pose(index))[0] for placed in (first, close)]
         assert first.deviation > unsure, "what the thing tells is taken for noise"
         assert off[1] < 0.006 < off[0] and close.deviation < unsure
     wrong = tracker.align_closely(scanner.prepared(take.frame(ELSEWHERE)), take.pose(BEFORE[-1]))

@@ -38,23 +38,23 @@ def pieces(volume):
 
 
 def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
-    found = pieces(sphere)
-    assert len(found) == 8  # chunks of 1.28 m: one for each octant
-    away = np.concatenate([np.linalg.norm(one.vertices, axis=1) for one in found])
+    chunks = pieces(sphere)
+    assert len(chunks) == 8  # chunks of 1.28 m: one for each octant
+    away = np.concatenate([np.linalg.norm(chunk.vertices, axis=1) for chunk in chunks])
     assert np.abs(away - RADIUS).max() < 0.02 and abs(away.mean() - RADIUS) < 0.003
-    vertices = np.concatenate([one.vertices for one in found])
-    counts = np.cumsum([0, *(len(one.places) for one in found)])
-    faces = np.concatenate([one.faces + n for one, n in zip(found, counts, strict=False)])
-    whole = Mesh(vertices, faces.astype(np.int32))
+    vertices = np.concatenate([chunk.vertices for chunk in chunks])
+    counts = np.cumsum([0, *(len(chunk.places) for chunk in chunks)])
+    faces = np.concatenate([chunk.faces + n for chunk, n in zip(chunks, counts, strict=False)])
+    merged = Mesh(vertices, faces.astype(np.int32))
     # Cells are twice as large, so that more of them touch unobserved space.
-    assert 0.75 < whole.area / surface_of(sphere, 0.05).area < 1.02
-    assert (np.einsum("fi,fi->f", whole.face_normals(), whole.vertices[faces].mean(1)) > 0).mean() > 0.99
+    assert 0.75 < merged.area / surface_of(sphere, 0.05).area < 1.02
+    assert (np.einsum("fi,fi->f", merged.face_normals(), merged.vertices[faces].mean(1)) > 0).mean() > 0.99
     # After welding it is closed along its seams: each edge there has exactly one opposite edge.
     _, place = np.unique(np.round(vertices * 1e5).astype(int), axis=0, return_inverse=True)
     welded = place.reshape(-1)[faces]
     sides = np.concatenate([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]])
     key, back = sides @ [1 << 32, 1], sides @ [1, 1 << 32]
-    seam = (np.abs(whole.vertices) < 1e-6)[
+    seam = (np.abs(merged.vertices) < 1e-6)[
         np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     ]
     at_seam = seam.all(1).any(1)
@@ -63,8 +63,10 @@ def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
 
 def test_surface_observed_more_often_has_higher_confidence():
     once, often = fused_sphere(RADIUS, 4), fused_sphere(RADIUS, 12)
-    known = [np.concatenate([one.seen for one in pieces(volume)]).mean() for volume in (once, often)]
-    assert known[1] > 1.5 * known[0]
+    confidences = [
+        np.concatenate([chunk.seen for chunk in pieces(volume)]).mean() for volume in (once, often)
+    ]
+    assert confidences[1] > 1.5 * confidences[0]
 
 
 def test_only_changed_chunks_are_sent_within_the_budget(sphere):
@@ -73,15 +75,15 @@ def test_only_changed_chunks_are_sent_within_the_budget(sphere):
     assert len(first) == 1, "one piece at least, or nothing would ever come"
     rest = growing.changes(sphere, ALL)
     assert len(rest) == 7 and not growing.changes(sphere, ALL)
-    keys = {one.place for one in first + rest}
-    assert len(keys) == 8 and all(one.number == 3 for one in rest)
+    keys = {chunk.place for chunk in first + rest}
+    assert len(keys) == 8 and all(chunk.number == 3 for chunk in rest)
     # A chunk that vanished, as after an undo, is sent without a surface.
     empty = fused_sphere(0.05)
-    gone = [one for one in growing.changes(empty, ALL) if not one.seen]
-    assert not gone  # all octants still contain a part of a small sphere at the origin
+    emptied = [chunk for chunk in growing.changes(empty, ALL) if not chunk.seen]
+    assert not emptied  # all octants still contain a part of a small sphere at the origin
     shifted = np.eye(4)
     shifted[:3, 3] = 5.0
-    assert len([one for one in growing.changes(fused_sphere(move=shifted), ALL) if not one.seen]) == 8
+    assert len([chunk for chunk in growing.changes(fused_sphere(move=shifted), ALL) if not chunk.seen]) == 8
 
 
 def test_a_piece_goes_over_the_wire(sphere):
@@ -134,8 +136,8 @@ def test_the_next_view_is_of_the_side_that_was_not_seen():
     floor = Ground(np.array([0.0, 1.0, 0.0]), -0.5, 1.0)
     mesh = half_seen()
     assert mesh.vertices[:, 2].mean() > 0.05, "the camera stood on the side of +z"
-    found = next_view(mesh, floor, np.zeros(3), 1.0)
-    assert found.eye is not None and found.missing > 0.1
-    assert np.linalg.norm(found.eye) == pytest.approx(1.0) and found.eye[2] < 0.3
-    whole = next_view(load_sample("chair"), floor, np.zeros(3), 1.0)
-    assert whole.eye is None and whole.missing == 0.0
+    view = next_view(mesh, floor, np.zeros(3), 1.0)
+    assert view.eye is not None and view.missing > 0.1
+    assert np.linalg.norm(view.eye) == pytest.approx(1.0) and view.eye[2] < 0.3
+    complete = next_view(load_sample("chair"), floor, np.zeros(3), 1.0)
+    assert complete.eye is None and complete.missing == 0.0

@@ -21,7 +21,7 @@ PATIENCE = 60.0
 
 
 def phases(scan):
-    return [one.phase for one in scan.messages() if isinstance(one, ScanMessage)]
+    return [message.phase for message in scan.messages() if isinstance(message, ScanMessage)]
 
 
 @pytest.fixture
@@ -76,13 +76,13 @@ def test_done_is_refused_and_the_scan_can_continue(busy):
     scan, _, free = busy
     free.set()
     scan.ask(Scan("done"))
-    told, end = list[ScanMessage](), threading.Event()
+    messages, end = list[ScanMessage](), threading.Event()
     for _ in range(round(PATIENCE / 0.05)):
-        told += [one for one in scan.messages() if isinstance(one, ScanMessage)]
-        if told and told[-1].phase == "failed":
+        messages += [message for message in scan.messages() if isinstance(message, ScanMessage)]
+        if messages and messages[-1].phase == "failed":
             break
         end.wait(0.05)
-    assert told[-1].phase == "failed" and "no frame shows enough depth" in told[-1].note
+    assert messages[-1].phase == "failed" and "no frame shows enough depth" in messages[-1].note
     scan.ask(Scan("go on"))
     assert scan.phase == "scanning"
     assert phases(scan)[-1] == "scanning" and scan._note == ("", "")
@@ -92,15 +92,15 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
     scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: mesh)
     scan.start()
     take = take_of()
-    told = list[ScanMessage]()
+    messages = list[ScanMessage]()
 
     def until(done):
         for _ in range(round(PATIENCE / 0.02)):
-            told.extend(one for one in scan.messages() if isinstance(one, ScanMessage))
-            if told and done(told[-1]):
+            messages.extend(message for message in scan.messages() if isinstance(message, ScanMessage))
+            if messages and done(messages[-1]):
                 return
             threading.Event().wait(0.02)
-        raise AssertionError(told[-1])
+        raise AssertionError(messages[-1])
 
     try:
         for index in range(0, 60, 4):
@@ -108,14 +108,14 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
                 pass
         until(lambda said: said.fused == 15 and said.view)
         scan.ask(Scan("pause"))
-        place = np.array(told[-1].stage_from_scan).reshape(3, 4)
+        place = np.array(messages[-1].stage_from_scan).reshape(3, 4)
         # The box is 0.5 m high and stands about the origin of the made-up world, by the first camera.
         world = take.pose(0) @ np.linalg.inv(LEVEL_WORLD_FROM_CAMERA)
         at = place[:, :3] @ (np.linalg.inv(world) @ [0.0, 0.25, 0.0, 1.0])[:3] + place[:, 3]
         assert abs(at[1] - 0.25) < 0.02, "the floor is y = 0 on the stage"
         wide = np.array([0.4, 0.0, 0.4])
         corners = [float(x) for x in (*((at - wide) * [1, 0, 1]), *(at + wide))]
-        scan.ask(Scan("done", box=corners, stage_from_scan=told[-1].stage_from_scan))
+        scan.ask(Scan("done", box=corners, stage_from_scan=messages[-1].stage_from_scan))
         until(lambda said: said.phase == "done")
         mesh = scan.actor
         assert np.ptp(mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.025), "its lower half"

@@ -78,14 +78,14 @@ def doubled(mesh):
     """Returns the fraction of the surface with a second layer 2 to 8 voxels away that faces the same way."""
     random, normals = np.random.default_rng(0), mesh.face_normals()
     areas, middles = np.linalg.norm(mesh.face_vectors(), axis=1), mesh.vertices[mesh.faces].mean(1)
-    chosen, found = random.choice(len(areas), 3000, p=areas / areas.sum()), 0
+    chosen, doubled_count = random.choice(len(areas), 3000, p=areas / areas.sum()), 0
     for face, near in zip(chosen, cKDTree(middles).query_ball_point(middles[chosen], 8 * VOXEL), strict=True):
         away = middles[near] - middles[face]
         deep = away @ normals[face]
         beside = np.linalg.norm(away - deep[:, None] * normals[face], axis=1)
         other = (np.abs(deep) > 2 * VOXEL) & (beside < VOXEL) & (normals[near] @ normals[face] > 0.9)
-        found += bool(other.any())
-    return found / len(chosen)
+        doubled_count += bool(other.any())
+    return doubled_count / len(chosen)
 
 
 @pytest.fixture(scope="module")

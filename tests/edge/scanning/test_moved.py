@@ -61,7 +61,7 @@ class Scanned:
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory):
     take = HandledScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
-    steps, told, add = [], [], MovedScanner.add
+    steps, messages, add = [], [], MovedScanner.add
 
     def watched(scanner, frame, up=None):
         steps.append(add(scanner, frame, up))
@@ -80,15 +80,15 @@ def scanned(tmp_path_factory):
         scan.way, scan.name = "laid", "chair"
         patch.setitem(VOXELS, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
-        edge.show(frames, lambda: told.append((scan.said, advice_of(scan.said).text)))
+        edge.show(frames, lambda: messages.append((scan.said, advice_of(scan.said).text)))
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
         scan.done()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
     truth = [inverse(take.thing_pose(index)) @ take.pose(index) for index in indices]
-    made = window.editor.project.characters["chair"].mesh
-    return Scanned(steps, truth, [index / 30.0 for index in indices], told, scanner, stood, made)
+    mesh = window.editor.project.characters["chair"].mesh
+    return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanner, stood, mesh)
 
 
 def test_object_is_lost_while_carried_and_found_at_rest(scanned):
@@ -124,14 +124,14 @@ def test_window_texts_follow_the_object_state(scanned):
     assert any(text.startswith("Object lifted or lost: put it down") for text in words)
     assert any(text.startswith("Looking for the object, ") for text in words)
     assert any(text.startswith("Found again in ") and text.endswith(" s: go round it") for text in words)
-    said = [message for message, _ in scanned.told]
-    carried = [one for one in said if one.thing == "carried"]
-    assert carried and all(MOVE[0] < seconds_of(one) < MOVE[1] + 2.0 for one in carried)
-    assert not any(one.stage_from_camera for one in carried)
-    found = next(one for one in said if one.thing == "found")
-    assert 0.5 < found.seconds < 4.0 and found.places == 2 and said[0].places == 1
-    assert {one.thing for one in said if seconds_of(one) < MOVE[0]} <= {"", "stands"}
-    assert said[-1].thing == "stands"
+    messages = [message for message, _ in scanned.told]
+    carried = [message for message in messages if message.thing == "carried"]
+    assert carried and all(MOVE[0] < seconds_of(message) < MOVE[1] + 2.0 for message in carried)
+    assert not any(message.stage_from_camera for message in carried)
+    refound = next(message for message in messages if message.thing == "found")
+    assert 0.5 < refound.seconds < 4.0 and refound.places == 2 and messages[0].places == 1
+    assert {message.thing for message in messages if seconds_of(message) < MOVE[0]} <= {"", "stands"}
+    assert messages[-1].thing == "stands"
 
 
 def test_incremental_surface_has_the_objects_final_pose(scanned):
@@ -143,8 +143,8 @@ def test_incremental_surface_has_the_objects_final_pose(scanned):
 
 
 def test_summary_reports_places_and_losses_of_the_object(scanned):
-    said = " ".join(said_of_things(scanned.scanner))
-    assert f"It was found in {len(scanned.scanner.rests)} places" in said
+    summary = " ".join(said_of_things(scanned.scanner))
+    assert f"It was found in {len(scanned.scanner.rests)} places" in summary
     lost = [step.told.state is ScanState.LOST for step in scanned.steps]
     assert lost == [step.state is ObjectState.LOST for step in scanned.steps] and any(lost)
 

@@ -45,34 +45,34 @@ def images(scene):
 @pytest.fixture(scope="module")
 def half(scene):
     """Renders a person that stands still, with the feet below the image."""
-    made = scanner()
+    person_scanner = scanner()
     for n in range(HALF):
-        made.add(scene.frame(n))
-    return made
+        person_scanner.add(scene.frame(n))
+    return person_scanner
 
 
 @pytest.fixture(scope="module")
 def scanned(images):
-    made = scanner()
-    return made, [made.add(image).state for image in images]
+    person_scanner = scanner()
+    return person_scanner, [person_scanner.add(image).state for image in images]
 
 
 def test_turning_person_is_tracked_and_upright_on_the_floor(scanned, scene):
-    made, states = scanned
+    person_scanner, states = scanned
     assert states.count(ScanState.SCANNING) >= IMAGES - 4
-    turned = made.poses[-1][1][:3, :3] @ made.poses[0][1][:3, :3].T
+    turned = person_scanner.poses[-1][1][:3, :3] @ person_scanner.poses[0][1][:3, :3].T
     angle = np.degrees(np.arccos((np.trace(turned) - 1) / 2))
     assert angle == pytest.approx(5.8 * (IMAGES - 1 - STILL), abs=6.0)
-    person = made.person()
+    person = person_scanner.person()
     low, high = person.mesh.bounds
     assert low[1] == pytest.approx(0.0, abs=1e-6) and high[1] == pytest.approx(1.73, abs=0.05)
-    true, known = scene.joints(), np.isfinite(person.joints).all(1)
-    assert known.sum() >= 16
-    apart = (person.joints - true)[known]
+    true, is_known = scene.joints(), np.isfinite(person.joints).all(1)
+    assert is_known.sum() >= 16
+    offsets = (person.joints - true)[is_known]
     # the origin of the mesh is the centre of its bounding box
-    apart -= np.median(apart, axis=0) * [1.0, 0.0, 1.0]
-    assert np.median(np.linalg.norm(apart, axis=1)) < 0.03 and np.linalg.norm(apart, axis=1).max() < 0.1
-    assert made.advice(IMAGES) == []
+    offsets -= np.median(offsets, axis=0) * [1.0, 0.0, 1.0]
+    assert np.median(np.linalg.norm(offsets, axis=1)) < 0.03 and np.linalg.norm(offsets, axis=1).max() < 0.1
+    assert person_scanner.advice(IMAGES) == []
 
 
 def test_still_person_with_hidden_feet_reaches_the_floor(half):
@@ -140,13 +140,13 @@ def test_unseen_joints_are_completed_from_a_standing_person(scanned):
 
 def test_the_command_writes_a_project_that_knows_its_ends(images, tmp_path):
     recording = write(images[:10], tmp_path / "me.mcap")
-    said = run("--recording", recording, "-o", tmp_path / "me.enliven", "--person", "--voxel", 16)
-    assert "of 10 frames" in said and "camera moved" not in said
-    (one,) = read_project(tmp_path / "me.enliven").characters.values()
-    assert one.ends.shape == (5, 3) and one.ends[0, 1] > 1.6 and one.ends[3:, 1].max() < 0.2
-    assert one.ends[1, 0] > one.ends[2, 0], "their left is at +X, for they face +Z"
-    heights = one.joints[[Joint.HEAD, Joint.HIP_CENTER, Joint.KNEE_LEFT, Joint.KNEE_RIGHT], 1]
-    assert one.joints.shape == (20, 3) and (heights > [1.4, 0.8, 0.35, 0.35]).all(), "and its bones"
+    output = run("--recording", recording, "-o", tmp_path / "me.enliven", "--person", "--voxel", 16)
+    assert "of 10 frames" in output and "camera moved" not in output
+    (character,) = read_project(tmp_path / "me.enliven").characters.values()
+    assert character.ends.shape == (5, 3) and character.ends[0, 1] > 1.6 and character.ends[3:, 1].max() < 0.2
+    assert character.ends[1, 0] > character.ends[2, 0], "their left is at +X, for they face +Z"
+    heights = character.joints[[Joint.HEAD, Joint.HIP_CENTER, Joint.KNEE_LEFT, Joint.KNEE_RIGHT], 1]
+    assert character.joints.shape == (20, 3) and (heights > [1.4, 0.8, 0.35, 0.35]).all(), "and its bones"
     run("--recording", recording, "-o", tmp_path / "me.glb", "--person", "--voxel", 16)
     assert load_mesh(tmp_path / "me.glb").mesh.bounds[1, 1] == pytest.approx(1.73, abs=0.06)
 
@@ -160,14 +160,14 @@ def test_recording_without_a_person_is_refused(scene, tmp_path):
 
 
 def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
-    made = scanner()
+    person_scanner = scanner()
     for n in range(8):
-        made.add(scene.frame(n))
+        person_scanner.add(scene.frame(n))
     for n in range(8, 16):
-        made.add(scene.frame(n, left_arm=0.35 + 0.14 * (n - 7)))
-    moved = made.limbs_moved()
+        person_scanner.add(scene.frame(n, left_arm=0.35 + 0.14 * (n - 7)))
+    moved = person_scanner.limbs_moved()
     assert list(moved) == ["left arm"] and 0.12 < moved["left arm"] < 0.9
     for n in range(16, 20):
-        made.add(scene.frame(n, seen=False))
-    said = " ".join(made.advice(20))
-    assert "out of view" in said and "The left arm (by" in said
+        person_scanner.add(scene.frame(n, seen=False))
+    advice = " ".join(person_scanner.advice(20))
+    assert "out of view" in advice and "The left arm (by" in advice

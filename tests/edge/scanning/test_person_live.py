@@ -25,7 +25,7 @@ STILL, TURNED, STEP = 3, 62, 5.8
 def test_full_turn_creates_a_character_with_named_ends(tmp_path):
     scene = TurningPerson(640)
     images = [scene.frame(n, max(n - STILL, 0) * np.radians(STEP)) for n in range(STILL + TURNED + 6)]
-    told = []
+    messages = []
     with closing(ScanningEdge()) as edge, ExitStack() as ends:
         edge.viewer()
         window = ends.enter_context(closing(Window(edge, tmp_path)))
@@ -35,25 +35,28 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         scan.way, scan.name = "person", "me"
         edge.until(Begun(scan), "the beginning")
         words = [advice_of(scan.said).text]
-        edge.show(images, lambda: told.append((scan.said, advice_of(scan.said).text)))
+        edge.show(images, lambda: messages.append((scan.said, advice_of(scan.said).text)))
         assert scan.said.phase == "scanning", "they stood still for less than a second of the camera's clock"
         edge.until(lambda: scan.said.missing == 0.0, "all sides in the window")
         edge.show(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
     assert words == ["Stand one to three metres before the camera, whole in view"]
-    assert all(one.thing == "person" for one, _ in told)
-    missing = [one.missing for one, _ in told]
+    assert all(message.thing == "person" for message, _ in messages)
+    missing = [message.missing for message, _ in messages]
     assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0 and scanner.missing == 0.0
-    assert any(text.startswith("Turn on the spot, slowly: 5") for _, text in told)
-    assert told[-1][1] == "All round: stand still"
-    made = window.editor.project.characters["me"]
-    low, high = made.mesh.bounds
+    assert any(text.startswith("Turn on the spot, slowly: 5") for _, text in messages)
+    assert messages[-1][1] == "All round: stand still"
+    character = window.editor.project.characters["me"]
+    low, high = character.mesh.bounds
     assert low[1] == pytest.approx(0.0, abs=1e-3) and high[1] == pytest.approx(1.73, abs=0.06)
-    away = np.linalg.norm(made.ends[:, None] - made.mesh.vertices, axis=2).min(1)
+    away = np.linalg.norm(character.ends[:, None] - character.mesh.vertices, axis=2).min(1)
     assert away.max() < 0.08, "head, hands and feet lie at its surface"
-    assert made.joints.shape == (20, 3) and np.linalg.norm(made.joints[Joint.HAND_LEFT] - made.ends[1]) < 0.15
-    head, left, right, *feet = made.ends
+    assert (
+        character.joints.shape == (20, 3)
+        and np.linalg.norm(character.joints[Joint.HAND_LEFT] - character.ends[1]) < 0.15
+    )
+    head, left, right, *feet = character.ends
     assert head[1] > 1.6 and left[0] > right[0] and max(foot[1] for foot in feet) < 0.2
 
 
@@ -63,14 +66,14 @@ def test_a_copy_is_scanned_on_by_itself_with_the_same_tracker():
 
     scene = TurningPerson(320)
     volume = VolumeSettings(voxel=0.016, reach=3.5, far=3.5)
-    one = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
+    original = PersonScanner(ScanSettings(volume=volume, least_depth=0.01))
     for n in range(4):
-        one.add(scene.frame(n))
-    other = copy.deepcopy(one)
-    fused = len(one.poses)
+        original.add(scene.frame(n))
+    other = copy.deepcopy(original)
+    fused = len(original.poses)
     assert other.add(scene.frame(4)).state is ScanState.SCANNING
-    assert len(one.poses) == fused and len(other.poses) == fused + 1
-    assert other._people is one._people
+    assert len(original.poses) == fused and len(other.poses) == fused + 1
+    assert other._people is original._people
 
 
 def test_a_person_and_something_that_is_moved_are_refused():

@@ -48,10 +48,10 @@ def test_partly_too_fast_scan_keeps_the_rest_and_reports_it(carried, tmp_path):
     take, frames = take_of(), []
     for n, index in enumerate([*range(0, 60, 4), *range(61, 180, 17)]):
         frames.append(replace(take.frame(index), time_ns=n * 33_000_000))
-    said = run(
+    output = run(
         "--recording", write(frames, tmp_path / "part.mcap"), "-o", tmp_path / "part.glb", "--voxel", 16
     )
-    assert "frames are not in the mesh: the camera was lost. Carry it more slowly" in said
+    assert "frames are not in the mesh: the camera was lost. Carry it more slowly" in output
     assert load_mesh(tmp_path / "part.glb").mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
 
 
@@ -71,10 +71,10 @@ def test_mirror_hole_stays_a_hole(tmp_path):
         height, width = depth.shape
         depth[height // 3 : height // 2, width // 3 : width // 2] = 0
 
-    made = tmp_path / "holed.glb"
+    target = tmp_path / "holed.glb"
     holed = recorded(tmp_path / "holed.mcap", last=60, change=lambda frame: with_depth(frame, mirror))
-    said = run("--recording", holed, "-o", made, "--voxel", 16)
-    assert "of 15 frames" in said and load_mesh(made).mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
+    output = run("--recording", holed, "-o", target, "--voxel", 16)
+    assert "of 15 frames" in output and load_mesh(target).mesh.bounds[1, 1] == pytest.approx(0.5, abs=0.04)
     nothing = recorded(
         tmp_path / "dark.mcap", last=12, change=lambda frame: with_depth(frame, lambda d: d.fill(0))
     )
@@ -85,9 +85,9 @@ def test_mirror_hole_stays_a_hole(tmp_path):
 def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
     # The surfaces used for tracking are farther away than the kept range.
     empty = recorded(tmp_path / "empty.mcap", NOTHING, last=60)
-    made = tmp_path / "no.glb"
+    target = tmp_path / "no.glb"
     with pytest.raises(InputError, match=r"nothing that stands on the floor.*--whole"):
-        run("--recording", empty, "-o", made, "--voxel", 16, "--reach", 1.6)
+        run("--recording", empty, "-o", target, "--voxel", 16, "--reach", 1.6)
     assert not (tmp_path / "no.scan.mcap").exists(), "the recording is there anyway"
     sensor = [
         "--sensor",
@@ -102,18 +102,18 @@ def test_missing_object_is_reported_and_sensor_recording_is_kept(tmp_path):
         1.6,
     ]
     with pytest.raises(InputError, match=r"The recorded images were kept: --recording .*no\.scan\.mcap"):
-        run(*sensor, "-o", made)
-    assert not made.exists()
-    run("--recording", tmp_path / "no.scan.mcap", "-o", made, "--voxel", 16, "--whole")
-    assert len(load_mesh(made).mesh.faces) > 1000
+        run(*sensor, "-o", target)
+    assert not target.exists()
+    run("--recording", tmp_path / "no.scan.mcap", "-o", target, "--voxel", 16, "--whole")
+    assert len(load_mesh(target).mesh.faces) > 1000
 
 
 def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
     low = Box((-0.85, 0.0, -0.2), (-0.5, 0.3, 0.2))
     both = recorded(tmp_path / "both.mcap", last=60, room=(*STUDIO, low))
     words = ["--recording", both, "--voxel", 8, "--no-keep"]
-    said = run(*words, "-o", tmp_path / "first.glb")
-    assert re.search(r"2 objects stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", said)
+    output = run(*words, "-o", tmp_path / "first.glb")
+    assert re.search(r"2 objects stand there \(1: .*, 2: .* cm\); number 1 was taken, see --thing", output)
     run(*words, "-o", tmp_path / "second.glb", "--thing", 2)
     tall, short = (load_mesh(tmp_path / f"{name}.glb").mesh.bounds[1, 1] for name in ("first", "second"))
     assert tall == pytest.approx(0.5, abs=0.04) and short == pytest.approx(0.3, abs=0.04)
@@ -124,17 +124,17 @@ def test_centred_object_is_taken_and_the_other_can_be_selected(tmp_path):
 
 
 def test_recording_without_colours_gives_a_plain_mesh_and_a_note(carried, tmp_path):
-    said = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
-    assert "The camera gave no colours, so the mesh has none" in said
+    output = run("--recording", carried, "-o", tmp_path / "plain.glb", "--voxel", 16)
+    assert "The camera gave no colours, so the mesh has none" in output
     assert load_mesh(tmp_path / "plain.glb").mesh.colours is None
 
 
 def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_path):
-    made = tmp_path / "part.glb"
-    said = run("--recording", carried, "-o", made, "--voxel", 4, "--memory", 30, "--whole")
-    assert "The memory for voxels was full: nothing more was added" in said and "--memory" in said
-    assert int(re.search(r"of (\d+) frames", said)[1]) < 15, "it does not go on to the end"
-    assert len(load_mesh(made).mesh.faces) > 10_000
+    target = tmp_path / "part.glb"
+    output = run("--recording", carried, "-o", target, "--voxel", 4, "--memory", 30, "--whole")
+    assert "The memory for voxels was full: nothing more was added" in output and "--memory" in output
+    assert int(re.search(r"of (\d+) frames", output)[1]) < 15, "it does not go on to the end"
+    assert len(load_mesh(target).mesh.faces) > 10_000
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
@@ -150,8 +150,8 @@ def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
     before = signal.getsignal(signal.SIGINT)
     # The camera never ends.
     camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]
-    said = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
-    assert "of 8 frames" in said and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
+    output = run(*camera, "-o", tmp_path / "part.glb", "--voxel", 16)
+    assert "of 8 frames" in output and len(load_mesh(tmp_path / "part.glb").mesh.faces) > 100
     assert (tmp_path / "part.scan.mcap").stat().st_size > 10_000
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -171,17 +171,17 @@ def full_disk(monkeypatch, folder, of_all=False):
 def test_full_disk_keeps_the_scan_and_the_old_file(carried, tmp_path, monkeypatch, ending):
     disk, home = tmp_path / "disk", tmp_path / "home"
     disk.mkdir(), home.mkdir()
-    made = disk / f"thing.{ending}"
-    made.write_bytes(b"before")
+    target = disk / f"thing.{ending}"
+    target.write_bytes(b"before")
     monkeypatch.setenv("HOME", str(home))
     full_disk(monkeypatch, disk)
     with pytest.raises(ResourceError, match=r"No space left on device.*so it is in .*Make room") as refused:
-        run("--recording", carried, "-o", made, "--voxel", 16, "--overwrite", "--no-keep")
-    assert refused.value.where == str(made) and made.read_bytes() == b"before"
+        run("--recording", carried, "-o", target, "--voxel", 16, "--overwrite", "--no-keep")
+    assert refused.value.where == str(target) and target.read_bytes() == b"before"
     saved = home / f"thing.saved.{ending}"
     assert str(saved) in refused.value.what and saved.stat().st_size > 10_000
-    assert [path.name for path in disk.iterdir()] == [made.name], "no half of a file is left"
+    assert [path.name for path in disk.iterdir()] == [target.name], "no half of a file is left"
     full_disk(monkeypatch, disk, of_all=True)
     with pytest.raises(ResourceError, match="No space left on device"):
-        run("--recording", carried, "-o", made, "--voxel", 16, "--overwrite", "--no-keep")
-    assert made.read_bytes() == b"before"
+        run("--recording", carried, "-o", target, "--voxel", 16, "--overwrite", "--no-keep")
+    assert target.read_bytes() == b"before"

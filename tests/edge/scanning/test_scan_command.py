@@ -27,10 +27,10 @@ def carried(tmp_path_factory):
 
 
 def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
-    made, sheet = tmp_path / "box.glb", tmp_path / "box.png"
-    said = run("--recording", carried, "-o", made, "--sheet", sheet, "--voxel", 8)
-    assert "90 frames" in said and "triangles" in said
-    mesh = load_mesh(made).mesh
+    target, sheet = tmp_path / "box.glb", tmp_path / "box.png"
+    output = run("--recording", carried, "-o", target, "--sheet", sheet, "--voxel", 8)
+    assert "90 frames" in output and "triangles" in output
+    mesh = load_mesh(target).mesh
     size = mesh.bounds[1] - mesh.bounds[0]
     assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
     # The first camera defines the heading, so the box's extent lies between its side and its diagonal.
@@ -41,22 +41,22 @@ def test_a_box_becomes_a_mesh_on_the_floor_with_a_sheet(carried, tmp_path):
 
 
 def test_budget_is_kept_and_reported_and_a_project_opens(carried, tmp_path):
-    made = tmp_path / "box.enliven"
-    words = ["--recording", carried, "-o", made, "--voxel", 12, "--seconds", 2]
-    said = run(*words, "--triangles", 900)
-    assert re.search(r"(8\d\d|900) triangles \(within \d+\.\d mm of the full scan\)", said)
-    (one,) = read_project(made).characters.values()
-    assert one.id == "box" and len(one.mesh.faces) <= 900 and one.mesh.colours is not None
+    target = tmp_path / "box.enliven"
+    words = ["--recording", carried, "-o", target, "--voxel", 12, "--seconds", 2]
+    output = run(*words, "--triangles", 900)
+    assert re.search(r"(8\d\d|900) triangles \(within \d+\.\d mm of the full scan\)", output)
+    (character,) = read_project(target).characters.values()
+    assert character.id == "box" and len(character.mesh.faces) <= 900 and character.mesh.colours is not None
     full = run(*words, "--triangles", 0, "--overwrite")
     assert "within" not in full
-    (one,) = read_project(made).characters.values()
-    assert len(one.mesh.faces) > 2000
+    (character,) = read_project(target).characters.values()
+    assert len(character.mesh.faces) > 2000
 
 
 def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
-    made = tmp_path / "room.ply"
-    run("--recording", carried, "-o", made, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)
-    mesh = load_mesh(made).mesh
+    target = tmp_path / "room.ply"
+    run("--recording", carried, "-o", target, "--voxel", 16, "--seconds", 1, "--whole", "--triangles", 0)
+    mesh = load_mesh(target).mesh
     # The camera looked down by 30 degrees, and its first image has no pose.
     floor = (mesh.face_normals()[:, 1] > 0.9) & (np.abs(mesh.vertices[mesh.faces[:, 0], 1]) < 0.02)
     areas = np.linalg.norm(mesh.face_vectors(), axis=1)
@@ -65,15 +65,15 @@ def test_all_that_was_scanned_is_level_on_the_floor(carried, tmp_path):
 
 
 def test_invalid_scan_arguments_are_refused(carried, tmp_path):
-    made = tmp_path / "made.glb"
+    target = tmp_path / "made.glb"
     with pytest.raises(InputError, match="give a recording or a sensor"):
-        run("-o", made)
+        run("-o", target)
     with pytest.raises(InputError, match=r"cannot write \.doc"):
         run("--recording", carried, "-o", tmp_path / "made.doc")
-    made.write_bytes(b"kept")
+    target.write_bytes(b"kept")
     with pytest.raises(InputError, match="exists already"):
-        run("--recording", carried, "-o", made)
-    assert made.read_bytes() == b"kept"
+        run("--recording", carried, "-o", target)
+    assert target.read_bytes() == b"kept"
     with Recorder(tmp_path / "bodies.mcap") as recorder:
         recorder.write_frame(BodyFrame([], 0, "none"))
     with pytest.raises(InputError, match="no depth images"):
@@ -96,8 +96,8 @@ def test_scan_log_measures_the_path_and_gives_advice():
     diary.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
     # the gap between losing and re-finding the camera adds no path length
     assert diary.way == pytest.approx(0.18)
-    said = " ".join(diary.advice())
-    assert "10 of 21 frames" in said and "memory" in said and "1 m/s" not in said
+    advice = " ".join(diary.advice())
+    assert "10 of 21 frames" in advice and "memory" in advice and "1 m/s" not in advice
     quick = ScanDiary()
     for n in range(5):
         quick.add(step(ScanState.SCANNING, 0.1 * n), n * 33_000_000)

@@ -40,31 +40,31 @@ def bounds(path):
 
 
 def test_box_option_equals_the_whole_scan_inside_it(folder, tmp_path):
-    whole = tmp_path / "whole.ply"
-    run("--recording", folder / "with.mcap", "-o", whole, "--voxel", 16, "--whole", "--triangles", 0)
-    mesh = load_mesh(whole).mesh
+    whole_path = tmp_path / "whole.ply"
+    run("--recording", folder / "with.mcap", "-o", whole_path, "--voxel", 16, "--whole", "--triangles", 0)
+    mesh = load_mesh(whole_path).mesh
     # The object is the only surface near the origin that is above the floor.
     high = mesh.vertices[(mesh.vertices[:, 1] > 0.05) & (np.abs(mesh.vertices[:, [0, 2]]) < 0.33).all(1)]
     low, top = high.min(0) - 0.03, high.max(0) + 0.03
     assert top[1] == pytest.approx(0.53, abs=0.03) and np.abs(low[[0, 2]] + top[[0, 2]]).max() < 0.2
-    made = tmp_path / "box.glb"
+    target = tmp_path / "box.glb"
     corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], *top))
-    said = run("--recording", folder / "with.mcap", "-o", made, "--voxel", 16, f"--box={corners}")
-    assert "In the box: 1 part" in said and "square metres" in said
-    size = bounds(made)[1] - bounds(made)[0]
+    output = run("--recording", folder / "with.mcap", "-o", target, "--voxel", 16, f"--box={corners}")
+    assert "In the box: 1 part" in output and "square metres" in output
+    size = bounds(target)[1] - bounds(target)[0]
     np.testing.assert_allclose(
         size, [high[:, 0].max() - high[:, 0].min(), 0.5, np.ptp(high[:, 2])], atol=0.03
     )
     # The lower half of the kept scan, as a project.
     half = tmp_path / "half.enliven"
     corners = ",".join(f"{x:.3f}" for x in (low[0], 0.0, low[2], top[0], 0.25, top[2]))
-    kept = tmp_path / "box.scan.mcap"
-    run("--recording", kept, "-o", half, "--voxel", 16, f"--box={corners}", "--no-keep")
-    (one,) = read_project(half).characters.values()
-    assert np.ptp(one.mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.02)
+    kept_recording = tmp_path / "box.scan.mcap"
+    run("--recording", kept_recording, "-o", half, "--voxel", 16, f"--box={corners}", "--no-keep")
+    (character,) = read_project(half).characters.values()
+    assert np.ptp(character.mesh.vertices[:, 1]) == pytest.approx(0.25, abs=0.02)
     assert not (tmp_path / "half.scan.mcap").exists()
     with pytest.raises(InputError, match=r"no surface .* The scanned surface reaches from"):
-        run("--recording", kept, "-o", tmp_path / "far.glb", "--voxel", 16, "--box=5,0,5,6,1,6")
+        run("--recording", kept_recording, "-o", tmp_path / "far.glb", "--voxel", 16, "--box=5,0,5,6,1,6")
 
 
 @pytest.mark.parametrize("box", ["1,2,3", "a,b,c,d,e,f", "0,0,0,1,-1,1", "0,0,0,1,nan,1"])
@@ -74,12 +74,12 @@ def test_invalid_box_is_refused_before_the_scan(box, tmp_path):
 
 
 def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
-    made = tmp_path / "new.glb"
-    said = run(
-        "--recording", folder / "with.mcap", "--before", folder / "empty.mcap", "-o", made, "--voxel", 8
+    target = tmp_path / "new.glb"
+    output = run(
+        "--recording", folder / "with.mcap", "--before", folder / "empty.mcap", "-o", target, "--voxel", 8
     )
-    assert "New: 1 part" in said
-    mesh = load_mesh(made).mesh
+    assert "New: 1 part" in output
+    mesh = load_mesh(target).mesh
     size = mesh.bounds[1] - mesh.bounds[0]
     assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
     assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
@@ -87,7 +87,7 @@ def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
         empty = folder / "empty.mcap"
         run("--recording", empty, "--before", empty, "-o", tmp_path / "no.glb", "--voxel", 16)
     with pytest.raises(InputError, match="--whole and --before"):
-        run("--recording", made, "--before", made, "--whole", "-o", tmp_path / "no.glb")
+        run("--recording", target, "--before", target, "--whole", "-o", tmp_path / "no.glb")
 
 
 def test_another_place_is_no_place_before(folder, tmp_path):
@@ -107,12 +107,12 @@ def test_a_bare_floor_is_no_place_before(folder, tmp_path):
 def test_added_scan_completes_the_earlier_one(tmp_path):
     front = recorded(tmp_path / "front.mcap", last=70)
     back = recorded(tmp_path / "back.mcap", first=50)
-    made = tmp_path / "box.glb"
-    run("--recording", front, "-o", made, "--voxel", 8)
-    first = load_mesh(made).mesh
+    target = tmp_path / "box.glb"
+    run("--recording", front, "-o", target, "--voxel", 8)
+    first = load_mesh(target).mesh
     assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) == 18
-    run("--recording", back, "--add", made, "-o", made, "--voxel", 8)
-    both = load_mesh(made).mesh
+    run("--recording", back, "--add", target, "-o", target, "--voxel", 8)
+    both = load_mesh(target).mesh
     assert both.area > 1.25 * first.area, "its back is there now"
     size = both.bounds[1] - both.bounds[0]
     assert size[1] == pytest.approx(0.5, abs=0.02) and max(size[0], size[2]) < 0.56, "and nothing twice"
@@ -120,9 +120,9 @@ def test_added_scan_completes_the_earlier_one(tmp_path):
     assert both.area > 0.85 * full
     assert len(list(Recording(tmp_path / "box.scan.mcap").frames())) > 18 + 25
     (tmp_path / "box.scan.mcap").unlink()
-    before = made.read_bytes()
+    before = target.read_bytes()
     with pytest.raises(InputError, match=r"its scan was not kept: box\.scan\.mcap is missing"):
-        run("--recording", back, "--add", made, "-o", made)
-    assert made.read_bytes() == before
+        run("--recording", back, "--add", target, "-o", target)
+    assert target.read_bytes() == before
     with pytest.raises(InputError, match="do not go together"):
-        run("--recording", back, "--add", made, "--before", front, "-o", tmp_path / "no.glb")
+        run("--recording", back, "--add", target, "--before", front, "-o", tmp_path / "no.glb")

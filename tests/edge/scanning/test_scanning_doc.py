@@ -16,7 +16,7 @@ app.command()(scan)
 
 
 def test_its_options_are_those_of_the_command():
-    said = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
+    help_text = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", PAGE)) - {"--help"}
     assert {"--voxel", "--reach", "--whole", "--sheet", "--seconds", "--sensor", "--recording"} <= named
     assert {
@@ -31,7 +31,7 @@ def test_its_options_are_those_of_the_command():
         "--thing",
         "--person",
     } <= named
-    assert [option for option in named if option not in said] == []
+    assert [option for option in named if option not in help_text] == []
 
 
 def test_its_refusals_are_in_the_code():
@@ -62,10 +62,12 @@ def test_its_numbers_are_the_defaults():
 
 
 def test_its_numbers_of_the_search_are_the_defaults():
-    moved, found = ObjectSettings(), RegistrationSettings()
+    moved, search = ObjectSettings(), RegistrationSettings()
     assert "off by 15 mm, or\n   tilted by 15 mrad" in PAGE and (moved.lifted, moved.tilted) == (0.015, 0.015)
     assert (
-        "from 900 turns" in PAGE and "24 best answers" in PAGE and (found.turns, found.looked_at) == (900, 24)
+        "from 900 turns" in PAGE
+        and "24 best answers" in PAGE
+        and (search.turns, search.looked_at) == (900, 24)
     )
     assert "half of its points agree, at most one in 25" in PAGE
-    assert (found.agreeing, found.through, moved.looks) == (0.5, 0.04, 10) and "from ten images on" in PAGE
+    assert (search.agreeing, search.through, moved.looks) == (0.5, 0.04, 10) and "from ten images on" in PAGE

@@ -32,7 +32,9 @@ def test_spun_object_is_tracked_and_room_stays_still():
     room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
     # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
-    assert not any("objects stand there" in one for one in said_of_things(scanner)), "what moved is the thing"
+    assert not any("objects stand there" in sentence for sentence in said_of_things(scanner)), (
+        "what moved is the thing"
+    )
 
 
 def test_object_picked_up_by_two_hands_is_tracked():

@@ -70,15 +70,15 @@ def test_object_turning_before_a_wall_is_scanned_from_all_sides(frames):
 
 
 def test_within_option_cuts_off_the_background(frames, tmp_path):
-    app, made = typer.Typer(pretty_exceptions_enable=False), tmp_path / "thing.glb"
+    app, target = typer.Typer(pretty_exceptions_enable=False), tmp_path / "thing.glb"
     app.command()(scan)
     with Recorder(tmp_path / "turned.mcap") as recorder:
         for frame in frames[1][:12]:
             recorder.write_frame(frame)
-    words = ["--recording", str(tmp_path / "turned.mcap"), "-o", str(made), "--voxel", "10"]
-    said = CliRunner().invoke(app, [*words, "--within", "2.2"])
-    assert said.exit_code == 0 and "of 12 frames" in said.output, said.output
-    mesh = load_mesh(made).mesh
+    words = ["--recording", str(tmp_path / "turned.mcap"), "-o", str(target), "--voxel", "10"]
+    result = CliRunner().invoke(app, [*words, "--within", "2.2"])
+    assert result.exit_code == 0 and "of 12 frames" in result.output, result.output
+    mesh = load_mesh(target).mesh
     assert mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)
     size = np.ptp(mesh.vertices, axis=0)
     assert np.abs(mesh.vertices).max() < 2.0 and size[0] < 1.0 and size[2] < 1.0, "the wall is not in it"
@@ -99,10 +99,10 @@ def test_object_turned_in_two_hands_is_scanned_without_hands():
         steps.append(scanner.add(frame if index else replace(frame, world_from_camera=true)))
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)
-    made = largest_part(scanner.surface())
+    mesh = largest_part(scanner.surface())
     # A hand covers the object in a part of the images; other images see the free space where it was.
     grid = nearest_grid(sampled(SMALL, 30_000), 0.01, 0.1)
-    ((pose,), _) = laid(grid, sampled(made, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
-    error = distances(SMALL, sampled(made, 6000).points @ pose[:3, :3].T + pose[:3, 3])
+    ((pose,), _) = laid(grid, sampled(mesh, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    error = distances(SMALL, sampled(mesh, 6000).points @ pose[:3, :3].T + pose[:3, 3])
     assert error.mean() < 0.004 and (error > 0.015).mean() < 0.03, "hardly a trace of the first holds"
-    assert made.area > 0.6 * SMALL.area, "more than what one side shows"
+    assert mesh.area > 0.6 * SMALL.area, "more than what one side shows"

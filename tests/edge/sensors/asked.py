@@ -42,8 +42,8 @@ def on_usb_2() -> object:
     """Creates a software device that reports a USB 2 connection."""
     with RealSenseSensor(rehearse=str(folder / "lensless-realsense.mcap")) as sensor:
         sensor._device.register_info(sensor._rs.camera_info.usb_type_descriptor, "2.1")
-        found = sensor.condition()
-        return [found.link, found.slow_link]
+        condition = sensor.condition()
+        return [condition.link, condition.slow_link]
 
 
 def lensless(kind: type, name: str) -> object:

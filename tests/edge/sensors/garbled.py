@@ -103,10 +103,10 @@ class GarbledRealSense(RealSenseSensor):
             (np.uint16, 2, 2 * camera.width, -math.inf),
         )
         kind, size, stride, time_of_it = kinds[number // EVERY % len(kinds)]
-        made = self._rs.software_video_frame()
-        made.pixels = np.zeros((camera.height, camera.width), kind)
-        made.bpp, made.stride, made.timestamp, made.frame_number = size, stride, time_of_it, number
-        made.domain = self._rs.timestamp_domain.hardware_clock
-        made.profile, made.depth_units = self._stream, 0.001
-        self._sensor.on_video_frame(made)
+        image = self._rs.software_video_frame()
+        image.pixels = np.zeros((camera.height, camera.width), kind)
+        image.bpp, image.stride, image.timestamp, image.frame_number = size, stride, time_of_it, number
+        image.domain = self._rs.timestamp_domain.hardware_clock
+        image.profile, image.depth_units = self._stream, 0.001
+        self._sensor.on_video_frame(image)
         return None

@@ -22,9 +22,9 @@ def usb(tmp_path):
         number = len(list(devices.glob("*"))) + 1
         device = devices / f"1-{number}"
         device.mkdir(parents=True)
-        said = {"idVendor": vendor, "idProduct": product, "product": title, "speed": speed}
-        said |= {"busnum": "1", "devnum": str(number), "serial": f"S{number}"}
-        for part, text in said.items():
+        attributes = {"idVendor": vendor, "idProduct": product, "product": title, "speed": speed}
+        attributes |= {"busnum": "1", "devnum": str(number), "serial": f"S{number}"}
+        for part, text in attributes.items():
             (device / part).write_text(text + "\n")
         node = nodes / "001" / f"{number:03}"
         node.parent.mkdir(parents=True, exist_ok=True)
@@ -95,10 +95,10 @@ def test_the_rules_open_the_cameras_that_are_known_and_no_other_devices(usb):
     assert all('TAG+="uaccess"' in line and 'MODE="0660"' in line for line in lines)
 
     def opened(vendor: str, product: str, title: str) -> bool:
-        said = {"idVendor": vendor, "idProduct": product, "product": title}
+        attributes = {"idVendor": vendor, "idProduct": product, "product": title}
         return any(
             all(
-                any(fnmatch.fnmatchcase(said[part], each) for each in wanted.split("|"))
+                any(fnmatch.fnmatchcase(attributes[part], each) for each in wanted.split("|"))
                 for part, wanted in re.findall(r'ATTR\{(\w+)\}=="([^"]+)"', line)
             )
             for line in lines

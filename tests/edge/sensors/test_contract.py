@@ -65,9 +65,9 @@ def driver(request):
 @pytest.fixture(scope="module")
 def kept(driver, takes, tmp_path_factory):
     """One sensor for all tests, since it must survive each of them."""
-    made = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
-    yield made
-    made.close()
+    rehearsed = Live(driver, takes[0], tmp_path_factory.mktemp("rehearsed"))
+    yield rehearsed
+    rehearsed.close()
     until(lambda: not helpers(), "an end without a helper process")
 
 

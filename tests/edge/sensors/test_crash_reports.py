@@ -54,9 +54,9 @@ def test_crash_dump_of_an_oak_is_kept_unchanged(state):
 
         def getCrashDump(self):
             self.dumps -= 1
-            made = dai.CrashDumpRVC2()
-            made.deviceId = "18443010/../x"
-            return made
+            dump = dai.CrashDumpRVC2()
+            dump.deviceId = "18443010/../x"
+            return dump
 
     device = Device()
     assert all(

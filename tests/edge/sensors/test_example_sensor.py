@@ -34,7 +34,7 @@ def test_example_sensor_is_installed_and_runs(tmp_path):
     script = tmp_path / "use.py"
     script.write_text(code)
     path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
-    said = subprocess.run(
+    result = subprocess.run(
         [sys.executable, str(script)],
         env={**os.environ, "PYTHONPATH": path},
         check=False,
@@ -42,6 +42,6 @@ def test_example_sensor_is_installed_and_runs(tmp_path):
         text=True,
         timeout=300,
     )
-    assert said.returncode == 0, said.stderr
-    name, distances, first = said.stdout.rsplit(maxsplit=2)
+    assert result.returncode == 0, result.stderr
+    name, distances, first = result.stdout.rsplit(maxsplit=2)
     assert name == "pulsing-wall 7" and int(distances) > 5 and first == "1"

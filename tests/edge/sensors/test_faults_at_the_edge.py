@@ -38,32 +38,32 @@ def unplugged():
 @pytest.fixture
 def outlet(tmp_path):
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
-    with Outlet(wire, "troubled", record=tmp_path / "take.mcap") as made:
-        yield made
+    with Outlet(wire, "troubled", record=tmp_path / "take.mcap") as opened:
+        yield opened
 
 
 def serve(edge: Edge) -> list[dict[str, str]]:
     """Runs the edge; yields the problems in its heartbeat after each step, by kind."""
-    said: list[dict[str, str]] = []
+    reported: list[dict[str, str]] = []
     listen = edge._listen
 
     def heard() -> None:
-        said.append({state.kind: state.what for state in edge.outlet.publisher.status.health})
+        reported.append({state.kind: state.what for state in edge.outlet.publisher.status.health})
         listen()
 
     edge._listen = heard
     edge.run()
-    return said
+    return reported
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_edge_continues_with_the_next_good_frame(outlet, tmp_path, fault):
     with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
-        said = serve(edge)
+        reported = serve(edge)
     kind = SAID.get(fault, HealthKind.BAD_FRAME)
-    assert any(kind in states for states in said)
-    assert kind not in said[-1]
+    assert any(kind in states for states in reported)
+    assert kind not in reported[-1]
     assert edge.frames == FRAMES
     outlet.close()
     assert len(list(Recording(tmp_path / "take.mcap").messages("bodies"))) == FRAMES
@@ -89,9 +89,9 @@ def test_another_size_that_stays_is_a_new_mode_of_the_sensor(outlet):
     tracker = Tracker()
     with kept_open(lambda: Mode(FRAMES)) as sensor:
         edge = Edge(sensor, tracker, Stage([]), outlet, health=HealthMonitor(fps=30.0))
-        said = serve(edge)
-    assert "96x72 pixels instead of 64x48" in said[21][HealthKind.RESIZED]
-    assert HealthKind.RESIZED not in said[-1]
+        reported = serve(edge)
+    assert "96x72 pixels instead of 64x48" in reported[21][HealthKind.RESIZED]
+    assert HealthKind.RESIZED not in reported[-1]
     assert edge.frames == FRAMES - 4, "all but those that may have been a slip"
     assert tracker._mounting.camera.full == camera(96, 72)
 
@@ -130,11 +130,11 @@ def fused(once: bool) -> FusedSensors:
 def test_one_of_several_sensors_breaks_and_comes_back(outlet):
     with fused(once=False) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet)
-        said = serve(edge)
-        seen = {w.name: w._health._rhythm._newest for w in sensor._watchers}
-    assert any(HealthKind.SENSOR_LOST in states for states in said)
-    assert HealthKind.SENSOR_LOST not in said[-1]
-    assert edge.frames > 60 and set(seen) == {"a", "b"}
+        reported = serve(edge)
+        newest_times = {w.name: w._health._rhythm._newest for w in sensor._watchers}
+    assert any(HealthKind.SENSOR_LOST in states for states in reported)
+    assert HealthKind.SENSOR_LOST not in reported[-1]
+    assert edge.frames > 60 and set(newest_times) == {"a", "b"}
     assert not any(watcher.failure for watcher in sensor._watchers)
 
 

@@ -44,21 +44,21 @@ def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):
     video("bcm2835-codec-decode")
     video("arducam-pivariety")
     video("Locked Cam", allowed=False)
-    found = video.found()
-    assert [(one.sensor, one.options.get("device", "")[-6:]) for one in found] == [
+    listed = video.found()
+    assert [(entry.sensor, entry.options.get("device", "")[-6:]) for entry in listed] == [
         ("webcam", "video0"),
         ("tof", ""),
         ("webcam", "video5"),
     ]
-    assert not found[0].trouble and not found[0].depth and found[1].depth
-    assert "may not open" in found[2].trouble and "usermod" in found[2].mend
+    assert not listed[0].trouble and not listed[0].depth and listed[1].depth
+    assert "may not open" in listed[2].trouble and "usermod" in listed[2].mend
 
 
 def test_camera_without_its_library_gives_the_install_command(video, monkeypatch):
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None)
     video("A webcam")
-    (one,) = video.found()
-    assert one.trouble == "mediapipe is not installed" and "pip install" in one.mend
+    (listed,) = video.found()
+    assert listed.trouble == "mediapipe is not installed" and "pip install" in listed.mend
 
 
 def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle(monkeypatch, tmp_path):
@@ -83,5 +83,5 @@ def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle
 def test_the_command_prints_the_cameras_as_json(capsys, monkeypatch):
     monkeypatch.setattr(module, "attached", list)
     assert cli.run(["sensors", "--json"]) == 0
-    for one in json.loads(capsys.readouterr().out.splitlines()[-1]):
-        assert one["title"]
+    for listed in json.loads(capsys.readouterr().out.splitlines()[-1]):
+        assert listed["title"]

@@ -103,16 +103,16 @@ class Scripted:
 
 def lived(sensor) -> list[tuple]:
     """Returns all output of a sensor, with an edge's health monitor's states."""
-    health, said = HealthMonitor(fps=30.0), []
+    health, events = HealthMonitor(fps=30.0), []
     while True:
         try:
             frame = sensor.read(1.0)
         except (SensorFault, InputError) as error:
             health.failed(error)
-            said.append((type(error), error.what, error.where, error.mend, health.states))
+            events.append((type(error), error.what, error.where, error.mend, health.states))
             continue
         if frame is None:
-            return said
+            return events
         health.admit(frame)
         condition = condition_of(sensor)
         health.judge_device(condition, np.eye(4), floor_known=True)
@@ -121,7 +121,7 @@ def lived(sensor) -> list[tuple]:
             frame.intrinsics,
             None if frame.colour is None else frame.colour.tobytes(),
         )
-        said.append((frame.time_ns, frame.sequence, frame.sensor, image, condition, health.states))
+        events.append((frame.time_ns, frame.sequence, frame.sensor, image, condition, health.states))
 
 
 def recorded(path: Path, sensor) -> ReplaySensor:
@@ -151,9 +151,9 @@ def test_replayed_loss_is_reported_at_the_same_frames_and_loops(tmp_path):
     assert [HealthKind.SENSOR_LOST in each for each in states].index(True) == 21
     assert HealthKind.SLOW_LINK in states[0] and HealthKind.HOT in states[-1]
     with ReplaySensor(tmp_path / "a.mcap", speed=0.0, loop=True) as looped:
-        said = [next_said(looped) for _ in range(2 * len(script))]
-    assert [type(each) for each in said].count(SensorFault) == 2
-    times = [each.time_ns for each in said if isinstance(each, DepthFrame)]
+        events = [next_said(looped) for _ in range(2 * len(script))]
+    assert [type(each) for each in events].count(SensorFault) == 2
+    times = [each.time_ns for each in events if isinstance(each, DepthFrame)]
     assert times == sorted(set(times)) and len(times) == 2 * (len(script) - 1)
 
 
@@ -181,15 +181,15 @@ def test_inspect_reports_gaps_temperature_and_losses(tmp_path, capsys):
     script += [Step(error="lost"), Step(error="lost"), Step(30), Step(error="bad frame"), Step()]
     recorded(tmp_path / "a.mcap", Scripted(script)).close()
     assert cli.run(["inspect", str(tmp_path / "a.mcap")]) == 0
-    said = [line.strip().split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
-    facts = {name: value.strip() for name, value in said if name != "at"}
+    lines = [line.strip().split(maxsplit=1) for line in capsys.readouterr().out.splitlines()]
+    facts = {name: value.strip() for name, value in lines if name != "at"}
     assert facts["frames"] == "5 in 1.4 s of scripted" and facts["link"] == "USB 3, USB 2"
     assert facts["missing"] == "9 images in 2 gaps; the longest 7 at 0.37 s", (
         "not what passed while it was lost"
     )
     assert facts["temperature"] == "41 to 93 degrees; it stops at 105"
     assert facts["lost"] == "1 times, for 1.0 s in all" and facts["unusable"] == "1 frames, left out"
-    assert ["at", "0.37 s: the cable is out (4)"] in said
+    assert ["at", "0.37 s: the cable is out (4)"] in lines
     film = tmp_path / "a.mp4"
     assert cli.run(["inspect", str(tmp_path / "a.mcap"), "-o", str(film)]) == 0
     assert film.stat().st_size > 1000 and "9 images in 2 gaps" in capsys.readouterr().out
@@ -245,12 +245,12 @@ def test_a_driver_on_its_real_library_is_recorded_and_replayed_frame_for_frame(d
     script += [Step(4, hot), *[Step()] * 26, Step(grey=True), Step(1)]
     # Silent for four seconds: a driver counts one second as a loss, and would start again for ever.
     script += [Step(error="lost"), Step(120), Step()]
-    take, made = tmp_path / "take.mcap", tmp_path / "made.mcap"
+    take, copied = tmp_path / "take.mcap", tmp_path / "made.mcap"
     recorded(take, Scripted(script, coloured=True)).close()
     words = ["--sensor", driver, "--set", f"rehearse={take}", "--set", "colour=true"]
     # It ends by itself; a recording that starts again for ever ends this way.
-    assert cli.run(["record", *words, "--seconds", "12", "-o", str(made)]) == 0
-    with ReplaySensor(take, speed=0.0) as first, ReplaySensor(made, speed=0.0) as second:
+    assert cli.run(["record", *words, "--seconds", "12", "-o", str(copied)]) == 0
+    with ReplaySensor(take, speed=0.0) as first, ReplaySensor(copied, speed=0.0) as second:
         assert [type(next_said(first)) for _ in range(2)] == [InputError, SensorFault]
         colour = None
         for step in script[2:]:
@@ -279,10 +279,12 @@ def judge_colour(driver: str, expected: np.ndarray, frame: DepthFrame) -> None:
     if driver == "oak":
         np.testing.assert_array_equal(frame.colour, expected)
         return
-    known = frame.depth > 0
-    apart = np.abs(frame.colour.astype(int) - expected)[known]
-    assert apart.max() <= SLOPE and apart[..., 2].max() == 0
-    assert (frame.colour[~known] == 0).all(), "where there is no depth it is not known which colour that is"
+    is_known = frame.depth > 0
+    differences = np.abs(frame.colour.astype(int) - expected)[is_known]
+    assert differences.max() <= SLOPE and differences[..., 2].max() == 0
+    assert (frame.colour[~is_known] == 0).all(), (
+        "where there is no depth it is not known which colour that is"
+    )
 
 
 @pytest.mark.parametrize("driver", LIBRARIES)

@@ -119,16 +119,16 @@ the offset of its clock from the previous one."""
 def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arrivals):
     """As on a busy machine, with one late frame and the next ones at once."""
     now = own = SECOND
-    told = []
+    times = []
     with pytest.MonkeyPatch.context() as patch, ReopeningSensor(lambda: Troubled(1)) as sensor:
         for late, step, fresh in arrivals:
             now, own = now + late, own + step
             if fresh is not None:
                 sensor._fresh, own = True, own + fresh if fresh else 0
             patch.setattr(reopening.time, "monotonic_ns", lambda: now)  # noqa: B023
-            told.append(sensor._received(DepthFrame(picture(0), camera(), own, "t")).time_ns)
+            times.append(sensor._received(DepthFrame(picture(0), camera(), own, "t")).time_ns)
             patch.undo()
-    assert told == sorted(set(told))
+    assert times == sorted(set(times))
 
 
 def test_attempts_become_rarer_and_never_stop():

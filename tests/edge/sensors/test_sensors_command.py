@@ -111,5 +111,5 @@ def test_accelerometer_is_shown_next_to_the_floor():
     ],
 )
 def test_invalid_sensor_arguments_are_reported(capsys, words, code, what):
-    found, _, err = said(capsys, *words)
-    assert found == code and what in err
+    exit_code, _, err = said(capsys, *words)
+    assert exit_code == code and what in err

@@ -96,18 +96,20 @@ def test_an_image_that_is_not_due_yet_is_kept_for_the_next_call(film):
 def test_two_people_keep_their_ids(film):
     class Two(Truth):
         def find(self, colour, time_ns):
-            (one,) = super().find(colour, time_ns)
-            other = Landmarks(one.points + np.array([40.0, 0.0]), one.visibility, one.offsets)
-            return [one, other] if len(self.images) % 2 else [other, one]
+            (landmarks,) = super().find(colour, time_ns)
+            other = Landmarks(
+                landmarks.points + np.array([40.0, 0.0]), landmarks.visibility, landmarks.offsets
+            )
+            return [landmarks, other] if len(self.images) % 2 else [other, landmarks]
 
-    seen: dict[int, list[float]] = {}
+    places: dict[int, list[float]] = {}
     with WebcamSensor(film, source=Two()) as sensor:
         while (frame := sensor.read()) is not None:
             for body in frame.bodies:
                 assert isinstance(body, Body)
-                seen.setdefault(body.id, []).append(float(body.joints[Joint.SHOULDER_CENTER, 0]))
-    assert {i: len(x) for i, x in seen.items()} == {1: 12, 2: 12}
-    assert max(seen[1]) < min(seen[2])
+                places.setdefault(body.id, []).append(float(body.joints[Joint.SHOULDER_CENTER, 0]))
+    assert {i: len(x) for i, x in places.items()} == {1: 12, 2: 12}
+    assert max(places[1]) < min(places[2])
 
 
 def test_invalid_film_or_camera_is_reported(tmp_path):

@@ -56,7 +56,7 @@ def known(request):
 def test_all_limbs_are_found(known):
     like = find_body_in_mesh(known.mesh, DeformationGraph.build(known.mesh, nodes=32))
     assert like.human
-    missed = [limb for limb, found in limbs_found(like.joints, known).items() if not found]
+    missed = [limb for limb, is_found in limbs_found(like.joints, known).items() if not is_found]
     assert not missed, f"{known.mesh.name}: {', '.join(missed)}"
 
 
@@ -136,26 +136,26 @@ def test_mesh_waves_with_its_performer(known, how, side):
 @pytest.mark.parametrize("ahead", [True, False])
 def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
     """It approaches the performer in view without a jump, and does not move on attachment."""
-    known = t_woman()
+    woman = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
-    actor = cast_mesh(known.mesh, "it", 128, own)
-    joints, house = at_origin(known), Stage([actor])
+    actor = cast_mesh(woman.mesh, "it", 128, own)
+    joints, house = at_origin(woman), Stage([actor])
     hands = [
         np.argsort(np.linalg.norm(actor.graph.positions - joints[hand], axis=1))[:3]
         for hand in (Joint.HAND_LEFT, Joint.HAND_RIGHT)
     ]
-    seen = [house.perform([], 0)[0], house.perform([waving("left", 0.0)], FRAME)[0]]
+    poses = [house.perform([], 0)[0], house.perform([waving("left", 0.0)], FRAME)[0]]
     for i in range(2, SETTLED):
-        seen.append(house.perform([waving("left", 0.0)], i * FRAME)[0])
-        step = np.linalg.norm(seen[-1].positions - seen[-2].positions, axis=1).max()
+        poses.append(house.perform([waving("left", 0.0)], i * FRAME)[0])
+        step = np.linalg.norm(poses[-1].positions - poses[-2].positions, axis=1).max()
         assert i < 3 or step < 2.0 * own.fade_pace * FRAME * 1e-9, "nothing jumps"
     assert actor.state == "free"
     for hand in hands:
-        fell = (seen[1].positions - seen[-1].positions)[hand, 1].mean()
+        fell = (poses[1].positions - poses[-1].positions)[hand, 1].mean()
         assert (fell > 0.3) == ahead
         assert ahead or abs(fell) < 1e-6
     house.possess("it")
     for i in range(10 if ahead else 0):
-        seen.append(house.perform([waving("left", 0.0)], (SETTLED + i) * FRAME)[0])
-        step = np.linalg.norm(seen[-1].positions - seen[-2].positions, axis=1).max()
+        poses.append(house.perform([waving("left", 0.0)], (SETTLED + i) * FRAME)[0])
+        step = np.linalg.norm(poses[-1].positions - poses[-2].positions, axis=1).max()
         assert step < TAKEN

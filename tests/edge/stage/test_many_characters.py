@@ -146,14 +146,14 @@ def test_pairs_are_the_nearest_first_by_trying_all(performers, places):
 
     bodies = [person(x=x, z=z, id=k) for k, (x, z) in enumerate(performers)]
     names = {f"c{k}": np.array(place) for k, place in enumerate(places)}
-    found = pairs(bodies, dict.fromkeys(names, Free()), names, anyhow=False)
-    assert len(found) == min(len(performers), len(places)) == len(dict(found)) == len({w for _, w in found})
-    left = {(name, body.id) for name in names for body in bodies}
+    links = pairs(bodies, dict.fromkeys(names, Free()), names, anyhow=False)
+    assert len(links) == min(len(performers), len(places)) == len(dict(links)) == len({w for _, w in links})
+    remaining = {(name, body.id) for name in names for body in bodies}
     hips = {body.id: body.joints[0][[0, 2]] for body in bodies}
-    for name, who in found:
-        metres = {pair: np.linalg.norm(hips[pair[1]] - names[pair[0]]) for pair in left}
+    for name, who in links:
+        metres = {pair: np.linalg.norm(hips[pair[1]] - names[pair[0]]) for pair in remaining}
         assert metres[name, who] == min(metres.values())
-        left = {(n, w) for n, w in left if n != name and w != who}
+        remaining = {(n, w) for n, w in remaining if n != name and w != who}
 
 
 def test_at_the_opening_each_takes_one_and_a_second_performer_takes_the_second(graph):
@@ -256,12 +256,14 @@ def test_all_are_published_and_recorded_and_each_is_read_by_its_own_character(gr
         assert outlet.publisher.revision("b") == 3, "a viewer sees that it is not the one before"
     take = Recording(tmp_path / "two.mcap")
     assert set(take.info.topics) <= {*STREAMS, "character"}
-    made = _read(take, "character", CharacterMessage)
-    codecs = {(one.id, one.revision): PoseCodec(message_to_character(one)) for one in made}
+    messages = _read(take, "character", CharacterMessage)
+    codecs = {
+        (message.id, message.revision): PoseCodec(message_to_character(message)) for message in messages
+    }
     poses = _read(take, POSE.name, PoseMessage)
-    said = [(pose.character, pose.revision) for pose in poses]
-    assert said == [("a", 1), ("a", 1), ("b", 1), ("a", 1), ("b", 2), ("a", 1), ("a", 1), ("b", 3)]
-    assert all(key in codecs for key in said)
+    published = [(pose.character, pose.revision) for pose in poses]
+    assert published == [("a", 1), ("a", 1), ("b", 1), ("a", 1), ("b", 2), ("a", 1), ("a", 1), ("b", 3)]
+    assert all(key in codecs for key in published)
 
 
 def _read(take: Recording, topic: str, kind: type) -> list:

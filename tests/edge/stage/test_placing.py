@@ -284,8 +284,8 @@ def test_a_mesh_that_lies_elsewhere_grows_about_where_it_stands(chair):
 
 def test_the_origin_of_a_mesh_about_it_stays_the_place_to_stand(chair):
     middles = [
-        Stage([EmbeddedActor(*made, ActorSettings())]).perform([person()], 0)[0].positions.mean(0)
-        for made in (moved_chair(chair, 0.0, 0.0), moved_chair(chair, 0.2, 0.0))
+        Stage([EmbeddedActor(*parts, ActorSettings())]).perform([person()], 0)[0].positions.mean(0)
+        for parts in (moved_chair(chair, 0.0, 0.0), moved_chair(chair, 0.2, 0.0))
     ]
     assert abs(middles[1] - middles[0])[0] == pytest.approx(0.2, abs=0.03), "as it is modelled"
 
@@ -294,8 +294,8 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
     character, _ = animal
     mesh = Mesh(character.vertices + np.array([4.0, 0.0, 1.0]), character.faces, "beast")
     graph = DeformationGraph.build(mesh, nodes=96, seed=0)
-    made = character_from(mesh, graph, "beast"), graph
-    house = Stage([EmbeddedActor(*made, ActorSettings(how="mapped", fade=0.0))])
+    parts = character_from(mesh, graph, "beast"), graph
+    house = Stage([EmbeddedActor(*parts, ActorSettings(how="mapped", fade=0.0))])
     waiting = house.perform([person()], 0)[0]
     hip = person().joints[Joint.HIP_CENTER, [0, 2]]
     assert np.linalg.norm(waiting.positions[:, [0, 2]].mean(0) - hip) == pytest.approx(1.2, abs=0.5)

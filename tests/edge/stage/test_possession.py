@@ -152,19 +152,19 @@ def test_mesh_never_jumps_in_any_order_of_events(chair, events, apart):
     blended out at a rate of at most 1.5 / fade, or pi / 2 for a rotation.
     """
     house, shown, poses, k = stage(chair), {1, 2}, [], 0
-    for pause, what, who, parts in [*events, (12, "show", 1, "all")]:
+    for pause, event, who, parts in [*events, (12, "show", 1, "all")]:
         for _ in range(pause):
             sway = 0.1 * np.sin(0.1 * k)
             everybody = [person(lift=0.4 + sway), person(x=apart, id=2, lift=0.2 - sway)]
             poses.append(house.perform([b for b in everybody if b.id in shown], k * FRAME)[0])
             k += 1
         try:
-            if what in ("possess", "join", "extend"):
-                house.possess("chair", who, parts, "alone" if what == "possess" else what)
-            elif what in ("release", "let go"):
-                house.release("chair", who if what == "release" else None)
+            if event in ("possess", "join", "extend"):
+                house.possess("chair", who, parts, "alone" if event == "possess" else event)
+            elif event in ("release", "let go"):
+                house.release("chair", who if event == "release" else None)
             else:
-                shown = shown - {who} if what == "hide" else shown | {who}
+                shown = shown - {who} if event == "hide" else shown | {who}
         except InputError:
             pass
     assert all(np.isfinite(pose.positions).all() and np.isfinite(pose.linear).all() for pose in poses)
@@ -220,12 +220,12 @@ def pulled_apart(chair, order):
 
 
 def test_contradiction_is_shared_whoever_came_first(chair):
-    one, other = pulled_apart(chair, (1, 2)), pulled_apart(chair, (2, 1))
-    assert np.isfinite(one.positions).all()
-    np.testing.assert_allclose(one.positions, other.positions, atol=2e-3)
-    assert abs(one.positions[:, 0].mean()) < 0.02, "the mesh stays in the middle"
-    assert np.abs(one.positions[:, 0]).max() < 0.8
-    assert np.linalg.det(one.linear).min() > 0.05
+    first, second = pulled_apart(chair, (1, 2)), pulled_apart(chair, (2, 1))
+    assert np.isfinite(first.positions).all()
+    np.testing.assert_allclose(first.positions, second.positions, atol=2e-3)
+    assert abs(first.positions[:, 0].mean()) < 0.02, "the mesh stays in the middle"
+    assert np.abs(first.positions[:, 0]).max() < 0.8
+    assert np.linalg.det(first.linear).min() > 0.05
 
 
 def test_lost_performer_releases_smoothly_and_other_continues(chair):

@@ -141,7 +141,7 @@ def test_exaggeration_is_published_kept_by_revisions_and_reset():
     play.sizing.ask(Resize("exaggerate", "chair", exaggeration=2.5))
     play.frames(person())
     actor = play.stage.actors["chair"]
-    assert actor.exaggeration == 2.5 and [one.exaggeration for one in play.told] == [2.5]
+    assert actor.exaggeration == 2.5 and [message.exaggeration for message in play.told] == [2.5]
     later = EmbeddedActor(CHAIR, GRAPH, ActorSettings(exaggeration=0.5))
     play.stage.put(later)
     play.frames(person())
@@ -176,5 +176,5 @@ def test_word_scale_starts_and_ends_scaling_and_refusals_are_reported():
     play.sizing.ask(Resize("hands"))
     play.stage.remove("chair")
     play.sizing.follow([person()], play.time_ns + FRAME)
-    gone = play.sizing.changes()
-    assert [(one.character, one.size, one.body) for one in gone] == [("chair", 1.0, -1)]
+    ended = play.sizing.changes()
+    assert [(message.character, message.size, message.body) for message in ended] == [("chair", 1.0, -1)]

@@ -39,9 +39,9 @@ def test_a_wall_scatters_as_published(name: str, z: float) -> None:
         true = z + profile.step(z) * n / 8
         depth, material = _wall(true)
         errors.append(noise.corrupt(depth, material, n)[::4, ::4] / 1000.0 - true)
-    found = np.stack(errors)
-    assert found.std() == pytest.approx(profile.sigma(z), rel=0.12, abs=0.0004)
-    assert abs(found.mean()) < 0.25 * profile.sigma(z)
+    all_errors = np.stack(errors)
+    assert all_errors.std() == pytest.approx(profile.sigma(z), rel=0.12, abs=0.0004)
+    assert abs(all_errors.mean()) < 0.25 * profile.sigma(z)
 
 
 def test_depth_comes_in_steps_of_disparity() -> None:

@@ -110,13 +110,13 @@ def test_the_same_number_gives_the_same_frame() -> None:
     def make() -> Ensemble:
         return Ensemble(TOF, (appearance("signals"),), seed=3, told=False)
 
-    one, other = make(), make()
-    other.frame(3)
-    a, b = one.frame(12), other.frame(12)
+    first, second = make(), make()
+    second.frame(3)
+    a, b = first.frame(12), second.frame(12)
     np.testing.assert_array_equal(a[0].depth, b[0].depth)
     np.testing.assert_array_equal(a[1].joints, b[1].joints)
     assert a[0].world_from_camera is None
-    assert not np.array_equal(a[0].depth, one.frame(13)[0].depth)
+    assert not np.array_equal(a[0].depth, first.frame(13)[0].depth)
 
 
 def test_feet_stand_until_they_step() -> None:

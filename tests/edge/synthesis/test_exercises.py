@@ -53,9 +53,9 @@ def test_exercises_reach_their_extreme_poses() -> None:
 
 
 def test_a_seed_is_another_performance_and_always_the_same() -> None:
-    one, two = danced("signals", 1)[0], danced("signals", 2)[0]
-    assert len(one) != len(two) or np.abs(one - two).max() > 0.1
-    assert_alike(one, danced("signals", 1)[0])
+    first, second = danced("signals", 1)[0], danced("signals", 2)[0]
+    assert len(first) != len(second) or np.abs(first - second).max() > 0.1
+    assert_alike(first, danced("signals", 1)[0])
 
 
 def test_an_unknown_exercise_lists_the_known() -> None:

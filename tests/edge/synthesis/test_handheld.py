@@ -39,17 +39,17 @@ def test_a_drawn_box_is_the_cast_one():
 def test_a_scan_is_the_same_again_and_looks_at_its_target():
     box = box_mesh(Box((-0.2, 0.0, -0.2), (0.2, 0.8, 0.2)))
     path = HandheldPath(target=(0.0, 0.4, 0.0), seconds=2.0)
-    made = [HandheldScan(box, load_profile("kinect1"), path, width=160, colour=True) for _ in range(2)]
-    one, two = (scan.frame(7) for scan in made)
-    assert (one.depth == two.depth).all() and (one.colour == two.colour).all()
-    assert one.world_from_camera is None  # the frame does not state its camera pose
+    scans = [HandheldScan(box, load_profile("kinect1"), path, width=160, colour=True) for _ in range(2)]
+    first, second = (scan.frame(7) for scan in scans)
+    assert (first.depth == second.depth).all() and (first.colour == second.colour).all()
+    assert first.world_from_camera is None  # the frame does not state its camera pose
     for index in range(0, 60, 10):
-        pose = made[0].pose(index)
+        pose = scans[0].pose(index)
         local = (np.array([0.0, 0.4, 0.0]) - pose[:3, 3]) @ pose[:3, :3]
         assert abs(local[0] / local[2]) < 0.15 and abs(local[1] / local[2]) < 0.15
         assert pose[1, 1] < 0  # upright
-    moves = [np.linalg.norm(made[0].pose(i + 1)[:3, 3] - made[0].pose(i)[:3, 3]) for i in range(59)]
-    assert max(moves) < 0.2 and made[0].frames == 60
+    moves = [np.linalg.norm(scans[0].pose(i + 1)[:3, 3] - scans[0].pose(i)[:3, 3]) for i in range(59)]
+    assert max(moves) < 0.2 and scans[0].frames == 60
 
 
 def test_without_noise_the_depth_is_that_of_the_surface_to_a_millimetre():

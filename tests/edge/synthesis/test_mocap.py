@@ -115,8 +115,8 @@ def test_every_convention_has_its_roles(convention: str) -> None:
         ("ankles", 12),
         ("toes", 13),
     ):
-        found = [capture.names[j] for j in getattr(roles, at)]
-        assert found == [words[index].format(Side=w, S=w[0], s=w[0].lower()) for w in ("Left", "Right")]
+        joint_names = [capture.names[j] for j in getattr(roles, at)]
+        assert joint_names == [words[index].format(Side=w, S=w[0], s=w[0].lower()) for w in ("Left", "Right")]
     assert capture.names[roles.root] == words[0]
     assert capture.names[roles.head] == words[4]
 

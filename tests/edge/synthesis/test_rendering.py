@@ -165,9 +165,9 @@ def test_room_matches_the_slow_reference(boxes: list, at: tuple, yaw: float) -> 
     # A ray through the edge of a box, or into two boxes at once, may give either result.
     assert np.isclose(depth, hits.min(0), rtol=1e-9).mean() > 0.97
     stuff = np.array([box.material for box in room])
-    found = np.isfinite(depth)
+    is_hit = np.isfinite(depth)
     chosen = np.isclose(hits, depth, rtol=1e-9) & (stuff[:, None, None] == material)
-    assert chosen.any(0)[found].mean() > 0.97 if found.any() else not material.any()
+    assert chosen.any(0)[is_hit].mean() > 0.97 if is_hit.any() else not material.any()
 
 
 _whole = st.tuples(*[st.integers(-4, 4)] * 3)

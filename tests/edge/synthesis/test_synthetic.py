@@ -66,14 +66,14 @@ def test_stream_ends_or_loops() -> None:
 
 
 def test_the_same_options_give_the_same_frames() -> None:
-    one, two, other = (
+    first, second, other = (
         SyntheticSensor("kinect2", "walk", seed=s, width=128, realtime=False) for s in (4, 4, 5)
     )
     for _ in range(3):
-        a, b, c = one.read(), two.read(), other.read()
+        a, b, c = first.read(), second.read(), other.read()
         assert (a.depth == b.depth).all() and (a.depth != c.depth).any()
     # The result does not depend on the frames that were read before.
-    assert (one.studio.frame(40).depth == two.studio.frame(40).depth).all()
+    assert (first.studio.frame(40).depth == second.studio.frame(40).depth).all()
 
 
 def test_in_real_time_a_frame_is_not_due_at_once() -> None:

@@ -29,9 +29,9 @@ def drawn_by_kitty(text: str) -> np.ndarray:
 
 def drawn_by_iterm(text: str) -> np.ndarray:
     keys, payload = re.fullmatch(r"\x1b\]1337;File=([^:]*):([^\x07]*)\x07\n", text).groups()
-    told = dict(each.split("=") for each in keys.split(";"))
+    options = dict(each.split("=") for each in keys.split(";"))
     data = base64.b64decode(payload, validate=True)
-    assert told["inline"] == "1" and int(told["size"]) == len(data)
+    assert options["inline"] == "1" and int(options["size"]) == len(data)
     return png(data)
 
 
@@ -43,10 +43,10 @@ def drawn_by_sixel(text: str) -> np.ndarray:
     colours, colour, x, y = {}, None, 0, 0
     pattern = r'"[\d;]*|#(\d+);2;(\d+);(\d+);(\d+)|#(\d+)|!(\d+)([?-~])|([?-~])|(\$)|(-)|(.)'
     for match in re.finditer(pattern, body, re.DOTALL):
-        made, *rgb, chosen, times, repeated, single, back, new, strange = match.groups()
+        defined, *rgb, chosen, times, repeated, single, back, new, strange = match.groups()
         assert strange is None, f"{strange!r} is no part of a sixel picture"
-        if made is not None:
-            colours[made] = np.rint(np.array([int(each) for each in rgb]) * 2.55)
+        if defined is not None:
+            colours[defined] = np.rint(np.array([int(each) for each in rgb]) * 2.55)
         elif chosen is not None:
             colour = colours[chosen]
         elif repeated is not None or single is not None:

@@ -138,8 +138,8 @@ def test_terminal_query_times_out_without_an_answer():
         for way, answer in ANSWERS.items():
             read_until(near, QUESTION)
             os.write(near, answer)
-            said = read_until(near, b"found\r\n")
-            assert said == b"\r\x1b[K" + f"{way} found\r\n".encode(), "the answer is not echoed"
+            reply = read_until(near, b"found\r\n")
+            assert reply == b"\r\x1b[K" + f"{way} found\r\n".encode(), "the answer is not echoed"
         read_until(near, QUESTION)
         assert b"blocks256 found" in read_until(near, b"found")
         assert program.wait(PATIENCE) == 0, program.stderr.read()

@@ -139,7 +139,7 @@ def watch(playground, tracker, seconds, start=0.0, fps=FPS):
 
 def owners(players, bodies):
     """Returns for each player the id of the body on them, or None."""
-    made = []
+    matched = []
     for joints in players:
         best = None
         for body in bodies:
@@ -147,8 +147,8 @@ def owners(players, bodies):
                 error = np.linalg.norm(body.joints - joints, axis=1).mean()
                 if error < 0.3 and (best is None or error < best[0]):
                     best = (error, body.id)
-        made.append(None if best is None else best[1])
-    return made
+        matched.append(None if best is None else best[1])
+    return matched
 
 
 @pytest.fixture(scope="session")

@@ -24,9 +24,9 @@ def ways_of(posture: Posture | None, plainly: float) -> np.ndarray:
 
 def estimate_of(joints, spread=0.03, ways: np.ndarray | None = None) -> Estimate:
     """Returns an estimate with these joints, each with a mean error in metres."""
-    told = ways_of(None, 0.0) if ways is None else ways
+    by_facing = ways_of(None, 0.0) if ways is None else ways
     parts = np.zeros((PARTS, 40, 32), np.float32)
-    return Estimate(np.array(joints, float), np.full(20, spread) * 1.0, told, parts, _NO_CROP)
+    return Estimate(np.array(joints, float), np.full(20, spread) * 1.0, by_facing, parts, _NO_CROP)
 
 
 def seen_as(estimate: Estimate, points=None, probabilities=None) -> EstimateAtPoints:

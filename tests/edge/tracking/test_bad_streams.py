@@ -38,7 +38,7 @@ def frames() -> list[tuple[DepthFrame, np.ndarray]]:
 def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
     """Returns the problems after each frame, and the body's mean error in metres (NaN without a body)."""
     monitor, tracker = HealthMonitor(fps=30.0), Tracker()
-    said, errors = [], []
+    reported, errors = [], []
     for frame, truth in faulty:
         if monitor.admit(frame):
             bodies = tracker.track(frame)
@@ -47,8 +47,8 @@ def run(faulty) -> tuple[list[set[str]], list[float], Tracker]:
                 assert np.isfinite(body.joints).all() and np.isfinite(body.orientations).all()
             error = np.linalg.norm(bodies[0].joints - truth, axis=1).mean() if bodies else np.nan
             errors.append(float(error))
-        said.append({state.kind for state in monitor.states})
-    return said, errors, tracker
+        reported.append({state.kind for state in monitor.states})
+    return reported, errors, tracker
 
 
 def faulty(frames, fault, good=GOOD):
@@ -83,10 +83,10 @@ FAULTS = {
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_fault_is_reported_and_tracking_resumes(frames, kind):
-    said, errors, _ = run(faulty(frames, FAULTS[kind]))
-    assert kind not in said[GOOD - 1]
-    assert kind in set().union(*said[GOOD:-AFTER])
-    assert kind not in said[-1]
+    reported, errors, _ = run(faulty(frames, FAULTS[kind]))
+    assert kind not in reported[GOOD - 1]
+    assert kind in set().union(*reported[GOOD:-AFTER])
+    assert kind not in reported[-1]
     last = errors[-20:]
     assert not np.isnan(last).any(), "the person was not found again"
     assert np.mean(last) < 0.07
@@ -97,16 +97,16 @@ def test_frozen_sensor_is_reported_and_its_last_image_is_harmless(frames, good):
     """Two seconds later the person is half a metre nearer and hides that place, or is behind it."""
     still = frames[good - 1][0].depth
     frozen = lambda i, frame: [dataclasses.replace(frame, depth=still)]  # noqa: E731
-    said, errors, tracker = run(faulty(frames, frozen, good))
-    assert HealthKind.FROZEN in said[good + BAD - 1] and HealthKind.FROZEN not in said[-1]
+    reported, errors, tracker = run(faulty(frames, frozen, good))
+    assert HealthKind.FROZEN in reported[good + BAD - 1] and HealthKind.FROZEN not in reported[-1]
     assert max(errors[good + BAD + 10 :]) < 0.07
     assert [person.id for person in tracker.performers] == [1], "it is the same person, and no other is left"
 
 
 def test_stopped_clock_is_reported_and_no_frame_is_tracked_twice(frames):
     stuck = frames[GOOD - 1][0].time_ns
-    said, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))
-    assert HealthKind.FROZEN in said[GOOD + BAD - 1] and HealthKind.FROZEN not in said[-1]
+    reported, errors, _ = run(faulty(frames, lambda i, frame: [dataclasses.replace(frame, time_ns=stuck)]))
+    assert HealthKind.FROZEN in reported[GOOD + BAD - 1] and HealthKind.FROZEN not in reported[-1]
     assert len(errors) == GOOD + AFTER
     assert np.mean(errors[-20:]) < 0.07
 
@@ -155,10 +155,10 @@ def test_moved_sensor_is_reported_and_finds_pose_and_person(frames, tilt, height
             mount = frame.world_from_camera
             truth = sensor.truth(frame.time_ns).joints
             knocked.append((dataclasses.replace(frame, world_from_camera=None), truth))
-    said, errors, tracker = run(iter([*frames[:GOOD], *knocked[GOOD:]]))
-    assert HealthKind.MOVED not in set().union(*said[:GOOD])
-    assert HealthKind.MOVED in set().union(*said[GOOD:])
-    assert HealthKind.MOVED not in said[-1]
+    reported, errors, tracker = run(iter([*frames[:GOOD], *knocked[GOOD:]]))
+    assert HealthKind.MOVED not in set().union(*reported[:GOOD])
+    assert HealthKind.MOVED in set().union(*reported[GOOD:])
+    assert HealthKind.MOVED not in reported[-1]
     assert tracker.world_from_camera[1, 3] == pytest.approx(mount[1, 3], abs=0.08)
     assert np.rad2deg(np.arccos(min(1.0, tracker.world_from_camera[1, :3] @ mount[1, :3]))) < 3.0
     assert np.mean(errors[-20:]) < 0.09
@@ -173,9 +173,9 @@ def test_changed_sensor_mode_relearns_background_and_finds_person(frames):
             truth = sensor.truth(frame.time_ns).joints
             smaller.append((dataclasses.replace(frame, world_from_camera=None), truth))
     mixed = [*frames[: GOOD - 9], smaller[GOOD - 9], *frames[GOOD - 8 : GOOD], *smaller[GOOD:]]
-    said, errors, tracker = run(iter(mixed))
-    assert HealthKind.RESIZED in said[GOOD - 9] and HealthKind.RESIZED in said[GOOD]
-    assert HealthKind.RESIZED not in said[-1]
+    reported, errors, tracker = run(iter(mixed))
+    assert HealthKind.RESIZED in reported[GOOD - 9] and HealthKind.RESIZED in reported[GOOD]
+    assert HealthKind.RESIZED not in reported[-1]
     assert len(errors) == len(mixed) - 1 - 4
     assert tracker.owner.shape[1] <= 128
     assert np.mean(errors[-20:]) < 0.09

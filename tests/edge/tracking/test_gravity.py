@@ -38,10 +38,10 @@ def test_gravity_comes_from_the_floor(tilt, height, choreography, upside_down):
             truth, mount = sensor.truth(frame.time_ns), frame.world_from_camera
             frame = dataclasses.replace(frame, world_from_camera=None)
             bodies = tracker.track(turned(frame) if upside_down else frame)
-    found = tracker.world_from_camera
+    mounting = tracker.world_from_camera
     up = mount[1, :3] * (np.array([-1.0, -1.0, 1.0]) if upside_down else 1.0)
-    assert np.rad2deg(np.arccos(np.clip(found[1, :3] @ up, -1, 1))) < 3.0
-    assert found[1, 3] == pytest.approx(height, abs=0.08)
+    assert np.rad2deg(np.arccos(np.clip(mounting[1, :3] @ up, -1, 1))) < 3.0
+    assert mounting[1, 3] == pytest.approx(height, abs=0.08)
     (body,) = bodies
     assert body.joints[Joint.HEAD, 1] > body.joints[Joint.HIP_CENTER, 1] + 0.4
     assert body.joints[Joint.HEAD, 1] == pytest.approx(truth.joints[Joint.HEAD, 1], abs=0.15)

@@ -141,11 +141,11 @@ def chair(box, x, z):
 
 
 def door(box, angle, hinge=(0.3, -3.3), width=0.8):
-    made = []
+    boxes = []
     for r in np.arange(0.04, width, 0.08):
         x, z = hinge[0] + r * np.cos(angle), hinge[1] + r * np.sin(angle)
-        made.append(box((x - 0.045, 0.0, z - 0.045), (x + 0.045, 2.0, z + 0.045)))
-    return tuple(made)
+        boxes.append(box((x - 0.045, 0.0, z - 0.045), (x + 0.045, 2.0, z + 0.045)))
+    return tuple(boxes)
 
 
 def curtain(box, phase):
@@ -285,9 +285,9 @@ def test_forgetting_drops_everybody_and_keeps_the_room(stagecraft):
 def test_covered_lens_keeps_all_people(stagecraft):
     """Dark for a second: the same two people appear at once, and no joints are reported meanwhile."""
     s = stagecraft
-    one = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))
-    two = s.Player(s.still(0.5, -2.7), "wave", s.Proportions(height=1.8))
-    playground, tracker, log = s.Playground(one, two), Tracker(), []
+    first = s.Player(s.still(-0.5, -2.5), "idle", s.Proportions(height=1.6))
+    second = s.Player(s.still(0.5, -2.7), "wave", s.Proportions(height=1.8))
+    playground, tracker, log = s.Playground(first, second), Tracker(), []
     for i in range(60):
         frame = playground.frame(i / 30)
         if 15 <= i < 45:

@@ -67,7 +67,7 @@ def film() -> list[DepthFrame]:
 
 def counted(frames, settings, monkeypatch):
     """Returns (work in coarse fits, bodies) of every frame, from the fits' steps and points."""
-    fit, made = Fitter.fit, []
+    fit, counts = Fitter.fit, []
     calls = [0.0]
 
     def counting(fitter, observation, start, **options):
@@ -80,8 +80,8 @@ def counted(frames, settings, monkeypatch):
     for frame in frames:
         calls[0] = 0.0
         bodies = tracker.track(frame)
-        made.append((calls[0], bodies))
-    return made
+        counts.append((calls[0], bodies))
+    return counts
 
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
@@ -115,9 +115,9 @@ def test_first_search_waits_for_a_sensor_that_starts(film, empty):
 
 def test_first_search_has_its_larger_budget_once(film, monkeypatch):
     """Only one frame uses it: later searches are spread over frames."""
-    made = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
-    work = [calls for calls, _ in counted(film, made, monkeypatch)]
-    assert FITS + PART < work[0] <= made.search.first_fits + PART
+    limits = TrackerSettings(search=SearchSettings(fits_per_frame=FITS))
+    work = [calls for calls, _ in counted(film, limits, monkeypatch)]
+    assert FITS + PART < work[0] <= limits.search.first_fits + PART
     assert max(work[1:]) <= FITS + PART + FOLLOWING
 
 
@@ -126,16 +126,16 @@ def test_incremental_search_matches_single_search(film):
 
     Arm recovery may run in another frame, so one joint may differ for some frames.
     """
-    spread, at_once = (Tracker(made) for made in (SPREAD, AT_ONCE))
-    apart = []
+    spread, at_once = (Tracker(options) for options in (SPREAD, AT_ONCE))
+    errors = []
     for frame in film:
         mine, theirs = spread.track(frame), at_once.track(frame)
         if mine:
-            apart.append(np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max())
-    assert len(apart) > 50
-    assert max(apart[:5]) < 0.04
-    assert max(apart) < 0.08
-    assert np.median(apart[15:]) < 0.01
+            errors.append(np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max())
+    assert len(errors) > 50
+    assert max(errors[:5]) < 0.04
+    assert max(errors) < 0.08
+    assert np.median(errors[15:]) < 0.01
 
 
 def test_entering_person_is_found_at_its_position(stagecraft):
@@ -156,8 +156,8 @@ def test_searched_person_is_not_learnt_as_background(film):
     """In a search of a third of a second: its pixels are not learnt as background meanwhile."""
     tracker = Tracker(TrackerSettings(search=SearchSettings(fits_per_frame=1, first_fits=1)))
     at_once = Tracker(AT_ONCE)
-    found = [(tracker.track(frame), at_once.track(frame)) for frame in film]
-    appeared = next(n for n, (mine, _) in enumerate(found) if mine)
+    tracked = [(tracker.track(frame), at_once.track(frame)) for frame in film]
+    appeared = next(n for n, (mine, _) in enumerate(tracked) if mine)
     assert 6 < appeared < 15
-    for mine, theirs in found[appeared + 3 :]:
+    for mine, theirs in tracked[appeared + 3 :]:
         assert np.linalg.norm(mine[0].joints - theirs[0].joints, axis=1).max() < 0.05

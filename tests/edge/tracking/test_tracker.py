@@ -22,11 +22,13 @@ APPEARS = 6
 def recorded(choreography: str, frames: int, start: int = 0, **options):
     """Returns [(frame, truth)] of a synthetic performer; the tracker has to find the mounting."""
     with SyntheticSensor(choreography=choreography, width=HALF, realtime=False, **options) as sensor:
-        made = []
+        recording = []
         for _ in range(start + frames):
             frame = sensor.read()
-            made.append((dataclasses.replace(frame, world_from_camera=None), sensor.truth(frame.time_ns)))
-        return made[start:]
+            recording.append(
+                (dataclasses.replace(frame, world_from_camera=None), sensor.truth(frame.time_ns))
+            )
+        return recording[start:]
 
 
 def errors(tracked: list[list[Body]], truth: list[Body]) -> np.ndarray:
@@ -41,27 +43,27 @@ def errors(tracked: list[list[Body]], truth: list[Body]) -> np.ndarray:
 
 @pytest.mark.parametrize("choreography", ["wave", "walk"])
 def test_tracker_follows_person_within_centimetres(choreography):
-    made = recorded(choreography, 60)
+    recording = recorded(choreography, 60)
     tracker = Tracker()
-    tracked = [tracker.track(frame) for frame, _ in made]
-    error = errors(tracked, [truth for _, truth in made])[APPEARS:]
+    tracked = [tracker.track(frame) for frame, _ in recording]
+    error = errors(tracked, [truth for _, truth in recording])[APPEARS:]
     assert not np.isnan(error).any(), "the person was lost"
     assert error.mean() < 0.05
     assert np.percentile(error, 95) < 0.12
 
 
 def test_the_person_keeps_one_identity_and_left_stays_left():
-    made = recorded("walk", 40)
+    recording = recorded("walk", 40)
     tracker = Tracker()
-    for n, (frame, truth) in enumerate(made):
+    for n, (frame, truth) in enumerate(recording):
         bodies = tracker.track(frame)
         if n < APPEARS:
             continue
         (body,) = bodies
         assert body.id == 1
         side = truth.joints[Joint.SHOULDER_LEFT] - truth.joints[Joint.SHOULDER_RIGHT]
-        found = body.joints[Joint.SHOULDER_LEFT] - body.joints[Joint.SHOULDER_RIGHT]
-        assert found @ side > 0
+        shoulders = body.joints[Joint.SHOULDER_LEFT] - body.joints[Joint.SHOULDER_RIGHT]
+        assert shoulders @ side > 0
 
 
 def test_the_sensor_finds_out_where_it_stands():
@@ -76,34 +78,34 @@ def test_the_sensor_finds_out_where_it_stands():
 
 
 def test_a_camera_that_starts_with_empty_frames_finds_its_floor_later():
-    made = recorded("idle", 40)
+    recording = recorded("idle", 40)
     tracker = Tracker()
-    for i, (frame, _) in enumerate(made):
+    for i, (frame, _) in enumerate(recording):
         depth = np.zeros_like(frame.depth) if i < 5 else frame.depth
         bodies = tracker.track(dataclasses.replace(frame, depth=depth))
     assert bodies
-    assert np.linalg.norm(bodies[0].joints - made[-1][1].joints, axis=1).mean() < 0.15
+    assert np.linalg.norm(bodies[0].joints - recording[-1][1].joints, axis=1).mean() < 0.15
     assert tracker.world_from_camera[1, 3] == pytest.approx(1.15, abs=0.2)
 
 
 def test_a_body_earns_its_confidence():
     """In its first frame at most 0.6; after a third of a second the fit's value."""
-    tracker, found = Tracker(), None
+    tracker, first_ns = Tracker(), None
     for frame, _ in recorded("idle", 30):
         bodies = tracker.track(frame)
-        if bodies and found is None:
-            found = frame.time_ns
+        if bodies and first_ns is None:
+            first_ns = frame.time_ns
             assert bodies[0].confidence.max() <= 0.6
     assert bodies[0].confidence.max() > 0.9
 
 
 def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second():
     """Until then the pose is that of the settings, and legs have low confidence."""
-    made = recorded("idle", 70)
+    recording = recorded("idle", 70)
     with SyntheticSensor(choreography="idle", width=HALF, realtime=False) as sensor:
         true = sensor.read().world_from_camera
     tracker = Tracker(TrackerSettings(scene=SceneSettings(height=1.6)))
-    for i, (frame, _) in enumerate(made):
+    for i, (frame, _) in enumerate(recording):
         depth = frame.depth.copy()
         if i < 30:
             points = unproject(depth, rays(frame.intrinsics)) @ true[:3, :3].T + true[:3, 3]
@@ -116,17 +118,17 @@ def test_a_floor_that_appears_under_a_followed_person_is_found_within_a_second()
     np.testing.assert_allclose(tracker.world_from_camera[:3, :3], true[:3, :3], atol=0.01)
     assert tracker.world_from_camera[1, 3] == pytest.approx(true[1, 3], abs=0.02)
     (body,) = bodies
-    assert np.linalg.norm(body.joints - made[-1][1].joints, axis=1).mean() < 0.12
+    assert np.linalg.norm(body.joints - recording[-1][1].joints, axis=1).mean() < 0.12
     assert body.confidence[Joint.ANKLE_LEFT] > 0.5
 
 
 def test_moved_sensor_relearns_the_background():
     """The nearer person would be hidden by the old background, or the new one turned into people."""
-    made = recorded("idle", 20)
+    recording = recorded("idle", 20)
     near, far = (world_from_level_camera(1.15, np.deg2rad(5)) for _ in range(2))
     far[:3, 3] += (1.0, 0.0, 0.5)
     tracker = Tracker()
-    for i, (frame, _) in enumerate(made):
+    for i, (frame, _) in enumerate(recording):
         bodies = tracker.track(dataclasses.replace(frame, world_from_camera=near if i < 10 else far))
         assert len(bodies) == 1 or i % 10 < APPEARS
     (body,) = bodies
@@ -135,16 +137,16 @@ def test_moved_sensor_relearns_the_background():
 
 def test_returning_person_is_found_again():
     """The wall behind the person is first seen when they leave: it must not become a person."""
-    made = recorded("idle", 30)
-    room = room_alone(made[0][0])
+    recording = recorded("idle", 30)
+    room = room_alone(recording[0][0])
     tracker = Tracker()
-    for n, (frame, _) in enumerate(made[:10]):
+    for n, (frame, _) in enumerate(recording[:10]):
         assert tracker.track(frame) or n < APPEARS
     for i in range(10):
-        left = tracker.track(dataclasses.replace(room, time_ns=made[10 + i][0].time_ns))
-    assert left == []
-    found = [tracker.track(frame) for frame, _ in made[20:]]
-    error = errors(found[APPEARS:], [truth for _, truth in made[20 + APPEARS :]])
+        bodies = tracker.track(dataclasses.replace(room, time_ns=recording[10 + i][0].time_ns))
+    assert bodies == []
+    tracked = [tracker.track(frame) for frame, _ in recording[20:]]
+    error = errors(tracked[APPEARS:], [truth for _, truth in recording[20 + APPEARS :]])
     assert not np.isnan(error).any()
     assert error.mean() < 0.06
 
@@ -179,9 +181,9 @@ def test_noise_gives_only_finite_output():
 
 
 def test_a_bad_frame_between_good_ones_does_not_lose_the_person():
-    made = recorded("idle", 16)
+    recording = recorded("idle", 16)
     tracker = Tracker()
-    for i, (frame, _) in enumerate(made):
+    for i, (frame, _) in enumerate(recording):
         if i == 8:
             frame = dataclasses.replace(frame, depth=np.zeros_like(frame.depth))
         bodies = tracker.track(frame)
@@ -190,11 +192,11 @@ def test_a_bad_frame_between_good_ones_does_not_lose_the_person():
 
 
 def test_changed_resolution_still_gives_bodies():
-    made = recorded("idle", 2 * APPEARS + 1)
+    recording = recorded("idle", 2 * APPEARS + 1)
     tracker = Tracker()
-    for frame, _ in made[:APPEARS]:
+    for frame, _ in recording[:APPEARS]:
         tracker.track(frame)
-    for frame, _ in made[APPEARS:]:
+    for frame, _ in recording[APPEARS:]:
         half = dataclasses.replace(
             frame, depth=frame.depth[::2, ::2].copy(), intrinsics=frame.intrinsics.scaled(0.5)
         )
@@ -203,9 +205,9 @@ def test_changed_resolution_still_gives_bodies():
 
 
 def test_smoothing_off_gives_the_fit_itself():
-    made = recorded("idle", APPEARS + 2)
+    recording = recorded("idle", APPEARS + 2)
     tracker = Tracker(TrackerSettings(smoothing=SmoothingSettings(amount=0.0)))
-    for frame, _ in made:
+    for frame, _ in recording:
         bodies = tracker.track(frame)
     (body,) = bodies
     np.testing.assert_array_equal(body.joints, tracker.posture.joints())
@@ -213,9 +215,9 @@ def test_smoothing_off_gives_the_fit_itself():
 
 def test_confidence_is_low_for_missing_depth():
     """The legs are cut off: the feet must have low confidence, the head high confidence."""
-    made = recorded("idle", 12)
+    recording = recorded("idle", 12)
     tracker = Tracker()
-    for frame, _ in made:
+    for frame, _ in recording:
         cut = frame.depth.copy()
         cut[150:] = 0
         bodies = tracker.track(dataclasses.replace(frame, depth=cut))

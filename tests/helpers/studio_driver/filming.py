@@ -51,8 +51,8 @@ class WindowStage:
     def key(self, key: str) -> None:
         *modifiers, name = key.split("+")
         pressed = [getattr(imgui.Key, f"mod_{modifier}") for modifier in modifiers] + [KEYS[name]]
-        for one in pressed:
-            imgui.get_io().add_key_event(one, True)
+        for pressed_key in pressed:
+            imgui.get_io().add_key_event(pressed_key, True)
         self._up = pressed
 
     def write(self, text: str) -> None:

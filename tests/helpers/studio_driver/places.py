@@ -231,7 +231,7 @@ def _on_timeline(place: OnTimeline, stage: SessionStage) -> Point:
 
 def _on_lane(place: OnLane, stage: SessionStage) -> Point:
     layout, chosen = stage.workspace.timeline.layout, stage.workspace.editor.selection.character
-    row = next(one for one in layout.lanes() if (one.kind, one.character.id) == (place.row, chosen))
+    row = next(lane for lane in layout.lanes() if (lane.kind, lane.character.id) == (place.row, chosen))
     return _shifted(stage.timeline(), np.array([layout.x_of(row, place.seconds), row.top + row.height / 2]))
 
 

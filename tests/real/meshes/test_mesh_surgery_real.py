@@ -31,10 +31,10 @@ def lonely_edges(mesh):
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     key, back = np.unique(starts * count + ends, return_counts=True)
     mirrored, forth = np.unique(ends * count + starts, return_counts=True)
-    whole = np.union1d(key, mirrored)
-    one, other = np.zeros(len(whole), int), np.zeros(len(whole), int)
-    one[np.searchsorted(whole, key)], other[np.searchsorted(whole, mirrored)] = back, forth
-    return int(np.abs(one - other).sum() // 2)
+    keys = np.union1d(key, mirrored)
+    backward, forward = np.zeros(len(keys), int), np.zeros(len(keys), int)
+    backward[np.searchsorted(keys, key)], forward[np.searchsorted(keys, mirrored)] = back, forth
+    return int(np.abs(backward - forward).sum() // 2)
 
 
 def volume(mesh):

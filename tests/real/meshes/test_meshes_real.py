@@ -65,12 +65,12 @@ def test_no_edge_joins_limbs_that_are_apart(name):
 
 def test_plain_neighbours_would_join_them():
     """Guards the test above, on the same meshes: the four nearest nodes in space do join limbs."""
-    found = 0
+    shortcut_count = 0
     for name in ("horse_quad.obj", "human_man.obj", "humanoid.off", "camel_b.obj", "octopus.obj"):
         mesh = fit_height(load_mesh(next(p for p in FILES if p.name == name)).mesh, 1.75)
         graph = DeformationGraph.build(mesh, 128)
-        apart = np.linalg.norm(graph.positions[:, None] - graph.positions[None], axis=2)
-        nearest = np.argsort(apart, 1)[:, 1:5]
+        distances = np.linalg.norm(graph.positions[:, None] - graph.positions[None], axis=2)
+        nearest = np.argsort(distances, 1)[:, 1:5]
         pairs = np.stack([np.repeat(np.arange(128), 4), nearest.ravel()], 1)
-        found += shortcuts(mesh, graph, pairs)
-    assert found > 0
+        shortcut_count += shortcuts(mesh, graph, pairs)
+    assert shortcut_count > 0

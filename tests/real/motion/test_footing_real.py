@@ -41,8 +41,12 @@ SECONDS = 3.0
 def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     clip, _ = read_take(DATA / "bvh" / walk, None, 0.0, SECONDS)
     shape = read_gltf(DATA / MODEL, height=1.75).shape
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=False, floor=False))
-    project, name, times = unpin(made.project, made.shape_id), made.shape_id, np.arange(0.0, SECONDS, 1 / 60)
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=False, floor=False))
+    project, name, times = (
+        unpin(result.project, result.shape_id),
+        result.shape_id,
+        np.arange(0.0, SECONDS, 1 / 60),
+    )
     every = range(len(project.shape(name).layers))
     free = Player(project, name).sample(times)[1]
 
@@ -54,8 +58,8 @@ def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     joints, before, after = player.sample(times)[1], 0.0, 0.0
     for pin in held_pins(always.shape(name)):
         ankle = pin.chain[-1]
-        seen = player.contacts()[always.shape(name).skeleton.names[ankle]]
-        for start, end in zip(seen.starts, seen.ends, strict=True):
+        contact = player.contacts()[always.shape(name).skeleton.names[ankle]]
+        for start, end in zip(contact.starts, contact.ends, strict=True):
             inside = (start <= times) & (end >= times)
             if inside.sum() > 1:
                 before = max(before, np.ptp(free[inside][:, ankle][:, [0, 2]], axis=0).max())
@@ -75,9 +79,9 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
     """Measured on the written GLB by code that shares nothing with the retargeting."""
     path = DATA / "cmu_expmap" / "train_running_1.txt"
     clip, shape = read_take(path)[0], read_gltf(DATA / "humanoids" / f"{model}.glb").shape
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     speeds = standing_slides(
-        path, glb_of([performance_of(made.project, made.shape_id, 0.0, 1.3, 60.0)]), names
+        path, glb_of([performance_of(result.project, result.shape_id, 0.0, 1.3, 60.0)]), names
     )
     assert len(speeds) > 20
     assert np.median(speeds) < 2.0 and np.percentile(speeds, 90) < 5.0
@@ -95,9 +99,9 @@ def test_feet_of_a_real_runner_that_turn_on_the_spot_do_not_slide(model: str, na
 def test_an_arm_that_drives_a_foreleg_does_not_lift_the_other_feet(model: str, take: str) -> None:
     clip, _ = read_take(DATA / "bvh" / "bandai_namco" / f"{take}.bvh", None, 0.0, 4.0)
     shape = read_gltf(DATA / "gltf" / f"{model}.glb").shape
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
     tall, rest = np.ptp(shape.mesh.vertices[:, 1]), shape.skeleton.positions
-    root = Player(made.project, made.shape_id).root(np.linspace(0.0, made.duration, 30))[:, 1]
+    root = Player(result.project, result.shape_id).root(np.linspace(0.0, result.duration, 30))[:, 1]
     assert np.abs(root - rest[0, 1] - shape.place[1]).max() < 0.1 * tall
 
 
@@ -106,9 +110,9 @@ def test_a_real_weapon_does_not_lift_the_body() -> None:
     clip, _ = read_take(DATA / "cmu_expmap" / "train_jumping_1.txt", None, 0.9, 1.7)
     shape = read_gltf(DATA / "humanoids" / "quaternius_cyberpunk.glb").shape
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    made = retarget(shape, clip, plan)
-    assert min(at[:, 1].min() for at in surfaces(made.project, made.shape_id, np.linspace(0.0, 0.8, 9))) < (
-        floor_of(shape) - 0.1
-    )
-    quality = quality_of(made.project, made.shape_id, clip, made.duration, plan)
+    result = retarget(shape, clip, plan)
+    assert min(
+        at[:, 1].min() for at in surfaces(result.project, result.shape_id, np.linspace(0.0, 0.8, 9))
+    ) < (floor_of(shape) - 0.1)
+    quality = quality_of(result.project, result.shape_id, clip, result.duration, plan)
     assert quality.afloat < 0.01 and quality.slide < 5.0

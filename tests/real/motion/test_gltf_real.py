@@ -64,26 +64,26 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     if rig.clips:
         project, _ = playing(Project(), rig.shape, rig.clips[-1])
         end = min(rig.clips[-1].duration, 0.3)
-    made = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
-    checked_glb(made)
-    (tmp_path / "again.glb").write_bytes(made)
+    glb = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
+    checked_glb(glb)
+    (tmp_path / "again.glb").write_bytes(glb)
     read = read_gltf(tmp_path / "again.glb")
     mesh = read.shape.mesh
     before, after = rig.shape.mesh.materials, mesh.materials
     if before is not None:
         assert set(before.definitions) <= set(after.definitions)
         assert [t.image.tobytes() for t in before.textures] == [t.image.tobytes() for t in after.textures]
-    again = read.shape.skeleton
-    np.testing.assert_array_equal(again.parents, rig.shape.skeleton.parents)
+    reread = read.shape.skeleton
+    np.testing.assert_array_equal(reread.parents, rig.shape.skeleton.parents)
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
-    np.testing.assert_allclose(again.positions, rig.shape.skeleton.positions, atol=1e-5 * size)
+    np.testing.assert_allclose(reread.positions, rig.shape.skeleton.positions, atol=1e-5 * size)
     if rig.clips and path.stem not in STRAY:
         # Its extent equals the model's; its vertices may have another order.
         slow, step = SlowGltf(tmp_path / "again.glb"), 0.1
-        here = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
-        low, high = here.min(0), here.max(0)
-        there = slow.vertices_at(0, step, max(1, len(mesh.vertices) // 40))
-        assert (there > low - 1e-3 * size).all() and (there < high + 1e-3 * size).all()
+        vertices = skin_vertices(character_of(rig.shape), Player(project, rig.shape.id).pose(step))
+        low, high = vertices.min(0), vertices.max(0)
+        slow_vertices = slow.vertices_at(0, step, max(1, len(mesh.vertices) // 40))
+        assert (slow_vertices > low - 1e-3 * size).all() and (slow_vertices < high + 1e-3 * size).all()
         moved, shape = playing(Project(), read.shape, read.clips[0])
         theirs = skin_vertices(character_of(shape), Player(moved, shape.id).pose(step))
         np.testing.assert_allclose([theirs.min(0), theirs.max(0)], [low, high], atol=1e-3 * size)

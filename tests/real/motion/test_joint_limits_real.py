@@ -48,8 +48,8 @@ def test_limits_of_an_animal_calm_its_surface_and_make_no_jumps(model, take):
     assert after.stretch <= before.stretch + 0.005
     assert after.through <= max(before.through, THROUGH)
     speeds = []
-    for made in (wild, calm):
-        turns = Player(made.project, made.shape_id).sample(np.arange(0.0, made.duration, 1 / 60))[0]
+    for result in (wild, calm):
+        turns = Player(result.project, result.shape_id).sample(np.arange(0.0, result.duration, 1 / 60))[0]
         cosines = np.abs(np.sum(turns[1:] * turns[:-1], axis=2)).clip(0.0, 1.0)
         speeds.append(float((2.0 * np.arccos(cosines)).max()))
     assert speeds[1] <= 1.25 * speeds[0]
@@ -61,7 +61,7 @@ def test_a_person_moves_the_same_with_limits_and_without(path):
     poses = []
     for on in (False, True):
         plan = replace(automatic(clip, rig.shape), limits=on)
-        made = retarget(rig.shape, clip, plan, clips=rig.clips)
-        assert made.limited == ()
-        poses.append(Player(made.project, made.shape_id).sample(np.linspace(0.0, 1.4, 15))[0])
+        result = retarget(rig.shape, clip, plan, clips=rig.clips)
+        assert result.limited == ()
+        poses.append(Player(result.project, result.shape_id).sample(np.linspace(0.0, 1.4, 15))[0])
     np.testing.assert_array_equal(poses[0], poses[1])

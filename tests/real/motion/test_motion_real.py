@@ -123,11 +123,11 @@ def test_a_person_on_its_own_skeleton_is_itself(path: Path) -> None:
 def legs_of(skeleton: Skeleton) -> list[tuple[int, int, int]]:
     """Returns hip, knee and ankle of both sides."""
     names = [name.lower() for name in skeleton.names]
-    made = []
+    legs = []
     for ankle in (i for i, name in enumerate(names) if name.endswith(("foot", "foot_l", "foot_r", "ankle"))):
         knee = int(skeleton.parents[ankle])
-        made.append((int(skeleton.parents[knee]), knee, ankle))
-    return made
+        legs.append((int(skeleton.parents[knee]), knee, ankle))
+    return legs
 
 
 @pytest.mark.parametrize("path", WALKS, ids=lambda path: path.stem)

@@ -45,10 +45,10 @@ def test_every_limb_of_the_written_file_points_as_the_performers(number):
     convention = CONVENTIONS.get(MODELS[number].stem.split("_")[0], "quaternius")
     for path in TAKES[number % OTHERS :: OTHERS]:
         clip = take(path)
-        made = retarget(shape, clip)
-        assert idle_limbs(clip, made.plan) == ()
+        result = retarget(shape, clip)
+        assert idle_limbs(clip, result.plan) == ()
         rate = min(60.0, 1.0 / clip.step)
-        glb = glb_of([performance_of(made.project, made.shape_id, 0.0, made.duration, rate)])
+        glb = glb_of([performance_of(result.project, result.shape_id, 0.0, result.duration, rate)])
         for limb, angles in limb_errors(path, glb, convention).items():
             # The pose is exact up to the frame rates of the two files.
             assert np.median(angles) < 2.0 and np.percentile(angles, 90) < 4.0, (path.stem, limb)
@@ -60,8 +60,8 @@ def test_a_planted_gait_does_not_slide(number, gait, slide):
     shape = read_gltf(MODELS[number]).shape
     path = next(path for path in TAKES if path.stem == f"dataset-1_{gait}_normal_001")
     clip, _ = read_take(path, None, 0.0, 4.0)
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
-    quality = quality_of(made.project, made.shape_id, clip, made.duration, made.plan)
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True, pin=True))
+    quality = quality_of(result.project, result.shape_id, clip, result.duration, result.plan)
     # It counts every contact with the floor, also the frames in which a runner lands and takes off.
     assert quality.slide < slide
     # Feet at the performer's positions bend the legs of a rig with boots of half a leg's length.
@@ -75,7 +75,11 @@ def test_the_humanoid_map_of_a_vrm_names_its_joints():
         pytest.skip("no VRM")
     skeleton = read_gltf(path).shape.skeleton
     assert {"hips", "leftUpperArm", "rightLowerLeg", "head"} <= set(skeleton.names)
-    found = anatomy_of(skeleton)
+    anatomy = anatomy_of(skeleton)
     # A VRM 0 model faces -Z.
-    assert abs(abs(found.facing) - np.pi) < 0.1
-    assert [skeleton.names[j] for j in found.arms[0][0].main] == ["leftUpperArm", "leftLowerArm", "leftHand"]
+    assert abs(abs(anatomy.facing) - np.pi) < 0.1
+    assert [skeleton.names[j] for j in anatomy.arms[0][0].main] == [
+        "leftUpperArm",
+        "leftLowerArm",
+        "leftHand",
+    ]

@@ -44,10 +44,10 @@ def test_a_real_model_moves_by_real_motions(number):
     rig = read_gltf(MODELS[number])
     size = float(np.ptp(rig.shape.mesh.vertices, axis=0).max())
     for path in TAKES[number % OTHERS :: OTHERS]:
-        made = retarget(rig.shape, take(path))
-        performance = performance_of(made.project, made.shape_id, 0.0, made.duration, 10.0)
+        result = retarget(rig.shape, take(path))
+        performance = performance_of(result.project, result.shape_id, 0.0, result.duration, 10.0)
         checked_glb(glb_of([performance]))
-        joints = Player(made.project, made.shape_id).sample(performance.times)[1]
+        joints = Player(result.project, result.shape_id).sample(performance.times)[1]
         assert np.isfinite(joints).all()
         # It moves, and stays near its place.
         assert np.ptp(joints, axis=0).max() > 1e-4 * size, path.stem
@@ -56,9 +56,9 @@ def test_a_real_model_moves_by_real_motions(number):
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda p: p.stem)
 def test_a_real_performer_has_two_arms_two_legs_and_a_head(path):
-    found = source_anatomy(take(path))
-    assert (len(found.arms), len(found.legs)) == (1, 1)
-    assert found.head is not None and found.tail is None
+    anatomy = source_anatomy(take(path))
+    assert (len(anatomy.arms), len(anatomy.legs)) == (1, 1)
+    assert anatomy.head is not None and anatomy.tail is None
 
 
 @pytest.mark.parametrize(
@@ -73,8 +73,8 @@ def test_the_parts_of_real_models(stem, legs, arms, tail):
     path = next((p for p in MODELS if p.stem == stem), None)
     if path is None:
         pytest.skip(f"no {stem}")
-    found = anatomy_of(read_gltf(path).shape.skeleton)
-    assert (len(found.legs), len(found.arms), found.tail is not None) == (legs, arms, tail)
+    anatomy = anatomy_of(read_gltf(path).shape.skeleton)
+    assert (len(anatomy.legs), len(anatomy.arms), anatomy.tail is not None) == (legs, arms, tail)
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda p: p.stem)

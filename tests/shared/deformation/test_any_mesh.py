@@ -132,10 +132,10 @@ def test_a_mesh_smaller_than_a_hand():
 
 
 def test_two_sheets_that_touch_hang_together_and_two_apart_by_one_joint():
-    one = sheet(20)
+    first = sheet(20)
     for gap, bridges in ((0.001, 0), (0.6, 1)):
-        other = one.vertices + np.array([1.0 + gap, 0, 0])
-        mesh = Mesh(np.concatenate([one.vertices, other]), np.concatenate([one.faces, one.faces + 400]))
+        other = first.vertices + np.array([1.0 + gap, 0, 0])
+        mesh = Mesh(np.concatenate([first.vertices, other]), np.concatenate([first.faces, first.faces + 400]))
         graph = DeformationGraph.build(mesh, 60)
         side = graph.positions[:, 0] > 1 + gap / 2
         crossing = side[graph.edges[:, 0]] != side[graph.edges[:, 1]]

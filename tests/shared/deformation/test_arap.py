@@ -142,16 +142,16 @@ def test_frames_are_the_dense_twins(mesh, plain):
     kind = ArapSettings(
         squash_and_stretch=not plain, follow=0.0, exaggeration=1.3, hold=0.0 if plain else 0.5, volume=0.0
     )
-    held, soft = [0, 17, 30, 40], [None, 3.0, None, None]
-    solver, twin = ArapSolver(mesh, kind), Twin(mesh, held, kind)
-    solver.set_handles([Handle(str(v), (v,), w) for v, w in zip(held, soft, strict=True)])
+    handles, soft = [0, 17, 30, 40], [None, 3.0, None, None]
+    solver, twin = ArapSolver(mesh, kind), Twin(mesh, handles, kind)
+    solver.set_handles([Handle(str(v), (v,), w) for v, w in zip(handles, soft, strict=True)])
     rng = np.random.default_rng(3)
     for _ in range(4):
-        wanted = mesh.vertices[held] + rng.normal(0, 0.15, (4, 3))
+        wanted = mesh.vertices[handles] + rng.normal(0, 0.15, (4, 3))
         twin.x = solver.shape()
-        made = solver.solve({str(v): wanted[k] for k, v in enumerate(held)})
-        assert np.abs(made - twin.frame(wanted, soft)).max() < 1e-5
-        assert np.array_equal(made[[0, 30, 40]], wanted[[0, 2, 3]])
+        solved = solver.solve({str(v): wanted[k] for k, v in enumerate(handles)})
+        assert np.abs(solved - twin.frame(wanted, soft)).max() < 1e-5
+        assert np.array_equal(solved[[0, 30, 40]], wanted[[0, 2, 3]])
 
 
 @settings(max_examples=25, deadline=None)
@@ -182,24 +182,24 @@ def test_rigid_motion_of_the_handles_is_the_meshs(seed, count, plain):
     solver.set_handles([Handle(str(v), (int(v),)) for v in chosen])
     turn = rotation.to_matrix(rotation.normalized(rng.normal(size=4)))
     moved = mesh.vertices @ turn.T + rng.normal(0, 2, 3)
-    made = solver.solve({str(v): moved[v] for v in chosen})
-    assert np.abs(made - moved).max() < 1e-9
+    solved = solver.solve({str(v): moved[v] for v in chosen})
+    assert np.abs(solved - moved).max() < 1e-9
     assert energy(solver) < 1e-18
 
 
 def test_small_changes_stay_small_where_the_whole_is_about_to_follow():
     mesh = sphere()
-    held = [60, 61, 0, 25]
+    handles = [60, 61, 0, 25]
     rng = np.random.default_rng(5)
     bend = rng.normal(0, 1, (4, 3))
     turn = rotation.to_matrix(rotation.from_rotation_vector(np.array([0.5, 0.2, 0.0])))
-    carried = mesh.vertices[held] @ turn.T
-    made = []
+    carried = mesh.vertices[handles] @ turn.T
+    frames = []
     for by in np.linspace(0.0, 0.2, 400):
         solver = ArapSolver(mesh)
-        solver.set_handles([Handle(str(v), (v,)) for v in held])
-        made.append(solver.solve({str(v): carried[k] + by * bend[k] for k, v in enumerate(held)}))
-    steps = np.abs(np.diff(made, axis=0)).max((1, 2))
+        solver.set_handles([Handle(str(v), (v,)) for v in handles])
+        frames.append(solver.solve({str(v): carried[k] + by * bend[k] for k, v in enumerate(handles)}))
+    steps = np.abs(np.diff(frames, axis=0)).max((1, 2))
     assert steps.max() < 60 * np.median(steps)
 
 
@@ -222,23 +222,23 @@ def test_a_figure_pressed_or_drawn_keeps_more_of_its_volume_than_plain_arap(by, 
         solver.set_handles([Handle(str(k), tuple(end)) for k, end in enumerate(ends)])
         for frame in range(40):
             shift = np.array([0.0, by * tall * min(1.0, frame / 20), 0.0])
-            made = solver.solve(
+            solved = solver.solve(
                 {str(k): mesh.vertices[end] + (1 - 2 * k) * shift for k, end in enumerate(ends)}
             )
-        drift[name] = abs(volume(mesh, made) / rest - 1)
+        drift[name] = abs(volume(mesh, solved) / rest - 1)
     assert drift["squash"] < 0.02
     assert drift["squash"] < 0.5 * drift["plain"] and drift["squash"] < 0.5 * drift["none"]
 
 
 def test_handles_come_and_go_without_a_trace():
     mesh = sphere()
-    one, other = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
-    for solver in (one, other):
+    first, second = ArapSolver(mesh, PLAIN), ArapSolver(mesh, PLAIN)
+    for solver in (first, second):
         solver.set_handles([Handle("a", (0,)), Handle("b", (33,))])
-    one.set_handles([*one.handles.values(), Handle("c", (20,))])
-    one.set_handles([Handle("a", (0,)), Handle("b", (33,))])
+    first.set_handles([*first.handles.values(), Handle("c", (20,))])
+    first.set_handles([Handle("a", (0,)), Handle("b", (33,))])
     target = {"a": mesh.vertices[0] + [0.1, 0.2, 0.0]}
-    assert alike(one.solve(target), other.solve(target), SOLVED)
+    assert alike(first.solve(target), second.solve(target), SOLVED)
 
 
 def test_shells_soups_and_loose_vertices_move_together():
@@ -250,23 +250,23 @@ def test_shells_soups_and_loose_vertices_move_together():
         "two",
     )
     solver = ArapSolver(both)
-    told = " ".join(solver.notes)
-    assert "welded" in told and "virtual edges" in told and "no face" in told
+    notes = " ".join(solver.notes)
+    assert "welded" in notes and "virtual edges" in notes and "no face" in notes
     top = len(soup.vertices)
     solver.set_handles([Handle("low", tuple(range(0, 60, 7))), Handle("high", (top,))])
     turned = both.vertices[top] + [0.15, 0.0, 0.0]
     for _ in range(30):
-        made = solver.solve({"high": turned})
-    assert np.isfinite(made).all()
+        solved = solver.solve({"high": turned})
+    assert np.isfinite(solved).all()
     # The small ball came along and is still one.
-    small = made[top : top + len(far.vertices)]
+    small = solved[top : top + len(far.vertices)]
     assert np.linalg.norm(small.mean(0) - far.vertices.mean(0)) > 0.05
-    apart = np.linalg.norm(small - small.mean(0), axis=1)
-    assert apart.min() > 0.12 and apart.max() < 0.3
+    distances = np.linalg.norm(small - small.mean(0), axis=1)
+    assert distances.min() > 0.12 and distances.max() < 0.3
     # Welded vertices stay together.
     _, of = weld(both)
     first = np.unique(of, return_index=True)[1][of]
-    assert np.array_equal(made, made[first])
+    assert np.array_equal(solved, solved[first])
 
 
 def test_needles_and_faces_without_area_do_no_harm():
@@ -277,8 +277,8 @@ def test_needles_and_faces_without_area_do_no_harm():
     faces = np.concatenate([mesh.faces, [[5, 6, 6], [7, 8, 7]]]).astype(np.int32)
     solver = ArapSolver(Mesh(thin, faces))
     solver.set_handles([Handle("a", (0,)), Handle("b", (44,))])
-    made = solver.solve({"b": thin[44] + [0.1, 0.1, 0.3]})
-    assert np.isfinite(made).all() and np.abs(made).max() < 3
+    solved = solver.solve({"b": thin[44] + [0.1, 0.1, 0.3]})
+    assert np.isfinite(solved).all() and np.abs(solved).max() < 3
 
 
 def add(solver, handle):
@@ -338,9 +338,9 @@ def test_single_iteration_moves_the_shape():
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_units_do_not_matter(scale):
     mesh = sphere()
-    made = []
+    shapes = []
     for unit in (1.0, scale):
         solver = ArapSolver(replace(mesh, vertices=mesh.vertices * unit))
         solver.set_handles([Handle("a", (0,)), Handle("b", (33,)), Handle("c", (50,))])
-        made.append(solver.solve({"a": unit * (mesh.vertices[0] + [0.1, 0.3, 0.0])}) / unit)
-    assert np.abs(made[0] - made[1]).max() < 1e-6
+        shapes.append(solver.solve({"a": unit * (mesh.vertices[0] + [0.1, 0.3, 0.0])}) / unit)
+    assert np.abs(shapes[0] - shapes[1]).max() < 1e-6

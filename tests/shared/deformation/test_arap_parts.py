@@ -67,10 +67,10 @@ def test_the_factor_solves_as_a_dense_matrix_does(count):
     forward(factor, z.reshape(-1), room)
     half = z[:count, :3].copy()
     backward(factor, z.reshape(-1), room)
-    made = np.empty((count, 3))
-    made[factor.order] = z[:count, :3]
+    solution = np.empty((count, 3))
+    solution[factor.order] = z[:count, :3]
     exact = np.linalg.solve(dense, right)
-    assert np.abs(made - exact).max() < 2e-5 * np.abs(exact).max()
+    assert np.abs(solution - exact).max() < 2e-5 * np.abs(exact).max()
     assert np.all(z[count:] == 0)
     place = count // 2
     rows, column = unit_column(factor, place)
@@ -88,8 +88,8 @@ def test_the_factor_solves_as_a_dense_matrix_does(count):
 def test_weights_are_cotangents_and_never_below_the_least():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     edges, weights = surface_edges(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    found = {tuple(e): w for e, w in zip(edges.tolist(), weights, strict=True)}
-    assert found[(0, 1)] == pytest.approx(0.5) and found[(0, 2)] == LEAST
+    weight_of_edge = {tuple(e): w for e, w in zip(edges.tolist(), weights, strict=True)}
+    assert weight_of_edge[(0, 1)] == pytest.approx(0.5) and weight_of_edge[(0, 2)] == LEAST
     points, faces = random_sheet(400, 0)
     points[:, 1] *= 1e-3
     _, thin = surface_edges(points, faces)
@@ -124,10 +124,10 @@ def test_the_way_that_was_faster_of_late_is_taken_and_the_other_asked_now_and_th
 
 def test_two_threads_give_the_same():
     points, faces = random_sheet(5000, 2)
-    made = []
+    solutions = []
     for threads in (0, 1, 2):
         solver = ArapSolver(Mesh(points, faces), ArapSettings(threads=threads))
         solver.set_handles([Handle("a", (0,)), Handle("b", (1,)), Handle("c", (2,))])
         solver.solve({"a": points[0] + [0.1, 0.2, 0.3]})
-        made.append(solver.solve({"b": points[1] + [0.0, 0.1, 0.3]}))
-    assert all(alike(one, made[0], SOLVED) for one in made)
+        solutions.append(solver.solve({"b": points[1] + [0.0, 0.1, 0.3]}))
+    assert all(alike(solution, solutions[0], SOLVED) for solution in solutions)

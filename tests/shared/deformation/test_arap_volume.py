@@ -100,14 +100,14 @@ def test_half_of_the_change_may_be_kept():
     mesh = blob(500)
     ends = [np.flatnonzero(side * mesh.vertices[:, 1] > 0.95).tolist() for side in (1, -1)]
     drift = []
-    for kept in (0.0, 0.5, 1.0):
-        solver = ArapSolver(mesh, ArapSettings(volume=kept, hold=0.3))
+    for share in (0.0, 0.5, 1.0):
+        solver = ArapSolver(mesh, ArapSettings(volume=share, hold=0.3))
         solver.set_handles([Handle(str(k), tuple(end)) for k, end in enumerate(ends)])
         for frame in range(60):
             shift = np.array([0.0, min(0.4, frame / 60), 0.0])
-            made = solver.solve(
+            solved = solver.solve(
                 {str(k): mesh.vertices[end] + (1 - 2 * k) * shift for k, end in enumerate(ends)}
             )
-        drift.append(enclosed(made, mesh.faces) / enclosed(mesh.vertices, mesh.faces) - 1)
+        drift.append(enclosed(solved, mesh.faces) / enclosed(mesh.vertices, mesh.faces) - 1)
     assert drift[0] > 0.05 and abs(drift[2]) < 0.01
     assert 0.3 * drift[0] < drift[1] < 0.7 * drift[0]

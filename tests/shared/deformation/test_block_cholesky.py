@@ -55,8 +55,8 @@ def factor_of(pattern, blocks):
 def test_solution_matches_numpy(count, density, seed):
     pattern, blocks, dense = random_system(count, density, seed)
     right = np.random.default_rng(seed).normal(size=(count, 6))
-    made, factor = factor_of(pattern, blocks)
-    assert made
+    is_factored, factor = factor_of(pattern, blocks)
+    assert is_factored
     x = np.zeros((count, 8), np.float32)
     x[:, :6] = right
     substitute(pattern.row_start, pattern.column, *factor, x.reshape(-1))

@@ -51,22 +51,22 @@ def star(lengths, cells=4, gap=0.0):
 def test_the_ends_of_a_star_are_its_arms_longest_first(count, gap):
     lengths = np.linspace(1.0, 0.6, count)
     mesh = star(lengths, gap=gap)
-    found = extremities(mesh)
-    radius = np.linalg.norm(mesh.vertices[found], axis=1)
-    arms = np.round(np.arctan2(*mesh.vertices[found].T[1::-1]) / (2 * np.pi / count)).astype(int) % count
+    ends = extremities(mesh)
+    radius = np.linalg.norm(mesh.vertices[ends], axis=1)
+    arms = np.round(np.arctan2(*mesh.vertices[ends].T[1::-1]) / (2 * np.pi / count)).astype(int) % count
     assert sorted(arms[:count]) == list(range(count))
     assert (radius[:count] > 0.93 * lengths[arms[:count]]).all()
     assert arms[0] in (0, 1, count - 1)
-    assert extremities(mesh, 2).tolist() == found[:2].tolist()
+    assert extremities(mesh, 2).tolist() == ends[:2].tolist()
 
 
 def test_a_finer_mesh_has_the_same_ends():
     mesh = star([1.0, 0.9, 0.8, 0.7])
     fine = refine(mesh, 0.01)
     assert len(fine.vertices) > 10 * len(mesh.vertices)
-    one, other = mesh.vertices[extremities(mesh, 4)], fine.vertices[extremities(fine, 4)]
-    apart = np.linalg.norm(one[:, None] - other, axis=2)
-    assert (apart.min(0) < 0.12).all() and (apart.min(1) < 0.12).all()
+    coarse_ends, fine_ends = mesh.vertices[extremities(mesh, 4)], fine.vertices[extremities(fine, 4)]
+    distances = np.linalg.norm(coarse_ends[:, None] - fine_ends, axis=2)
+    assert (distances.min(0) < 0.12).all() and (distances.min(1) < 0.12).all()
 
 
 def test_loose_vertices_are_no_ends():

@@ -64,8 +64,8 @@ def test_the_nearest_place_is_that_of_all_faces(seed, off, far):
     )
     on = mesh.vertices[mesh.faces[rng.integers(0, 20, 5)]].mean(1)
     points = on + off * rng.normal(size=(5, 3))
-    found = nearest_on_surface(mesh, points).positions
-    for point, place in zip(points, found, strict=True):
+    nearest = nearest_on_surface(mesh, points).positions
+    for point, place in zip(points, nearest, strict=True):
         shares = clamped_shares(mesh.vertices[mesh.faces], point)
         every = np.linalg.norm((mesh.vertices[mesh.faces] * shares).sum(1) - point, axis=1)
         # A micrometre a kilometre from the origin is rounding.

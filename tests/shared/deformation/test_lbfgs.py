@@ -59,7 +59,7 @@ def test_a_direction_is_that_of_the_plain_two_loops(seed, kept):
     """To a ten-thousandth: float32 has seven digits, and the pairs' shares multiply their rounding."""
     work = filled_buffers(len(system().inverse) // 48, seed)
     expected, slope = plain_direction(work, kept)
-    found = lbfgs._direction(work.now, work, np.int64(kept), system())
+    direction = lbfgs._direction(work.now, work, np.int64(kept), system())
     size = np.abs(expected).max()
     np.testing.assert_allclose(work.own, expected, atol=1e-4 * size)
-    assert found == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))
+    assert direction == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))

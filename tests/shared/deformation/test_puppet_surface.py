@@ -91,8 +91,10 @@ def test_samples_are_apart_and_everything_is_near_one():
     mesh = tube()
     offsets, neighbours, lengths = edges_around(mesh.vertices, mesh.faces)
     pairs = {(a, b) for f in mesh.faces.tolist() for a in f for b in f if a != b}
-    told = {(v, int(u)) for v in range(len(mesh.vertices)) for u in neighbours[offsets[v] : offsets[v + 1]]}
-    assert told == pairs
+    near_pairs = {
+        (v, int(u)) for v in range(len(mesh.vertices)) for u in neighbours[offsets[v] : offsets[v + 1]]
+    }
+    assert near_pairs == pairs
     rows = np.repeat(np.arange(len(mesh.vertices)), np.diff(offsets))
     assert np.allclose(lengths, np.linalg.norm(mesh.vertices[rows] - mesh.vertices[neighbours], axis=1))
     from scipy.sparse import csr_matrix
@@ -110,13 +112,13 @@ def test_weights_are_those_of_the_slow_twin():
     points, samples = rng.random((30, 3)), rng.random((12, 3))
     ways = np.linalg.norm(points[:, None] - samples, axis=2) * rng.uniform(1.0, 1.6, (30, 12))
     start, near = 12 * np.arange(31), np.tile(np.arange(12, dtype=np.int32), 30)
-    offsets, kept, weights = followed(points, samples, start, near, ways.ravel(), 0.7, 1.25)
+    offsets, nearest, weights = followed(points, samples, start, near, ways.ravel(), 0.7, 1.25)
     d = np.maximum(np.linalg.norm(points[:, None] - samples, axis=2), ways / 1.25)
     expected = np.where(d < 0.7, ((0.7 - d) / (0.7 * d)) ** 2, 0.0)
     expected /= expected.sum(1, keepdims=True)
-    made = np.zeros((30, 12))
-    made[np.repeat(np.arange(30), np.diff(offsets)), kept] = weights
-    assert np.abs(made - expected).max() < 1e-6
+    dense = np.zeros((30, 12))
+    dense[np.repeat(np.arange(30), np.diff(offsets)), nearest] = weights
+    assert np.abs(dense - expected).max() < 1e-6
 
 
 def test_maps_and_their_blend_are_the_slow_twins():
@@ -139,10 +141,10 @@ def test_maps_and_their_blend_are_the_slow_twins():
         turned = frames[place_of[v], :12].reshape(3, 4)[:, :3].T
         right = (w[v][:, None] * moved).T @ e + own * turned
         slow.append(right @ np.linalg.inv((w[v][:, None] * e).T @ e + own * np.eye(3)))
-    made = maps.reshape(-1, 4, 4)[:, :3, :3].transpose(0, 2, 1)
-    assert np.abs(made - slow).max() < 1e-8
+    linear = maps.reshape(-1, 4, 4)[:, :3, :3].transpose(0, 2, 1)
+    assert np.abs(linear - slow).max() < 1e-8
     assert (
-        np.abs(np.einsum("vij,vj->vi", made, mesh.vertices) + maps.reshape(-1, 4, 4)[:, 3, :3] - pose).max()
+        np.abs(np.einsum("vij,vj->vi", linear, mesh.vertices) + maps.reshape(-1, 4, 4)[:, 3, :3] - pose).max()
         < 1e-12
     )
     start, near = np.array([0, 2, 3]), np.array([5, 9, 7], np.int32)
@@ -177,29 +179,29 @@ def test_a_rigid_motion_of_the_control_points_is_the_meshs(seed):
 def test_control_points_and_welded_vertices_reach_targets_exactly():
     mesh = tube()
     soup = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3))
-    held = [0, 2000, 5000]
-    surface = PuppetSurface(soup, held, [None, None, 5.0], COARSE)
-    places = soup.vertices[held] + [[0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]]
-    made = surface.solve(places)
-    assert np.array_equal(made[held[:2]], places[:2])
-    assert np.linalg.norm(made[5000] - places[2]) > 1e-6
+    handles = [0, 2000, 5000]
+    surface = PuppetSurface(soup, handles, [None, None, 5.0], COARSE)
+    places = soup.vertices[handles] + [[0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]]
+    solved = surface.solve(places)
+    assert np.array_equal(solved[handles[:2]], places[:2])
+    assert np.linalg.norm(solved[5000] - places[2]) > 1e-6
     at = (soup.vertices == soup.vertices[0]).all(1)
-    assert at.sum() > 3 and (made[at] == places[0]).all()
+    assert at.sum() > 3 and (solved[at] == places[0]).all()
     # Nothing is torn: vertices at one position stay there.
     twins = np.unique(soup.vertices, axis=0, return_inverse=True)[1].reshape(-1)
     first = np.unique(twins, return_index=True)[1][twins]
-    assert np.abs(made - made[first]).max() < 1e-12
+    assert np.abs(solved - solved[first]).max() < 1e-12
 
 
 def test_detail_is_carried_along():
     smooth, rough = tube(), tube(bumps=0.012)
-    held = ends(smooth)
-    places = bent(smooth, held)
-    plain = PuppetSurface(smooth, held, settings=COARSE).settle(places)
-    made = PuppetSurface(rough, held, settings=COARSE).settle(bent(rough, held))
+    handles = ends(smooth)
+    places = bent(smooth, handles)
+    plain = PuppetSurface(smooth, handles, settings=COARSE).settle(places)
+    solved = PuppetSurface(rough, handles, settings=COARSE).settle(bent(rough, handles))
     # How high the detail stands over the smooth surface, before and after.
     before = ((rough.vertices - smooth.vertices) * smooth.vertex_normals()).sum(1)
-    after = ((made - plain) * normals(smooth, plain)).sum(1)
+    after = ((solved - plain) * normals(smooth, plain)).sum(1)
     middle = np.abs(before) > 0.006
     assert middle.sum() > 200
     assert np.corrcoef(before[middle], after[middle])[0, 1] > 0.9
@@ -209,9 +211,11 @@ def test_detail_is_carried_along():
 def test_the_carried_surface_has_no_facets():
     mesh = tube(48, 120)
     count = len(mesh.vertices)
-    held = [count - 2, count - 1, 144, 160, 176, count - 150, count - 166, count - 182]
-    made = PuppetSurface(mesh, held, settings=COARSE).settle(bent(mesh, held))
-    fine = PuppetSurface(mesh, held, settings=replace(COARSE, coarse_above=10**6)).settle(bent(mesh, held))
+    handles = [count - 2, count - 1, 144, 160, 176, count - 150, count - 166, count - 182]
+    solved = PuppetSurface(mesh, handles, settings=COARSE).settle(bent(mesh, handles))
+    fine = PuppetSurface(mesh, handles, settings=replace(COARSE, coarse_above=10**6)).settle(
+        bent(mesh, handles)
+    )
 
     def sharpest(vertices):
         """The largest angles between faces that share an edge, but for the few at the tips."""
@@ -222,7 +226,7 @@ def test_the_carried_surface_has_no_facets():
         angles = np.arccos(np.clip((faces[pairs[:, 0]] * faces[pairs[:, 1]]).sum(1), -1, 1))
         return np.quantile(angles, 0.98)
 
-    assert sharpest(made) < 1.25 * max(sharpest(fine), sharpest(mesh.vertices))
+    assert sharpest(solved) < 1.25 * max(sharpest(fine), sharpest(mesh.vertices))
 
 
 def test_settling_is_the_same_whatever_came_before():
@@ -243,42 +247,42 @@ def test_settling_is_the_same_whatever_came_before():
 
 def test_a_limb_that_is_turned_far_is_not_turned_inside_out():
     mesh = tube()
-    held = ends(mesh)
+    handles = ends(mesh)
     for kind in (COARSE, replace(COARSE, coarse_above=10**6)):
-        made = PuppetSurface(mesh, held, settings=kind).settle(bent(mesh, held, 2.2))
-        a, b, c = (made[mesh.faces[:, k]] for k in range(3))
+        solved = PuppetSurface(mesh, handles, settings=kind).settle(bent(mesh, handles, 2.2))
+        a, b, c = (solved[mesh.faces[:, k]] for k in range(3))
         assert (a * np.cross(b, c)).sum() > 0
         # Each end is still a tube's end that looks outward.
         top = mesh.vertices[:, 1] > 0.42
-        out = made[top] - made[top].mean(0)
-        assert ((normals(mesh, made)[top] * out).sum(1) > 0).mean() > 0.95
+        out = solved[top] - solved[top].mean(0)
+        assert ((normals(mesh, solved)[top] * out).sum(1) > 0).mean() > 0.95
 
 
 def test_a_drag_arrives_where_settling_does():
     mesh = tube(40, 120)
-    held = [len(mesh.vertices) - 2, len(mesh.vertices) - 1, 120, 134, 148]
-    places = bent(mesh, held, 1.0)
-    apart = []
+    handles = [len(mesh.vertices) - 2, len(mesh.vertices) - 1, 120, 134, 148]
+    places = bent(mesh, handles, 1.0)
+    errors = []
     for guide in (100, 10**6):
         kind = ArapSettings(guide_vertices=guide)
-        surface = PuppetSurface(mesh, held, settings=kind)
-        settled = PuppetSurface(mesh, held, settings=replace(kind, guide_vertices=100)).settle(places)
+        surface = PuppetSurface(mesh, handles, settings=kind)
+        settled = PuppetSurface(mesh, handles, settings=replace(kind, guide_vertices=100)).settle(places)
         for frame in range(20):
-            made = surface.solve(bent(mesh, held, (frame + 1) / 20))
-        apart.append(np.linalg.norm(made - settled, axis=1).mean())
-    assert apart[0] < 0.02 and apart[0] < 0.5 * apart[1]
+            solved = surface.solve(bent(mesh, handles, (frame + 1) / 20))
+        errors.append(np.linalg.norm(solved - settled, axis=1).mean())
+    assert errors[0] < 0.02 and errors[0] < 0.5 * errors[1]
 
 
 def test_sampling_another_time_does_not_disturb_a_drag():
     mesh = tube()
-    held = ends(mesh)
-    one, other = (PuppetSurface(mesh, held, settings=COARSE) for _ in range(2))
+    handles = ends(mesh)
+    first, second = (PuppetSurface(mesh, handles, settings=COARSE) for _ in range(2))
     for by in (0.2, 0.4):
-        one.solve(bent(mesh, held, by))
-        other.solve(bent(mesh, held, by))
-    seen = one.aside(bent(mesh, held, -1.0))
-    assert alike(one.solve(bent(mesh, held, 0.6)), other.solve(bent(mesh, held, 0.6)), SOLVED)
-    assert alike(seen, other.settle(bent(mesh, held, -1.0)), SOLVED)
+        first.solve(bent(mesh, handles, by))
+        second.solve(bent(mesh, handles, by))
+    posed = first.aside(bent(mesh, handles, -1.0))
+    assert alike(first.solve(bent(mesh, handles, 0.6)), second.solve(bent(mesh, handles, 0.6)), SOLVED)
+    assert alike(posed, second.settle(bent(mesh, handles, -1.0)), SOLVED)
 
 
 @pytest.mark.parametrize("kind", [COARSE, ArapSettings()], ids=["coarse", "plain"])
@@ -286,13 +290,13 @@ def test_other_control_points_are_as_a_new_surface(kind):
     mesh = tube()
     surface = PuppetSurface(mesh, [0, 500], settings=kind)
     surface.solve(mesh.vertices[[0, 500]] + 0.1)
-    held = [*ends(mesh), 500]
-    surface.hold(held)
+    handles = [*ends(mesh), 500]
+    surface.hold(handles)
     assert np.array_equal(surface.pose, mesh.vertices)
-    places = bent(mesh, held)
-    made = surface.solve(places)
-    assert np.array_equal(made[held], places)
-    assert alike(made, PuppetSurface(mesh, held, settings=kind).solve(places), SOLVED)
+    places = bent(mesh, handles)
+    solved = surface.solve(places)
+    assert np.array_equal(solved[handles], places)
+    assert alike(solved, PuppetSurface(mesh, handles, settings=kind).solve(places), SOLVED)
     surface.hold([])
     assert np.array_equal(surface.solve(np.empty((0, 3))), mesh.vertices)
 
@@ -305,20 +309,20 @@ def test_tiny_shells_and_loose_vertices_follow_nearest_surface():
         np.concatenate([body.vertices, bead.vertices, loose]),
         np.concatenate([body.faces, bead.faces + len(body.vertices)]),
     )
-    held = ends(body)
-    surface = PuppetSurface(mesh, held, settings=COARSE)
+    handles = ends(body)
+    surface = PuppetSurface(mesh, handles, settings=COARSE)
     assert any("tiny shells" in note for note in surface.notes)
-    made = surface.settle(bent(mesh, held))
+    solved = surface.settle(bent(mesh, handles))
     riders = np.arange(len(body.vertices), len(mesh.vertices))
     hosts = np.linalg.norm(body.vertices[None] - mesh.vertices[riders][:, None], axis=2).argmin(1)
     before = np.linalg.norm(mesh.vertices[riders] - mesh.vertices[hosts], axis=1)
-    after = np.linalg.norm(made[riders] - made[hosts], axis=1)
-    assert np.abs(made[riders] - mesh.vertices[riders]).max() > 0.1
+    after = np.linalg.norm(solved[riders] - solved[hosts], axis=1)
+    assert np.abs(solved[riders] - mesh.vertices[riders]).max() > 0.1
     assert (after < 1.5 * before + 0.01).all()
     # One that is held is solved like the others.
     tip = len(body.vertices)
-    surface.hold([*held, tip])
-    places = np.concatenate([bent(mesh, held), [[0.4, 0.4, 0.0]]])
+    surface.hold([*handles, tip])
+    places = np.concatenate([bent(mesh, handles), [[0.4, 0.4, 0.0]]])
     assert np.array_equal(surface.solve(places)[tip], places[-1])
 
 

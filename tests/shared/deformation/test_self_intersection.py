@@ -45,7 +45,7 @@ def together(*meshes):
 
 def twin(vertices, faces):
     """Every edge of every face against every other face: where on the one and in the other they meet."""
-    found = set()
+    crossing = set()
     for f, corners in enumerate(faces):
         for g, others in enumerate(faces):
             p, q = vertices[corners], vertices[others]
@@ -58,8 +58,8 @@ def twin(vertices, faces):
                     continue
                 t, u, v = np.linalg.solve(matrix, p[k] - q[0])
                 if 0 < t < 1 and u > 0 and v > 0 and u + v < 1:
-                    found |= {f, g}
-    return sorted(found)
+                    crossing |= {f, g}
+    return sorted(crossing)
 
 
 @settings(max_examples=25, deadline=None)
@@ -73,10 +73,10 @@ def test_random_faces_are_the_slow_twins(seed):
 
 def test_two_balls_cross_in_a_ring_and_not_inside():
     mesh = together(ball(), ball(centre=(0.7, 0.03, 0.05)))
-    found = crossing_faces(mesh.vertices, mesh.faces)
-    assert found.tolist() == twin(mesh.vertices, mesh.faces)
-    middles = mesh.vertices[mesh.faces[found]].mean(1)
-    assert len(found) > 8 and np.abs(middles[:, 0] - 0.35).max() < 0.3
+    crossing = crossing_faces(mesh.vertices, mesh.faces)
+    assert crossing.tolist() == twin(mesh.vertices, mesh.faces)
+    middles = mesh.vertices[mesh.faces[crossing]].mean(1)
+    assert len(crossing) > 8 and np.abs(middles[:, 0] - 0.35).max() < 0.3
     inside = together(ball(), ball(0.2))
     assert len(crossing_faces(inside.vertices, inside.faces)) == 0
 

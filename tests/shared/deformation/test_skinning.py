@@ -135,14 +135,14 @@ def test_moves_add_up(seed):
     """Eq. 2 is linear in the transforms: half of one pose and half of another give the mean of both."""
     rng = np.random.default_rng(seed)
     character = random_character(rng)
-    one, two = (
+    first, second = (
         Pose(
             "r", 0, rng.normal(size=(9, 3, 3)).astype(np.float32), rng.normal(size=(9, 3)).astype(np.float32)
         )
         for _ in range(2)
     )
-    both = Pose("r", 0, (one.linear + two.linear) / 2, (one.positions + two.positions) / 2)
-    mean = (skin_vertices(character, one) + skin_vertices(character, two)) / 2
+    both = Pose("r", 0, (first.linear + second.linear) / 2, (first.positions + second.positions) / 2)
+    mean = (skin_vertices(character, first) + skin_vertices(character, second)) / 2
     np.testing.assert_allclose(skin_vertices(character, both), mean, atol=1e-4)
 
 
@@ -184,8 +184,8 @@ def test_normals_of_a_bent_graph_are_nearly_those_of_the_bent_surface():
     positions = np.einsum("jab,jb->ja", linear, graph.positions * [1, 0, 1]) + spine
     pose = Pose("capsule", 0, linear.astype(np.float32), positions.astype(np.float32))
     bent = Mesh(skin_vertices(character, pose).astype(float), mesh.faces).vertex_normals()
-    told = skin_normals(character, pose, mesh.vertex_normals().astype(np.float32))
-    assert np.quantile((bent * told).sum(1), 0.02) > 0.9
+    normals = skin_normals(character, pose, mesh.vertex_normals().astype(np.float32))
+    assert np.quantile((bent * normals).sum(1), 0.02) > 0.9
 
 
 def test_mismatched_shapes_are_refused_and_out_is_used(character):

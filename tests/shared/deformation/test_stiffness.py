@@ -76,14 +76,14 @@ def test_paint_is_the_mean_of_a_nodes_vertices_and_even_paint_is_itself(seed):
     np.testing.assert_array_equal(plain, np.ones(9))
     painted = np.exp2(rng.uniform(-4, 4, 60)).astype(np.float32)
     character = made_character(seed, painted)
-    found = painted_stiffness(character)
+    stiffness = painted_stiffness(character)
     for node in range(9):
         weights = (character.skin.weights * (character.skin.indices == node)).sum(1)
         mean = np.average(np.log(painted), weights=weights) if weights.any() else 0.0
-        assert found[node] == pytest.approx(np.exp(mean), rel=1e-5)
-    assert painted.min() * 0.999 <= found[:8].min() and found.max() <= painted.max() * 1.001
+        assert stiffness[node] == pytest.approx(np.exp(mean), rel=1e-5)
+    assert painted.min() * 0.999 <= stiffness[:8].min() and stiffness.max() <= painted.max() * 1.001
     np.testing.assert_allclose(
-        painted_stiffness(made_character(seed, 2 * painted))[:8], 2 * found[:8], rtol=1e-5
+        painted_stiffness(made_character(seed, 2 * painted))[:8], 2 * stiffness[:8], rtol=1e-5
     )
 
 
@@ -164,6 +164,6 @@ def test_a_limb_that_is_painted_stiffer_stays_nearer_to_rigid(seed):
         turned = np.swapaxes(linear[middle], 1, 2) @ linear[middle] - np.eye(3)
         return float((own**2).sum() + (turned**2).sum())
 
-    found = [strain(factor) for factor in (0.1, 1.0, 10.0, 100.0)]
-    assert (np.diff(found) <= 1e-9 + 1e-3 * found[0]).all()
-    assert found[-1] < 0.5 * found[0] or found[0] < 1e-6
+    strains = [strain(factor) for factor in (0.1, 1.0, 10.0, 100.0)]
+    assert (np.diff(strains) <= 1e-9 + 1e-3 * strains[0]).all()
+    assert strains[-1] < 0.5 * strains[0] or strains[0] < 1e-6

@@ -63,14 +63,14 @@ def test_the_compiled_form_plays_the_same(layers, times, length):
     frames = round(length * 16) + 1
     skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
     clip = Clip("take", skeleton, np.tile([1.0, 0, 0, 0], (frames, 2, 1)), np.zeros((frames, 3)), 1 / 16)
-    found = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
+    played = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
     for t, time in enumerate(times):
         for k, layer in enumerate(layers):
             moment = layer.moment(time, length)
-            seconds = [found.frame[t, k] / 16, found.other[t, k] / 16]
+            seconds = [played.frame[t, k] / 16, played.other[t, k] / 16]
             assert seconds == pytest.approx([moment.second, moment.other], abs=1e-12)
-            assert found.rounds[t, k] == moment.rounds
-            rest = [found.share[t, k], found.weight[t, k]]
+            assert played.rounds[t, k] == moment.rounds
+            rest = [played.share[t, k], played.weight[t, k]]
             assert rest == pytest.approx([moment.share, moment.weight], abs=1e-12)
 
 

@@ -177,8 +177,8 @@ def test_maps_are_those_of_the_plain_system(seed):
     expected = np.einsum("vka,vj->kaj", design, wanted.reshape(60, -1))
     np.testing.assert_allclose(right, expected, atol=1e-12)
     rigid = 1e-9
-    found = Maps(rest, pivots, indices, weights, rigid).of(wanted)
-    shown = np.einsum("vka,fkac->vfc", design, found)
+    fitted = Maps(rest, pivots, indices, weights, rigid).of(wanted)
+    shown = np.einsum("vka,fkac->vfc", design, fitted)
     best = np.stack([flat @ np.linalg.lstsq(flat, wanted[:, f], None)[0] for f in range(4)], 1)
     assert ((shown - wanted) ** 2).sum() <= ((best - wanted) ** 2).sum() * (1 + 1e-3) + 1e-6
 
@@ -209,31 +209,31 @@ def slow_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, i
         np.add.at(dense[v], indices[v], weights[v])
     out = dense.copy()
     for v in range(len(rest)):
-        there = [k for k in candidates[v] if k >= 0]
-        moved = [np.append(rest[v] - pivots[k], 1.0) @ maps[k] - wanted[v] for k in there]
+        used = [k for k in candidates[v] if k >= 0]
+        moved = [np.append(rest[v] - pivots[k], 1.0) @ maps[k] - wanted[v] for k in used]
         gram = np.array([[(a * b).sum() for b in moved] for a in moved])
         around = near[starts[v] : starts[v + 1]]
-        pull = dense[around][:, there].mean(0) if len(around) else np.zeros(len(there))
-        least = 1e-10 * np.trace(gram) / len(there)
+        pull = dense[around][:, used].mean(0) if len(around) else np.zeros(len(used))
+        least = 1e-10 * np.trace(gram) / len(used)
 
         def cost(w, gram=gram, pull=pull):
             return w @ gram @ w + smooth * ((w - pull) ** 2).sum()
 
-        free = list(range(len(there)))
+        free = list(range(len(used)))
         while True:
             part = gram[np.ix_(free, free)] + (smooth + least) * np.eye(len(free))
-            whole = np.block([[part, np.ones((len(free), 1))], [np.ones(len(free)), 0.0]])
-            found = np.linalg.solve(whole, np.append(smooth * pull[free], 1.0))[:-1]
-            if found.min() >= 0 and len(free) <= 4:
+            system = np.block([[part, np.ones((len(free), 1))], [np.ones(len(free)), 0.0]])
+            solution = np.linalg.solve(system, np.append(smooth * pull[free], 1.0))[:-1]
+            if solution.min() >= 0 and len(free) <= 4:
                 break
-            free.pop(int(found.argmin()))
-        new = np.zeros(len(there))
-        new[free] = found
-        before = dense[v, there]
+            free.pop(int(solution.argmin()))
+        new = np.zeros(len(used))
+        new[free] = solution
+        before = dense[v, used]
         if abs(before.sum() - 1) < 1e-6 and cost(new) >= cost(before):
             continue
         out[v] = 0.0
-        out[v, there] = new
+        out[v, used] = new
     return out
 
 

@@ -100,23 +100,23 @@ def dense(mapping, poses, constraints, weight):
             rows.append(weight * (place[p, f - 1] - 2 * place[p, f] + place[p, f + 1]))
             right.append(np.zeros(3))
     middle, size = examples.targets.mean(0), examples.target_size
-    for one in constraints:
-        p, f = examples.point(one.point), one.frame
-        for axis in map("xyz".index, one.axes):
-            if isinstance(one, Position):
-                row, value = place[p, f, axis], one.place[axis] - middle[p, axis]
-            elif isinstance(one, Velocity):
-                row, value = place[p, f, axis] - place[p, f - 1, axis], one.velocity[axis] * STEP
+    for constraint in constraints:
+        p, f = examples.point(constraint.point), constraint.frame
+        for axis in map("xyz".index, constraint.axes):
+            if isinstance(constraint, Position):
+                row, value = place[p, f, axis], constraint.place[axis] - middle[p, axis]
+            elif isinstance(constraint, Velocity):
+                row, value = place[p, f, axis] - place[p, f - 1, axis], constraint.velocity[axis] * STEP
             else:
-                o = examples.point(one.other)
+                o = examples.point(constraint.other)
                 row = place[p, f, axis] - place[o, f, axis]
-                value = one.apart[axis] - middle[p, axis] + middle[o, axis]
+                value = constraint.apart[axis] - middle[p, axis] + middle[o, axis]
             rows.append(1e4 * row[None])
             right.append([1e4 * value / size])
     low = np.tile([*[-mapping.settings.margin] * most, *[-np.inf] * 3], points * frames)
     high = np.tile([*[1 + mapping.settings.margin] * most, *[np.inf] * 3], points * frames)
-    found = lsq_linear(np.vstack(rows), np.concatenate(right), (low, high), method="bvls", tol=1e-14)
-    return np.moveaxis(place @ found.x, 0, 1) * size + middle
+    solution = lsq_linear(np.vstack(rows), np.concatenate(right), (low, high), method="bvls", tol=1e-14)
+    return np.moveaxis(place @ solution.x, 0, 1) * size + middle
 
 
 @given(SEEDS, st.sampled_from([0.0, 0.05, 0.25, 100.0]), st.sampled_from([0.05, 0.3, 3.0]), st.booleans())

@@ -68,8 +68,8 @@ def test_from_a_mesh_and_a_motion_to_a_film_of_it(folder, capsys):
     assert posed != text
     (folder / "s" / "made.toml").write_text(posed)
     assert examples(folder, "check", "s/made.toml") == 0
-    said = capsys.readouterr().out
-    assert "the pose farthest from all examples is" in said and f"{name} - " in said
+    output = capsys.readouterr().out
+    assert "the pose farthest from all examples is" in output and f"{name} - " in output
     assert examples(folder, "fit", "s/made.toml", "-o", "out.glb", "--end", 1, "--rate", 10) == 0
     assert "3 key poses, 1.00 s are in" in capsys.readouterr().out
     document = checked_glb((folder / "out.glb").read_bytes())
@@ -130,12 +130,12 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     project = full_session(folder / "full.toml")
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     plain = project.with_characters(puppet.with_changes(symmetry=None))
-    found = coverage_of(plain, plain.puppets["stool"], 0)
+    coverage = coverage_of(plain, plain.puppets["stool"], 0)
     poses = performed(clip, [point.joint for point in puppet.points]).poses
-    known = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
-    gaps = [min(np.sqrt(((pose - one) ** 2).sum(1).mean()) for one in known) for pose in poses]
-    assert found.frame == int(np.argmax(gaps)) and found.gap == pytest.approx(max(gaps))
-    assert found.time == pytest.approx(found.frame * clip.step)
+    existing = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
+    gaps = [min(np.sqrt(((pose - near) ** 2).sum(1).mean()) for near in existing) for pose in poses]
+    assert coverage.frame == int(np.argmax(gaps)) and coverage.gap == pytest.approx(max(gaps))
+    assert coverage.time == pytest.approx(coverage.frame * clip.step)
     assert unposed(puppet) == ()
 
 
@@ -178,25 +178,25 @@ def test_impossible_request_is_reported(folder, capsys, words, said):
 def test_missing_input_is_reported_before_solving(folder, capsys):
     (folder / "bare.toml").write_text('[mesh]\nfile = "stool.ply"\n[[point]]\nvertex = 3\n')
     assert examples(folder, "check", "bare.toml") == 3
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for sentence in (
         "Pair 'point 1' with a joint.",
         "Pose two examples.",
         "Add the motion to play: [[layer]].",
     ):
-        assert sentence in said
+        assert sentence in output
 
 
 def test_help_has_worked_examples(capsys):
-    told = {
+    help_texts = {
         ("--help",): "fit cactus.toml",
         ("fit", "--help"): "--sheet cactus.png",
         ("new", "--help"): "--up z",
         ("check", "--help"): "check SHOW.enliven --puppet cactus",
     }
-    for words, said in told.items():
+    for words, example in help_texts.items():
         assert run(["examples", *words]) == 0
-        assert said in capsys.readouterr().out
+        assert example in capsys.readouterr().out
 
 
 def test_muted_layer_does_not_set_the_length(folder, capsys):

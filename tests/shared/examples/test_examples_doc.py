@@ -26,11 +26,11 @@ def test_the_page_runs(capsys):
     assert len(blocks("python")) == 4
     for block in blocks("python"):
         exec(compile(block, str(PAGE), "exec"), names)
-    said = capsys.readouterr().out
-    assert "('Pose two examples.',)" in said
-    assert "(31, 4, 3) True ()" in said
-    assert said.count("True") == 3
-    assert said.rstrip().endswith("(31, 2, 3)")
+    output = capsys.readouterr().out
+    assert "('Pose two examples.',)" in output
+    assert "(31, 4, 3) True ()" in output
+    assert output.count("True") == 3
+    assert output.rstrip().endswith("(31, 2, 3)")
     cactus, state = names["cactus"], names["state"]
     # Between its two examples, and the pot stays.
     low, high = names["down"][1, 1], names["up"][1, 1]

@@ -77,10 +77,10 @@ def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
     project = project_of(seed, kind, body, 60)
     puppet = project.puppets["stool"]
     assert bool(travel_of(project, puppet).feet) == (body == "steps")
-    made = motion_of(project, puppet, 0)
-    assert made.travels
+    walk = motion_of(project, puppet, 0)
+    assert walk.travels
     size = float(np.linalg.norm(np.ptp(puppet.rest, axis=0)))
-    off = np.linalg.norm((made.root - made.root[0] - made.path)[:, [0, 2]], axis=1)
+    off = np.linalg.norm((walk.root - walk.root[0] - walk.path)[:, [0, 2]], axis=1)
     # Its own steps lead it away at some speed; beyond two leashes it is drawn back in a fifth of a second.
     own = motion_of(*loose(project), 0)
     away = np.linalg.norm(np.diff(own.root - own.path, axis=0)[:, [0, 2]], axis=1).max() / STEP
@@ -101,8 +101,8 @@ def test_the_path_is_the_performers_in_its_strides_and_from_its_own_front(seed, 
     moved = replace(
         clip, turns=multiply(turn, clip.turns), root=rotate(turn, clip.root) + np.array([3.0, 0.0, 1.0])
     )
-    there = project.with_takes(moved)
-    paths = [motion_of(one, one.puppets["stool"], 0).path for one in (project, there)]
+    turned_project = project.with_takes(moved)
+    paths = [motion_of(each, each.puppets["stool"], 0).path for each in (project, turned_project)]
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-7)
     stride = travel_of(project, project.puppets["stool"]).stride
     far = np.linalg.norm((clip.root - clip.root[0])[:, [0, 2]], axis=1)
@@ -132,10 +132,10 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
     drift = 0.06 * np.arange(len(clip.root))[:, None] * STEP * [np.cos(angle), 0.0, np.sin(angle)]
     carried = replace(clip, id="carried", root=clip.root + drift)
     project = play_take(walks.with_takes(carried), "stool", "carried", level_feet=False)
-    made, plain = motion_of(project, project.puppets["stool"], 1), motion_of(walks, free, 0)
-    drawn = np.linalg.norm((made.root - plain.root)[-1, [0, 2]])
+    corrected, plain = motion_of(project, project.puppets["stool"], 1), motion_of(walks, free, 0)
+    drawn = np.linalg.norm((corrected.root - plain.root)[-1, [0, 2]])
     assert drawn > 0.1
-    moves = {"drawn": made, "loose": plain}
+    moves = {"drawn": corrected, "loose": plain}
     for name, motion in moves.items():
         still = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))[:-5]
         spots = [[motion._standing(f, int(motion.anchors[k + 1])) for f in (k, k + 1)] for k in still]
@@ -148,11 +148,11 @@ def test_drift_correction_does_not_slide_planted_feet(seed, angle):
 @few
 def test_drift_does_not_grow_with_loops(seed, rounds):
     project = project_of(seed, "stays", "steps", 5)
-    made = motion_of(project, project.puppets["stool"], 0)
-    turn, offset = float(made.yaw[-1]), made.path[-1]
+    walk = motion_of(project, project.puppets["stool"], 0)
+    turn, offset = float(walk.yaw[-1]), walk.path[-1]
     assert turn == pytest.approx(0.0, abs=1e-9)
-    for frame in (0.0, 40.3, made.frames - 1.0):
-        once, often = (made.way_at(frame, n)[1] - n * offset for n in (1, rounds))
+    for frame in (0.0, 40.3, walk.frames - 1.0):
+        once, often = (walk.way_at(frame, n)[1] - n * offset for n in (1, rounds))
         np.testing.assert_allclose(often, once, atol=1e-9)
 
 

@@ -89,9 +89,9 @@ def test_couplings_make_the_change_of_anchors_level():
     placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
     couplings = placed.couplings(("left", "right", "head"))
     assert couplings
-    for one in couplings:
-        assert {one.point, one.other} == {"left", "right"}
-        assert one.point == ("left", "right")[placed.anchors[one.frame]]
+    for coupling in couplings:
+        assert {coupling.point, coupling.other} == {"left", "right"}
+        assert coupling.point == ("left", "right")[placed.anchors[coupling.frame]]
 
 
 @pytest.mark.parametrize("frames", [[], [3], [0, 50, 40], [0, 500]])
@@ -164,8 +164,8 @@ def test_compiled_contact_is_its_slow_twin(seed, known):
     rng = np.random.default_rng(seed)
     turned, feet = rng.normal(size=(60, 5, 3)) * 0.1, np.array([3, 0, 2])
     stands = rng.random((60, 3)) < 0.4 if known else np.zeros((60, 3), np.bool_)
-    made, twin = [(np.zeros((60, 3)), np.full(60, -1, np.int64)) for _ in range(2)]
-    stand(turned, feet, stands, 0.05, 0, 59, *made)
+    compiled, twin = [(np.zeros((60, 3)), np.full(60, -1, np.int64)) for _ in range(2)]
+    stand(turned, feet, stands, 0.05, 0, 59, *compiled)
     slow_stand(turned, feet, stands, 0.05, *twin)
-    np.testing.assert_array_equal(made[1], twin[1])
-    np.testing.assert_allclose(made[0], twin[0], atol=1e-12)
+    np.testing.assert_array_equal(compiled[1], twin[1])
+    np.testing.assert_allclose(compiled[0], twin[0], atol=1e-12)

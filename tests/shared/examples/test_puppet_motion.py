@@ -85,26 +85,26 @@ def test_puppet_of_stationary_performer_stays(seed):
     project = puppet_project(seed, clip=clip)
     size = float(np.linalg.norm(np.ptp(project.puppets["stool"].rest, axis=0)))
     for leash in (0.1, 0.5):
-        made = motion(leashed(project, leash))
-        assert np.linalg.norm(made.root[:, [0, 2]], axis=1).max() < (leash + 0.35) * size
-        np.testing.assert_allclose(made.root[0, [0, 2]], 0.0, atol=1e-12)
+        solved = motion(leashed(project, leash))
+        assert np.linalg.norm(solved.root[:, [0, 2]], axis=1).max() < (leash + 0.35) * size
+        np.testing.assert_allclose(solved.root[0, [0, 2]], 0.0, atol=1e-12)
 
 
 @given(seeds, st.floats(0.05, 0.95))
 @few
 def test_the_anchor_does_not_slide_also_between_frames(seed, part):
     project = leashed(puppet_project(seed), 1000.0)
-    puppet, made = project.puppets["stool"], motion(project)
+    puppet, solved = project.puppets["stool"], motion(project)
     assume(travel_of(project, puppet).feet)
-    assert len(set(made.anchors)) > 1
-    standing = [f for f in range(1, made.frames) if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0]
+    assert len(set(solved.anchors)) > 1
+    standing = [f for f in range(1, solved.frames) if solved.anchors[f] >= 0 and solved.anchors[f - 1] >= 0]
     assert len(standing) > 30
     for f in standing[::7]:
-        anchor = int(made.anchors[f])
+        anchor = int(solved.anchors[f])
         spots = []
         for time in ((f - 1) * STEP, (f - 1 + part) * STEP, f * STEP):
-            now = state(project, time)
-            spots.append(in_world(puppet, now, now.places[anchor])[[0, 2]])
+            state_now = state(project, time)
+            spots.append(in_world(puppet, state_now, state_now.places[anchor])[[0, 2]])
         np.testing.assert_allclose(spots, np.tile(spots[0], (3, 1)), atol=1e-9)
 
 
@@ -123,10 +123,10 @@ def test_lowest_foot_keeps_rest_height_and_motion_starts_at_rest_position():
 def test_two_feet_are_equally_high_where_one_takes_over():
     changes = {}
     for level in (True, False):
-        made = motion(puppet_project(level_feet=level))
-        frames = [f for f in range(1, made.frames) if made.anchors[f] != made.anchors[f - 1]]
-        frames = [f for f in frames if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0]
-        gaps = [np.ptp(made.places[f, [made.anchors[f], made.anchors[f - 1]], 1]) for f in frames]
+        solved = motion(puppet_project(level_feet=level))
+        frames = [f for f in range(1, solved.frames) if solved.anchors[f] != solved.anchors[f - 1]]
+        frames = [f for f in frames if solved.anchors[f] >= 0 and solved.anchors[f - 1] >= 0]
+        gaps = [np.ptp(solved.places[f, [solved.anchors[f], solved.anchors[f - 1]], 1]) for f in frames]
         changes[level] = max(gaps)
     assert changes[True] < 1e-6
     assert changes[False] > 1e-3
@@ -184,11 +184,11 @@ def test_the_upper_layer_lies_on_the_lower_and_only_the_first_that_has_feet_trav
 
 def test_puppet_without_travel_stays():
     project = puppet_project(travel=False)
-    made = motion(project)
-    assert not made.travels and made.switches == ()
-    assert not made.yaw.any() and not made.root.any()
+    solved = motion(project)
+    assert not solved.travels and solved.switches == ()
+    assert not solved.yaw.any() and not solved.root.any()
     np.testing.assert_allclose(
-        made.places, motion(change_layers(project, "stool", [0], level_feet=False)).places
+        solved.places, motion(change_layers(project, "stool", [0], level_feet=False)).places
     )
 
 
@@ -210,20 +210,20 @@ def test_loop_is_continuous_in_pose_and_position(seed, rounds):
 
 def test_rounds_are_one_motion_after_another():
     """The closed form against going round by round, as the performer's path goes on."""
-    made = motion(puppet_project())
-    turn = float(made.yaw[-1])
+    solved = motion(puppet_project())
+    turn = float(solved.yaw[-1])
     c, s = np.cos(turn), np.sin(turn)
 
     def turned(at):
         return np.array([c * at[0] + s * at[2], at[1], c * at[2] - s * at[0]])
 
-    yaw, root = made.way_at(7.3, 1)
+    yaw, root = solved.way_at(7.3, 1)
     for rounds in range(2, 7):
-        root = turned(root) + made.path[-1]
+        root = turned(root) + solved.path[-1]
         yaw += turn
-        there = made.way_at(7.3, rounds)
-        np.testing.assert_allclose(there[1], root, atol=1e-9)
-        assert there[0] == pytest.approx(yaw)
+        later = solved.way_at(7.3, rounds)
+        np.testing.assert_allclose(later[1], root, atol=1e-9)
+        assert later[0] == pytest.approx(yaw)
     straight = motion(puppet_project(clip=walker(turning=0.0)))
     np.testing.assert_allclose(
         straight.way_at(3.0, 1001)[1], straight.way_at(3.0, 1)[1] + 1000 * straight.path[-1], atol=1e-6
@@ -243,11 +243,11 @@ def test_backwards_is_from_the_end(time):
 
 def test_time_is_clamped_or_wrapped_in_loops():
     project = puppet_project(offset=1.0, speed=2.0)
-    layer, made = project.puppets["stool"].layers[0], motion(project)
-    assert clock(layer, made, 0.5) == (0.0, 0)
-    assert clock(layer, made, 1.5)[0] == pytest.approx(1.0 / STEP)
-    assert clock(layer, made, 99.0) == (made.frames - 1, 0)
-    assert clock(replace(layer, loop=True), made, 1.0 + 3.5)[1] == 2
+    layer, solved = project.puppets["stool"].layers[0], motion(project)
+    assert clock(layer, solved, 0.5) == (0.0, 0)
+    assert clock(layer, solved, 1.5)[0] == pytest.approx(1.0 / STEP)
+    assert clock(layer, solved, 99.0) == (solved.frames - 1, 0)
+    assert clock(replace(layer, loop=True), solved, 1.0 + 3.5)[1] == 2
     assert project.end_of(project.puppets["stool"]) == pytest.approx(1.0 + 3.0 / 2.0)
     muted = change_layers(project, "stool", [0], muted=True)
     assert muted.end_of(muted.puppets["stool"]) == 0.0
@@ -255,16 +255,16 @@ def test_time_is_clamped_or_wrapped_in_loops():
 
 def test_a_motion_is_solved_once_and_forgotten_with_its_take():
     project = puppet_project(seed=123)
-    made = motion(project)
+    solved = motion(project)
     assert (
-        motion(change_layers(project, "stool", [0], offset=3.0, speed=-0.5, loop=True, muted=False)) is made
+        motion(change_layers(project, "stool", [0], offset=3.0, speed=-0.5, loop=True, muted=False)) is solved
     )
-    assert motion(change_layers(project, "stool", [0], weight=0.5)) is not made
-    assert motion(change_point(project, "stool", "top", joint="Spine")) is not made
+    assert motion(change_layers(project, "stool", [0], weight=0.5)) is not solved
+    assert motion(change_point(project, "stool", "top", joint="Spine")) is not solved
     with pytest.raises(ValueError):
-        made.places[0] = 0.0
+        solved.places[0] = 0.0
     take = weakref.ref(project.takes["walk"])
-    del project, made
+    del project, solved
     gc.collect()
     assert take() is None
 
@@ -306,8 +306,8 @@ def test_child_drives_key_poses_of_an_adult(seed, front, names):
     np.testing.assert_allclose(theirs.places, mine.places, atol=1e-6)
     # Strides are the mesh's own.
     np.testing.assert_allclose(theirs.root, mine.root, atol=1e-5)
-    said = " ".join(theirs.notes)
-    assert ("'LeftHand' is taken to be 'hand.L'" in said) == (names is ODD)
+    notes = " ".join(theirs.notes)
+    assert ("'LeftHand' is taken to be 'hand.L'" in notes) == (names is ODD)
 
 
 def test_key_poses_may_be_of_two_performers():
@@ -335,8 +335,8 @@ def test_missing_parts_are_reported_until_puppet_can_move():
     project = Project().with_takes(walker())
     project = puppet_project(poses=0, play=False)
     assert missing(project, project.puppets["stool"]) == ("Pose two examples.",)
-    one = puppet_project(poses=1, play=False)
-    loose = add_point(one, "stool", 100, "tail")
+    empty = puppet_project(poses=1, play=False)
+    loose = add_point(empty, "stool", 100, "tail")
     assert missing(loose, loose.puppets["stool"]) == ("Pair 'tail' with a joint.", "Pose one more example.")
     wrong = change_point(puppet_project(), "stool", "top", joint="Tail")
     assert "has no 'Tail'" in missing(wrong, wrong.puppets["stool"])[0]

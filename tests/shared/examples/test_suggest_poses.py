@@ -16,19 +16,19 @@ ORDER = (1, 0, 2)
 def test_the_suggested_are_the_farthest():
     rng = np.random.default_rng(1)
     poses = rng.normal(size=(200, 4, 3))
-    found = suggest_poses(poses, SuggestSettings(most=8))
-    away = np.sqrt(((poses[:, None] - poses[list(found.frames)]) ** 2).sum(3).mean(2))
+    suggested = suggest_poses(poses, SuggestSettings(most=8))
+    away = np.sqrt(((poses[:, None] - poses[list(suggested.frames)]) ** 2).sum(3).mean(2))
     for k in range(1, 8):
-        assert away[:, :k].min(1).argmax() == found.frames[k]
-    np.testing.assert_allclose(found.gaps, [away[:, : k + 1].min(1).max() for k in range(8)])
-    assert list(found.gaps) == sorted(found.gaps, reverse=True)
+        assert away[:, :k].min(1).argmax() == suggested.frames[k]
+    np.testing.assert_allclose(suggested.gaps, [away[:, : k + 1].min(1).max() for k in range(8)])
+    assert list(suggested.gaps) == sorted(suggested.gaps, reverse=True)
 
 
 def test_as_many_are_suggested_as_there_are_poses():
     poses = np.random.default_rng(2).normal(size=(4, 5, 3))[np.arange(300) // 80]
-    found = suggest_poses(poses, SuggestSettings(enough=0.1))
-    assert found.count == len(found.frames) == 4
-    assert len({f // 80 for f in found.frames}) == 4
+    suggested = suggest_poses(poses, SuggestSettings(enough=0.1))
+    assert suggested.count == len(suggested.frames) == 4
+    assert len({f // 80 for f in suggested.frames}) == 4
 
 
 def test_motionless_take_is_refused():
@@ -85,20 +85,20 @@ def test_resting_points_stay_at_rest_when_mirrored_on_nearly_symmetric_mesh():
 def test_next_suggestion_is_farthest_from_existing_poses():
     rng = np.random.default_rng(5)
     poses = rng.normal(size=(200, 4, 3))
-    known = poses[[3, 70]] + 0.01 * rng.normal(size=(2, 4, 3))
-    found = further_poses(poses, known, SuggestSettings(most=8))
+    existing = poses[[3, 70]] + 0.01 * rng.normal(size=(2, 4, 3))
+    suggested = further_poses(poses, existing, SuggestSettings(most=8))
     away = np.sqrt(
-        ((poses[:, None] - np.concatenate([known, poses[list(found.frames)]])) ** 2).sum(3).mean(2)
+        ((poses[:, None] - np.concatenate([existing, poses[list(suggested.frames)]])) ** 2).sum(3).mean(2)
     )
-    assert len(found.frames) == 6
-    for k, frame in enumerate(found.frames):
+    assert len(suggested.frames) == 6
+    for k, frame in enumerate(suggested.frames):
         nearest = away[:, : 2 + k].min(1)
-        assert nearest.argmax() == frame and found.gaps[k] == pytest.approx(nearest.max())
-    np.testing.assert_allclose(distance_to(poses, known), away[:, :2].min(1))
+        assert nearest.argmax() == frame and suggested.gaps[k] == pytest.approx(nearest.max())
+    np.testing.assert_allclose(distance_to(poses, existing), away[:, :2].min(1))
 
 
 def test_complete_examples_need_no_suggestions():
     poses = np.random.default_rng(6).normal(size=(3, 5, 3))[np.arange(120) // 40]
-    found = further_poses(poses, poses[[0, 40, 80]])
-    assert found.count == 0 and found.frames == ()
+    suggested = further_poses(poses, poses[[0, 40, 80]])
+    assert suggested.count == 0 and suggested.frames == ()
     assert further_poses(poses, poses[[0]], SuggestSettings(enough=0.1)).count == 2

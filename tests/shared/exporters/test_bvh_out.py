@@ -107,12 +107,12 @@ def check_places(clip, names, places, scale=1.0):
     for j, name in enumerate(skeleton.names):
         called = name.replace(" ", "_")
         if called in names:
-            found = places[:, names.index(called)] * scale
+            actual = places[:, names.index(called)] * scale
         else:
             assert not skeleton.children[j]
             near = [np.abs(places[:, n] * scale - expected[:, j]).max() for n in ends]
-            found = places[:, ends[int(np.argmin(near))]] * scale
-        assert np.abs(found - expected[:, j]).max() < CLOSE
+            actual = places[:, ends[int(np.argmin(near))]] * scale
+        assert np.abs(actual - expected[:, j]).max() < CLOSE
 
 
 @settings(max_examples=60, deadline=None)
@@ -162,13 +162,13 @@ def test_rigged_shape_is_baked_with_its_motion(tmp_path):
     turns[1:] = multiply(turns[1:], normalized([1, 0, 0, 0] + 0.1 * random.normal(size=(5, 5, 4))))
     clip = Clip("walk", skeleton, turns, random.normal(size=(6, 3)), 0.1)
     project, _ = playing(Project(), still_shape("man", skeleton), clip)
-    made = performance_of(project, "man", 0.1, 0.4, 10.0)
+    performance = performance_of(project, "man", 0.1, 0.4, 10.0)
     path = tmp_path / "man.bvh"
-    exporter_of(path, unit="cm").write(path, [made], "man", unit="cm")
+    exporter_of(path, unit="cm").write(path, [performance], "man", unit="cm")
     names, _, places = obvious(path.read_text())
     for frame in range(4):
         for joint in (1, 3):
-            expected = made.positions[frame, joint + 1]
+            expected = performance.positions[frame, joint + 1]
             assert (
                 np.abs(
                     places[frame, names.index(skeleton.names[joint].replace(" ", "_"))] / 100 - expected
@@ -182,11 +182,11 @@ def test_content_unsupported_by_bvh_is_reported():
     skin = SkinWeights(np.zeros((3, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)))
     stream = PoseStream("dance", np.tile(np.eye(3), (2, 1, 1, 1)), np.zeros((2, 1, 3)), 0.1)
     graph = GraphShape("chair", np.zeros((1, 3)), np.zeros((0, 2)), mesh, skin, (GraphPart("dance", [0]),))
-    made = performance_of(Project().with_streams(stream).with_characters(graph), "chair")
+    performance = performance_of(Project().with_streams(stream).with_characters(graph), "chair")
     with pytest.raises(InputError, match=r"no skeleton.*Write a \.glb instead"):
-        bvh_text(made)
+        bvh_text(performance)
     with pytest.raises(InputError, match="holds one character, not 2"):
-        exporter_of("a.bvh").write("a.bvh", [made, made], "two")
+        exporter_of("a.bvh").write("a.bvh", [performance, performance], "two")
     skeleton = Skeleton(("a",), np.array([-1]), np.zeros((1, 3)))
     with pytest.raises(InputError, match="the unit 'inch' does not exist"):
         bvh_text(

@@ -134,10 +134,10 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
     (tmp_path / "dance.bvh").write_text(bvh_text(performance_of_clip(clip)))
     assert export(tmp_path, "dance.bvh", "-o", "dance.glb") == 0
     assert export(tmp_path, "dance.glb", "-o", "again.bvh", "--rate", 1 / clip.step) == 0
-    one, two = read_bvh(tmp_path / "dance.bvh"), read_bvh(tmp_path / "again.bvh")
-    assert one.frames == two.frames
+    first, second = read_bvh(tmp_path / "dance.bvh"), read_bvh(tmp_path / "again.bvh")
+    assert first.frames == second.frames
     for name in ("Left_wrist", "head", "Right_ankle"):
-        off = one.positions[:, one.names.index(name)] - two.positions[:, two.names.index(name)]
+        off = first.positions[:, first.names.index(name)] - second.positions[:, second.names.index(name)]
         assert np.abs(off).max() < 1e-4
 
 

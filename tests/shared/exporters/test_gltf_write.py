@@ -109,8 +109,8 @@ def test_two_characters_in_one_file():
     for shape in shapes:
         clip = Clip(shape.id, *_parts(random_clip(random, shape.skeleton)))
         project, _ = playing(project, shape, clip)
-    made = [performance_of(project, shape.id) for shape in shapes]
-    document = checked_glb(glb_of(made))
+    performances = [performance_of(project, shape.id) for shape in shapes]
+    document = checked_glb(glb_of(performances))
     assert [skin["name"] for skin in document["skins"]] == ["one", "two"]
     (animation,) = document["animations"]
     moved = {c["target"]["node"] for c in animation["channels"]}
@@ -158,11 +158,11 @@ def test_a_clean_skin_means_the_same(seed):
     indices = random.integers(0, 3, (6, 4)).astype(np.uint16)
     weights = random.uniform(0, 1, (6, 4)).astype(np.float32) * (random.random((6, 4)) < 0.6)
     weights[:, 0] += 0.1
-    made, shares = clean_skin(indices, weights)
+    bones, shares = clean_skin(indices, weights)
     for v in range(6):
         for bone in range(3):
             expected = weights[v][indices[v] == bone].sum() / weights[v].sum()
-            assert shares[v][made[v] == bone].sum() == pytest.approx(expected, abs=1e-6)
+            assert shares[v][bones[v] == bone].sum() == pytest.approx(expected, abs=1e-6)
 
 
 def test_unwritable_content_is_reported(tmp_path):

@@ -56,32 +56,32 @@ GLASS = {
 
 def made_file(path, wood=WOOD, materials=(OAK, GLASS)):
     """A square of two materials and a triangle of none; the textured one has two sets of coordinates."""
-    random, made = np.random.default_rng(5), Made()
+    random, gltf = np.random.default_rng(5), Made()
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
-    place = made.accessor(corners)
+    place = gltf.accessor(corners)
     uvs = random.uniform(-2, 3, (2, 4, 2)).astype(np.float32)
     tints = random.uniform(0, 1, (4, 3)).astype(np.float32)
-    both = {"TEXCOORD_0": made.accessor(uvs[0]), "TEXCOORD_1": made.accessor(uvs[1])}
-    faces = [made.accessor(PARTS[k].astype(np.uint16)) for k in range(2)]
-    lone = made.accessor(np.eye(3, dtype=np.float32) + 2)
+    both = {"TEXCOORD_0": gltf.accessor(uvs[0]), "TEXCOORD_1": gltf.accessor(uvs[1])}
+    faces = [gltf.accessor(PARTS[k].astype(np.uint16)) for k in range(2)]
+    lone = gltf.accessor(np.eye(3, dtype=np.float32) + 2)
     primitives = [
         {"attributes": {"POSITION": place, **both}, "indices": faces[0], "material": 0},
         {
-            "attributes": {"POSITION": place, "COLOR_0": made.accessor(tints)},
+            "attributes": {"POSITION": place, "COLOR_0": gltf.accessor(tints)},
             "indices": faces[1],
             "material": 1,
         },
         {"attributes": {"POSITION": lone}},
     ]
-    made.add("meshes", {"primitives": primitives})
-    made.node(mesh=0, name="square")
+    gltf.add("meshes", {"primitives": primitives})
+    gltf.node(mesh=0, name="square")
     for data, kind in ((wood, "image/png"), (BUMPS, "image/jpeg")):
-        made.add("images", {"bufferView": made.view(data), "mimeType": kind})
-    made.add("samplers", {"wrapS": 33071, "magFilter": 9728})
-    made.json["textures"] = [{"source": 1}, {"source": 0, "sampler": 0}]
-    made.json["materials"] = list(materials)
-    made.json["extensionsUsed"] = ["KHR_texture_transform", "KHR_materials_emissive_strength"]
-    made.write(path)
+        gltf.add("images", {"bufferView": gltf.view(data), "mimeType": kind})
+    gltf.add("samplers", {"wrapS": 33071, "magFilter": 9728})
+    gltf.json["textures"] = [{"source": 1}, {"source": 0, "sampler": 0}]
+    gltf.json["materials"] = list(materials)
+    gltf.json["extensionsUsed"] = ["KHR_texture_transform", "KHR_materials_emissive_strength"]
+    gltf.write(path)
     return uvs, tints
 
 
@@ -104,14 +104,14 @@ def resolved(material, document, image):
         return [resolved(inner, document, image) for inner in material]
     if not isinstance(material, dict):
         return material
-    made = {key: resolved(inner, document, image) for key, inner in material.items()}
-    for key, inner in made.items():
+    copied = {key: resolved(inner, document, image) for key, inner in material.items()}
+    for key, inner in copied.items():
         if key.endswith("Texture"):
             texture = document["textures"][inner["index"]]
             sampler = texture.get("sampler")
-            told = None if sampler is None else document["samplers"][sampler]
-            inner["index"] = (image(texture["source"]), told)
-    return made
+            sampler_table = None if sampler is None else document["samplers"][sampler]
+            inner["index"] = (image(texture["source"]), sampler_table)
+    return copied
 
 
 def expected(material):
@@ -157,14 +157,14 @@ def test_materials_and_images_are_the_same_after_project_file_and_export(tmp_pat
 
 def test_a_file_that_is_read_and_written_again_and_again_stays_the_same(tmp_path):
     made_file(tmp_path / "0.gltf")
-    found = []
+    turns = []
     for turn in range(3):
         rig = read_gltf(sorted(tmp_path.glob(f"{turn}.gl*"))[0], name="square")
         project = Project().with_characters(rig.shape)
         write_gltf(tmp_path / f"{turn + 1}.glb", [performance_of(project, "square")])
-        found.append(read_gltf(tmp_path / f"{turn + 1}.glb").shape.mesh.materials)
-    assert same(found[1], found[2])
-    assert found[0].definitions == found[1].definitions and same(found[0].textures, found[1].textures)
+        turns.append(read_gltf(tmp_path / f"{turn + 1}.glb").shape.mesh.materials)
+    assert same(turns[1], turns[2])
+    assert turns[0].definitions == turns[1].definitions and same(turns[0].textures, turns[1].textures)
 
 
 def test_two_characters_with_one_material_share_it(tmp_path):

@@ -40,20 +40,23 @@ def solved(project, times):
 @pytest.mark.parametrize("how", ["skin", "morphs"])
 def test_a_file_plays_as_the_surface_is_solved_within_the_stated_error(bean, tmp_path, how):
     settings = BakeSettings(rms=0.001, worst=0.01, keys=0.0002)
-    made = performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
-    assert made.error.rms <= 0.001 * made.error.size and made.error.worst <= 0.01 * made.error.size
+    performance = performance_of(bean, "bean", 0.3, 2.3, 20.0, how=how, settings=settings)
+    assert (
+        performance.error.rms <= 0.001 * performance.error.size
+        and performance.error.worst <= 0.01 * performance.error.size
+    )
     path = tmp_path / "bean.glb"
-    write_gltf(path, [made])
+    write_gltf(path, [performance])
     checked_glb(path.read_bytes())
-    expected = solved(bean, 0.3 + made.times)
+    expected = solved(bean, 0.3 + performance.times)
     slow, off = SlowGltf(path), []
-    for frame, time in list(enumerate(made.times))[::7]:
+    for frame, time in list(enumerate(performance.times))[::7]:
         shown = slow.vertices_at(0, float(np.float32(time)))
         off.append(np.linalg.norm(shown - expected[frame], axis=1))
     off = np.array(off)
-    assert off.max() <= made.error.worst + made.keys + 1e-5
-    assert np.sqrt((off**2).mean()) <= 1.5 * made.error.rms + made.keys
-    assert np.linalg.norm(expected[0] - expected[-1], axis=1).max() > 50 * made.error.rms
+    assert off.max() <= performance.error.worst + performance.keys + 1e-5
+    assert np.sqrt((off**2).mean()) <= 1.5 * performance.error.rms + performance.keys
+    assert np.linalg.norm(expected[0] - expected[-1], axis=1).max() > 50 * performance.error.rms
 
 
 def test_keys_are_left_out_where_they_tell_nothing(bean):
@@ -64,9 +67,9 @@ def test_keys_are_left_out_where_they_tell_nothing(bean):
 
 def test_a_puppet_that_plays_nothing_stands_at_rest():
     still = made_puppets.project(layers=())
-    made = performance_of(still, "bean")
-    assert made.error.worst < 1e-6 and len(made.times) == 1
-    document = checked_glb(glb_of([made]))
+    performance = performance_of(still, "bean")
+    assert performance.error.worst < 1e-6 and len(performance.times) == 1
+    document = checked_glb(glb_of([performance]))
     assert "animations" not in document
 
 

@@ -142,7 +142,7 @@ def layers(draw):
             }
         )
     )
-    return PuppetLayer(**{one.name: getattr(when, one.name) for one in fields(TimeMap)}, **own)
+    return PuppetLayer(**{field.name: getattr(when, field.name) for field in fields(TimeMap)}, **own)
 
 
 @given(st.lists(layers(), max_size=4))
@@ -157,8 +157,8 @@ def test_layer_survives_writing_and_reading(tmp_path_factory, made):
 
 def test_a_session_can_say_all_that_a_layer_has():
     for table, inside, kind in ((LayerTable, INSIDE, PuppetLayer), (RootTable, ROOT_INSIDE, RootLayer)):
-        said = {one.name for one in fields(table)} | {attribute for attribute, _ in inside.values()}
-        assert said - {"keys"} == {one.name for one in fields(kind)}
+        sayable = {field.name for field in fields(table)} | {attribute for attribute, _ in inside.values()}
+        assert sayable - {"keys"} == {field.name for field in fields(kind)}
 
 
 @st.composite
@@ -174,7 +174,7 @@ def root_layers(draw):
         "mirrored": draw(st.booleans()),
         "muted": draw(st.booleans()),
     }
-    return RootLayer(**{one.name: getattr(when, one.name) for one in fields(TimeMap)}, **own)
+    return RootLayer(**{field.name: getattr(when, field.name) for field in fields(TimeMap)}, **own)
 
 
 @given(st.lists(root_layers(), min_size=1, max_size=3), st.floats(0.0, 4.0))

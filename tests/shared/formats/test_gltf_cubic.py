@@ -76,14 +76,14 @@ def written(tmp_path: Path, performance) -> SlowGltf:
 def keys_of(slow: SlowGltf, path: str = "rotation") -> list[tuple[str, np.ndarray]]:
     """How each channel of a path is interpolated, and its times."""
     animation = slow.json["animations"][0]
-    channels = [one for one in animation["channels"] if one["target"]["path"] == path]
-    samplers = [animation["samplers"][one["sampler"]] for one in channels]
-    return [(one["interpolation"], slow.accessor(one["input"])[:, 0]) for one in samplers]
+    channels = [channel for channel in animation["channels"] if channel["target"]["path"] == path]
+    samplers = [animation["samplers"][channel["sampler"]] for channel in channels]
+    return [(sampler["interpolation"], slow.accessor(sampler["input"])[:, 0]) for sampler in samplers]
 
 
 def length_of(slow: SlowGltf) -> tuple[float, float]:
-    inputs = [slow.accessor(one["input"])[:, 0] for one in slow.json["animations"][0]["samplers"]]
-    return min(one[0] for one in inputs), max(one[-1] for one in inputs)
+    inputs = [slow.accessor(sampler["input"])[:, 0] for sampler in slow.json["animations"][0]["samplers"]]
+    return min(seconds[0] for seconds in inputs), max(seconds[-1] for seconds in inputs)
 
 
 def tolerance(seed: int) -> float:
@@ -118,19 +118,19 @@ def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, 
     rig, slow = read_gltf(path), SlowGltf(path)
     project, shape = playing(Project(), rig.shape, rig.clips[0])
     segment = Segment(0.0, last - first, first)
-    layers = tuple(replace(one, segments=(segment,), speed=speed, offset=0.5) for one in shape.layers)
+    layers = tuple(replace(layer, segments=(segment,), speed=speed, offset=0.5) for layer in shape.layers)
     shape = shape.with_changes(layers=layers)
     project = project.with_characters(shape)
     write_project(folder / "b.enliven", project)
     project = read_project(folder / "b.enliven")
     length = (last - first) / speed
-    again = written(folder, performance_of(project, shape.id, 0.5, 0.5 + length, 20 / length, keyed=True))
-    assert [how for how, _ in keys_of(again)].count("CUBICSPLINE") == 3
+    reread = written(folder, performance_of(project, shape.id, 0.5, 0.5 + length, 20 / length, keyed=True))
+    assert [how for how, _ in keys_of(reread)].count("CUBICSPLINE") == 3
     for share in np.linspace(0.0, 1.0, 11):
         expected = slow.vertices_at(0, first + share * (last - first))
         seconds = share * (last - first) / speed
         np.testing.assert_allclose(
-            again.vertices_at(0, seconds), expected, atol=1e-5 if seed % 2 == 0 else 2e-4
+            reread.vertices_at(0, seconds), expected, atol=1e-5 if seed % 2 == 0 else 2e-4
         )
 
 
@@ -142,18 +142,18 @@ def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
     posed[2] = [np.cos(0.05), 0.0, 0.0, np.sin(0.05)]
     edits = {
         "posed": shape.with_changes(modeling=posed),
-        "half": shape.with_changes(layers=tuple(replace(one, weight=0.5) for one in shape.layers)),
+        "half": shape.with_changes(layers=tuple(replace(layer, weight=0.5) for layer in shape.layers)),
         "later": shape.with_changes(layers=(replace(shape.layers[0], offset=0.3), *shape.layers[1:])),
-        "looped": shape.with_changes(layers=tuple(replace(one, loop=True) for one in shape.layers)),
-        "smooth": shape.with_changes(layers=tuple(replace(one, smooth=0.2) for one in shape.layers)),
+        "looped": shape.with_changes(layers=tuple(replace(layer, loop=True) for layer in shape.layers)),
+        "smooth": shape.with_changes(layers=tuple(replace(layer, smooth=0.2) for layer in shape.layers)),
     }
     for name, edited in edits.items():
-        made = performance_of(project.with_characters(edited), edited.id, 0.0, 0.6, 240.0, keyed=True)
-        assert len(made.cubic) == (3 if name == "posed" else 0), f"{name}: what was posed is sampled"
-        player, again = Player(project.with_characters(edited), edited.id), written(tmp_path, made)
+        performance = performance_of(project.with_characters(edited), edited.id, 0.0, 0.6, 240.0, keyed=True)
+        assert len(performance.cubic) == (3 if name == "posed" else 0), f"{name}: what was posed is sampled"
+        player, reread = Player(project.with_characters(edited), edited.id), written(tmp_path, performance)
         for seconds in (0.0, 0.25, 0.6):
             shown = skin_vertices(character_of(edited), player.pose(seconds))
-            np.testing.assert_allclose(again.vertices_at(0, seconds), shown, atol=1e-3, err_msg=name)
+            np.testing.assert_allclose(reread.vertices_at(0, seconds), shown, atol=1e-3, err_msg=name)
 
 
 def test_a_character_that_was_moved_is_written_where_it_is(tmp_path: Path) -> None:

@@ -78,12 +78,12 @@ def test_clip_moves_surface_like_reference_skinning(tmp_path, kind):
 @pytest.mark.parametrize("kind", MOVING)
 def test_an_exported_clip_moves_a_surface_as_the_format_says(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
-    made = exportables_of(path).found[0].sample(0, None, None, False, True)
-    (tmp_path / "b.glb").write_bytes(glb_of([made]))
-    again, slow = SlowGltf(tmp_path / "b.glb"), SlowGltf(path)
+    sampled = exportables_of(path).found[0].sample(0, None, None, False, True)
+    (tmp_path / "b.glb").write_bytes(glb_of([sampled]))
+    reread, slow = SlowGltf(tmp_path / "b.glb"), SlowGltf(path)
     for seconds in (0.0, 0.25, 0.5, 0.8, 1.0):
         expected = slow.vertices_at(0, seconds)
-        np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=2e-5)
+        np.testing.assert_allclose(reread.vertices_at(0, seconds), expected, atol=2e-5)
 
 
 @settings(max_examples=10, deadline=None)
@@ -189,8 +189,8 @@ def test_each_unknown_extension_is_named_once(tmp_path):
         twin.extension(name)
     path = twin.write(tmp_path / "a.glb")
     for notes in (read_gltf(path).notes, load_mesh(path).notes):
-        told = [note for note in notes if "not supported" in note]
-        assert ["ACME_wobble" in told[0], "ACME_fur" in told[1]] == [True, True] and len(told) == 2
+        lines = [note for note in notes if "not supported" in note]
+        assert ["ACME_wobble" in lines[0], "ACME_fur" in lines[1]] == [True, True] and len(lines) == 2
 
 
 @pytest.mark.parametrize("read", [read_gltf, load_mesh])
@@ -307,9 +307,11 @@ def test_jumps_survive_writing_and_reading(tmp_path):
     (tmp_path / "b.glb").write_bytes(glb_of([first]))
     second = exportables_of(tmp_path / "b.glb").found[0].sample(0.0, None, None, False, True)
     (tmp_path / "c.glb").write_bytes(glb_of([second]))
-    one, two = SlowGltf(tmp_path / "b.glb"), SlowGltf(tmp_path / "c.glb")
+    written, rewritten = SlowGltf(tmp_path / "b.glb"), SlowGltf(tmp_path / "c.glb")
     for seconds in (0.0, 0.299, 0.301, 0.769, 0.771, 1.2, 1.5):
-        np.testing.assert_allclose(two.vertices_at(0, seconds), one.vertices_at(0, seconds), atol=1e-4)
+        np.testing.assert_allclose(
+            rewritten.vertices_at(0, seconds), written.vertices_at(0, seconds), atol=1e-4
+        )
 
 
 def test_even_keys_need_no_frames_of_their_own(tmp_path):
@@ -353,10 +355,10 @@ def test_errors_of_damaged_files_contain_no_python_terms(tmp_path_factory, kind,
         return
     for read in (read_gltf, load_mesh):
         try:
-            said = " ".join(read(path).notes)
+            message = " ".join(read(path).notes)
         except EnlivenError as error:
-            said = str(error)
-        assert not FOREIGN.search(said.replace(str(path), "")), said
+            message = str(error)
+        assert not FOREIGN.search(message.replace(str(path), "")), message
 
 
 def spoil(value, random) -> None:
@@ -380,20 +382,20 @@ HOUSE = Path(__file__).parents[3]
 @pytest.mark.parametrize("package", ["shared/enliven", "edge/enliven_edge", "viewer/enliven_viewer"])
 def test_messages_contain_no_exception_class_names(package):
     """``type(error).__name__`` and ``{error!r}`` are for logs of programmers, not for reasons."""
-    found = []
+    places = []
     for path in sorted((HOUSE / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         if not re.search(r"__name__|__class__|!r\}|repr\(", text):
             continue
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.ExceptHandler) and node.name:
-                found += [f"{path}:{line}" for line in lines_that_name(node, node.name)]
+                places += [f"{path}:{line}" for line in lines_that_name(node, node.name)]
             elif isinstance(node, ast.FunctionDef):
                 named = [a.arg for a in node.args.args if a.arg in ("error", "exception", "exc")]
-                found += [f"{path}:{line}" for name in named for line in lines_that_name(node, name)]
-    allowed = [one for one in found if "sensors/isolation/helper.py" in one]
+                places += [f"{path}:{line}" for name in named for line in lines_that_name(node, name)]
+    allowed = [place for place in places if "sensors/isolation/helper.py" in place]
     # The helper process sends the class of enliven's own errors, from which the edge recreates the error.
-    assert len(allowed) <= 2 and not set(found) - set(allowed)
+    assert len(allowed) <= 2 and not set(places) - set(allowed)
 
 
 def lines_that_name(tree: ast.AST, name: str) -> set[int]:

@@ -48,31 +48,33 @@ def test_rotating_rig_moves_like_reference_skinning(tmp_path_factory, seed):
 
 def two_joints(**child) -> Made:
     """A root and a child a metre above it, one triangle each."""
-    made = Made()
-    root = made.node(name="root")
-    end = made.node(root, name="child", translation=[0, 1, 0], **child)
+    gltf = Made()
+    root = gltf.node(name="root")
+    end = gltf.node(root, name="child", translation=[0, 1, 0], **child)
     inverse = np.stack([np.eye(4), trs([0, -1, 0], [0, 0, 0, 1])]).transpose(0, 2, 1).reshape(-1, 16)
-    skin = {"joints": [root, end], "inverseBindMatrices": made.accessor(inverse.astype(np.float32))}
-    made.add("skins", skin)
+    skin = {"joints": [root, end], "inverseBindMatrices": gltf.accessor(inverse.astype(np.float32))}
+    gltf.add("skins", skin)
     points = np.array([[0, 0, 0], [0.2, 0, 0], [0, 0.5, 0], [0, 1, 0], [0.2, 1, 0], [0, 1.5, 0]], np.float32)
     joints = np.zeros((6, 4), np.uint8)
     joints[3:, 0] = 1
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (6, 1))
     attributes = {
-        "POSITION": made.accessor(points),
-        "JOINTS_0": made.accessor(joints),
-        "WEIGHTS_0": made.accessor(weights),
+        "POSITION": gltf.accessor(points),
+        "JOINTS_0": gltf.accessor(joints),
+        "WEIGHTS_0": gltf.accessor(weights),
     }
-    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
-    return made
+    gltf.node(mesh=gltf.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    return gltf
 
 
 def animated(made: Made, node: int, path: str, values) -> None:
     times = made.accessor(np.array([0.0, 1.0], np.float32))
     sampler = {"input": times, "output": made.accessor(np.array(values, np.float32))}
-    found = made.json.setdefault("animations", [{"channels": [], "samplers": []}])[0]
-    found["samplers"].append(sampler)
-    found["channels"].append({"sampler": len(found["samplers"]) - 1, "target": {"node": node, "path": path}})
+    animation = made.json.setdefault("animations", [{"channels": [], "samplers": []}])[0]
+    animation["samplers"].append(sampler)
+    animation["channels"].append(
+        {"sampler": len(animation["samplers"]) - 1, "target": {"node": node, "path": path}}
+    )
 
 
 def test_bones_of_a_simple_rig(tmp_path):
@@ -85,24 +87,24 @@ def test_bones_of_a_simple_rig(tmp_path):
 
 
 def test_a_joint_that_is_moved_or_grown_is_so_in_its_clip(tmp_path):
-    made = two_joints()
-    animated(made, 1, "translation", [[0, 1, 0], [0, 1.5, 0]])
-    rig = read_gltf(made.write(tmp_path / "moved.gltf"))
+    gltf = two_joints()
+    animated(gltf, 1, "translation", [[0, 1, 0], [0, 1.5, 0]])
+    rig = read_gltf(gltf.write(tmp_path / "moved.gltf"))
     (clip,) = rig.clips
     assert rig.notes == () and clip.strains is None
     np.testing.assert_allclose(clip.offsets[-1], [[0, 0, 0], [0, 0.5, 0], [0, 0, 0]], atol=1e-6)
-    made = two_joints()
-    animated(made, 1, "scale", [[1, 1, 1], [1, 2, 1]])
-    rig = read_gltf(made.write(tmp_path / "grown.gltf"))
+    gltf = two_joints()
+    animated(gltf, 1, "scale", [[1, 1, 1], [1, 2, 1]])
+    rig = read_gltf(gltf.write(tmp_path / "grown.gltf"))
     (clip,) = rig.clips
     assert rig.notes == () and clip.offsets is None
     np.testing.assert_allclose(clip.strains[-1, 2], [0, np.log(2.0), 0, 0, 0, 0], atol=1e-6)
 
 
 def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
-    made = two_joints(scale=[0.5, 0.5, 0.5])
-    animated(made, 1, "rotation", [[0, 0, 0, 1], [0, 0, np.sin(0.4), np.cos(0.4)]])
-    rig, slow = read_gltf(made.write(tmp_path / "small.gltf")), SlowGltf(tmp_path / "small.gltf")
+    gltf = two_joints(scale=[0.5, 0.5, 0.5])
+    animated(gltf, 1, "rotation", [[0, 0, 0, 1], [0, 0, np.sin(0.4), np.cos(0.4)]])
+    rig, slow = read_gltf(gltf.write(tmp_path / "small.gltf")), SlowGltf(tmp_path / "small.gltf")
     assert rig.notes == ()
     np.testing.assert_allclose(rig.shape.mesh.vertices, slow.vertices_at(None, 0.0), atol=1e-6)
     (clip,) = rig.clips
@@ -113,19 +115,19 @@ def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
 
 def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     """As baked inverse kinematics leaves it: the foot hangs on the ground, moved to the shin's end."""
-    made = Made()
-    ground = made.node(name="ground")
-    hip = made.node(ground, name="hip", translation=[0, 2, 0])
-    shin = made.node(hip, name="shin", translation=[0, -1, 0])
-    foot = made.node(ground, name="foot")
-    pole = made.node(ground, name="pole", translation=[0, 1, 5])
+    gltf = Made()
+    ground = gltf.node(name="ground")
+    hip = gltf.node(ground, name="hip", translation=[0, 2, 0])
+    shin = gltf.node(hip, name="shin", translation=[0, -1, 0])
+    foot = gltf.node(ground, name="foot")
+    pole = gltf.node(ground, name="pole", translation=[0, 1, 5])
     places = [[0, 2, 0], [0, 1, 0], [0, 0, 0], [0, 1, 5]]
     inverse = np.stack([trs([-x for x in p], [0, 0, 0, 1]) for p in places]).transpose(0, 2, 1)
     skin = {
         "joints": [hip, shin, foot, pole],
-        "inverseBindMatrices": made.accessor(inverse.reshape(-1, 16).astype(np.float32)),
+        "inverseBindMatrices": gltf.accessor(inverse.reshape(-1, 16).astype(np.float32)),
     }
-    made.add("skins", skin)
+    gltf.add("skins", skin)
     points = np.concatenate(
         [
             np.array([[0, 0, 0], [0.1, 0, 0], [0, -0.9 if k < 2 else 0, 0.3]]) + p
@@ -136,20 +138,20 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     joints[:, 0] = np.repeat([0, 1, 2], 3)
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (9, 1))
     attributes = {
-        "POSITION": made.accessor(points.astype(np.float32)),
-        "JOINTS_0": made.accessor(joints),
-        "WEIGHTS_0": made.accessor(weights),
+        "POSITION": gltf.accessor(points.astype(np.float32)),
+        "JOINTS_0": gltf.accessor(joints),
+        "WEIGHTS_0": gltf.accessor(weights),
     }
-    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    gltf.node(mesh=gltf.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
     half = [np.sin(np.pi / 8), 0, 0, np.cos(np.pi / 8)]
-    animated(made, hip, "rotation", [[0, 0, 0, 1], half])
+    animated(gltf, hip, "rotation", [[0, 0, 0, 1], half])
     steps = np.linspace(0, np.pi / 4, 9)
-    times = made.accessor(np.linspace(0, 1, 9).astype(np.float32))
+    times = gltf.accessor(np.linspace(0, 1, 9).astype(np.float32))
     path = np.stack([np.zeros(9), 2 - 2 * np.cos(steps), -2 * np.sin(steps)], 1).astype(np.float32)
-    found = made.json["animations"][0]
-    found["samplers"].append({"input": times, "output": made.accessor(path)})
-    found["channels"].append({"sampler": 1, "target": {"node": foot, "path": "translation"}})
-    rig = read_gltf(made.write(tmp_path / "leg.gltf"))
+    animation = gltf.json["animations"][0]
+    animation["samplers"].append({"input": times, "output": gltf.accessor(path)})
+    animation["channels"].append({"sampler": 1, "target": {"node": foot, "path": "translation"}})
+    rig = read_gltf(gltf.write(tmp_path / "leg.gltf"))
     skeleton = rig.shape.skeleton
     assert skeleton.names == ("hip", "shin", "foot", "foot end")
     assert "hung on the joints that they follow: foot on shin" in rig.notes
@@ -161,29 +163,29 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
 
 
 def test_joints_at_one_place_are_one_and_their_limbs_turn_apart(tmp_path):
-    made = Made()
-    hips = made.node(name="hips")
-    legs = [made.node(hips, name=f"hips to {side}") for side in ("left", "right")]
-    feet = [made.node(legs[k], name=f"foot {k}", translation=[0.3 - 0.6 * k, -1, 0]) for k in (0, 1)]
+    gltf = Made()
+    hips = gltf.node(name="hips")
+    legs = [gltf.node(hips, name=f"hips to {side}") for side in ("left", "right")]
+    feet = [gltf.node(legs[k], name=f"foot {k}", translation=[0.3 - 0.6 * k, -1, 0]) for k in (0, 1)]
     nodes = [hips, *legs, *feet]
     places = [[0, 0, 0]] * 3 + [[0.3, -1, 0], [-0.3, -1, 0]]
     inverse = np.stack([trs([-x for x in p], [0, 0, 0, 1]) for p in places]).transpose(0, 2, 1)
-    made.add(
+    gltf.add(
         "skins",
-        {"joints": nodes, "inverseBindMatrices": made.accessor(inverse.reshape(-1, 16).astype(np.float32))},
+        {"joints": nodes, "inverseBindMatrices": gltf.accessor(inverse.reshape(-1, 16).astype(np.float32))},
     )
     points = np.concatenate([np.array([[0, 0, 0], [0.1, 0, 0], [0, -0.1, 0.1]]) + p for p in places])
     joints = np.zeros((15, 4), np.uint8)
     joints[:, 0] = np.repeat(np.arange(5), 3)
     attributes = {
-        "POSITION": made.accessor(points.astype(np.float32)),
-        "JOINTS_0": made.accessor(joints),
-        "WEIGHTS_0": made.accessor(np.tile(np.array([1, 0, 0, 0], np.float32), (15, 1))),
+        "POSITION": gltf.accessor(points.astype(np.float32)),
+        "JOINTS_0": gltf.accessor(joints),
+        "WEIGHTS_0": gltf.accessor(np.tile(np.array([1, 0, 0, 0], np.float32), (15, 1))),
     }
-    made.node(mesh=made.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
+    gltf.node(mesh=gltf.add("meshes", {"primitives": [{"attributes": attributes}]}), skin=0)
     for k, leg in enumerate(legs):
-        animated(made, leg, "rotation", [[0, 0, 0, 1], [np.sin(0.3 + k), 0, 0, np.cos(0.3 + k)]])
-    rig = read_gltf(made.write(tmp_path / "hips.gltf"))
+        animated(gltf, leg, "rotation", [[0, 0, 0, 1], [np.sin(0.3 + k), 0, 0, np.cos(0.3 + k)]])
+    rig = read_gltf(gltf.write(tmp_path / "hips.gltf"))
     assert rig.shape.skeleton.names == ("hips", "foot 0", "foot 0 end", "foot 1", "foot 1 end")
     slow, (clip,) = SlowGltf(tmp_path / "hips.gltf"), rig.clips
     expected = slow.vertices_at(0, clip.duration)
@@ -191,23 +193,23 @@ def test_joints_at_one_place_are_one_and_their_limbs_turn_apart(tmp_path):
 
 
 def test_colours_come_from_factor_texture_and_vertex(tmp_path):
-    made = two_joints()
+    gltf = two_joints()
     picture = io.BytesIO()
     Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]]], np.uint8)).save(picture, "PNG")
-    made.add("images", {"bufferView": made.view(picture.getvalue()), "mimeType": "image/png"})
-    made.add("textures", {"source": 0})
+    gltf.add("images", {"bufferView": gltf.view(picture.getvalue()), "mimeType": "image/png"})
+    gltf.add("textures", {"source": 0})
     pbr = {"baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": 0}}
-    made.add("materials", {"pbrMetallicRoughness": pbr})
-    primitive = made.json["meshes"][0]["primitives"][0]
+    gltf.add("materials", {"pbrMetallicRoughness": pbr})
+    primitive = gltf.json["meshes"][0]["primitives"][0]
     uv = np.array([[0.1, 0.5]] * 3 + [[0.9, 0.5]] * 3, np.float32)
     colours = np.full((6, 4), 65535, np.uint16)
     colours[5] = 0
     primitive["attributes"] |= {
-        "TEXCOORD_0": made.accessor(uv),
-        "COLOR_0": made.accessor(colours, normalized=True),
+        "TEXCOORD_0": gltf.accessor(uv),
+        "COLOR_0": gltf.accessor(colours, normalized=True),
     }
     primitive["material"] = 0
-    mesh = read_gltf(made.write(tmp_path / "coloured.gltf")).shape.mesh
+    mesh = read_gltf(gltf.write(tmp_path / "coloured.gltf")).shape.mesh
     # Half as much light is sRGB 188.
     assert mesh.colours.tolist() == [[188, 0, 0]] * 3 + [[0, 255, 0]] * 2 + [[0, 0, 0]]
 
@@ -230,9 +232,9 @@ def test_the_four_largest_weights_are_kept(seed, width):
 
 
 def test_a_model_without_a_rig_gets_one_bone(tmp_path):
-    made = two_joints()
-    del made.json["skins"], made.json["nodes"][2]["skin"]
-    rig = read_gltf(made.write(tmp_path / "still.gltf"), height=3.0, floor=True)
+    gltf = two_joints()
+    del gltf.json["skins"], gltf.json["nodes"][2]["skin"]
+    rig = read_gltf(gltf.write(tmp_path / "still.gltf"), height=3.0, floor=True)
     np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
     assert rig.notes == ("it has no rig: it is given one bone, from its foot to its top",)
 
@@ -251,8 +253,8 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
     ],
 )
 def test_invalid_file_is_reported(tmp_path, spoil, words):
-    made = two_joints()
-    path = made.write(tmp_path / "wrong.gltf")
+    gltf = two_joints()
+    path = gltf.write(tmp_path / "wrong.gltf")
     document = json.loads(path.read_text())
     spoil(document)
     path.write_text(json.dumps(document))

@@ -24,9 +24,9 @@ def clip(times: list[float], values: list[list[float]]) -> Change:
 
 
 def both(twin: Twin) -> None:
-    found = twin.json["animations"]
-    found.append(dict(found[0]))
-    for each in found:
+    animations = twin.json["animations"]
+    animations.append(dict(animations[0]))
+    for each in animations:
         each["name"] = "same"
 
 

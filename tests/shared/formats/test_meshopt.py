@@ -70,8 +70,8 @@ def test_a_compressed_file_is_its_plain_twin(tmp_path, kind, extension):
     assert measures((rig.shape.mesh.vertices, rig.shape.mesh.faces)) == pytest.approx(
         measures((plain.shape.mesh.vertices, plain.shape.mesh.faces))
     )
-    for one, other in zip(rig.clips, plain.clips, strict=True):
-        np.testing.assert_array_equal(one.turns, other.turns)
+    for clip, plain_clip in zip(rig.clips, plain.clips, strict=True):
+        np.testing.assert_array_equal(clip.turns, plain_clip.turns)
     assert [note for note in rig.notes if "compression" in note] == []
 
 
@@ -111,8 +111,8 @@ def test_rows_and_indices_come_back_bit_for_bit():
 
 def slow_octahedral(rows: np.ndarray) -> np.ndarray:
     """(N, 3) unit vectors of filtered int8 or int16 rows (N, 4): x, y, one, unused, as the extension says."""
-    x, y, one = (rows[:, k].astype(float) for k in range(3))
-    x, y = x / one, y / one
+    x, y, scale = (rows[:, k].astype(float) for k in range(3))
+    x, y = x / scale, y / scale
     z = 1 - abs(x) - abs(y)
     t = np.maximum(-z, 0.0)
     x, y = x - np.where(x >= 0, t, -t), y - np.where(y >= 0, t, -t)
@@ -124,12 +124,12 @@ def slow_quaternion(rows: np.ndarray) -> np.ndarray:
     scale = (rows[:, 3] | 3).astype(float)
     three = rows[:, :3] / scale[:, None] / np.sqrt(2)
     four = np.sqrt(np.maximum(1 - (three**2).sum(1), 0.0))
-    made, most = np.zeros((len(rows), 4)), rows[:, 3] & 3
+    quaternions, most = np.zeros((len(rows), 4)), rows[:, 3] & 3
     for row, place in enumerate(most):
         for k in range(3):
-            made[row, (place + 1 + k) % 4] = three[row, k]
-        made[row, place] = four[row]
-    return made
+            quaternions[row, (place + 1 + k) % 4] = three[row, k]
+        quaternions[row, place] = four[row]
+    return quaternions
 
 
 def slow_exponential(rows: np.ndarray) -> np.ndarray:
@@ -141,12 +141,14 @@ def slow_exponential(rows: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", [np.int8, np.int16])
 def test_octahedral_rows_are_unit_vectors(kind):
-    random, one = np.random.default_rng(1), np.iinfo(kind).max
-    rows = random.integers(-one, one, (200, 4)).astype(kind)
-    rows[:, 2] = one
+    random, largest = np.random.default_rng(1), np.iinfo(kind).max
+    rows = random.integers(-largest, largest, (200, 4)).astype(kind)
+    rows[:, 2] = largest
     code = meshopt.encode_gltf_buffer(rows, "ATTRIBUTES")
-    made = np.frombuffer(unpacked(code, 200, 4 * kind().itemsize, "ATTRIBUTES", "OCTAHEDRAL"), kind)
-    np.testing.assert_allclose(made.reshape(-1, 4)[:, :3] / one, slow_octahedral(rows), atol=1.01 / one)
+    decoded = np.frombuffer(unpacked(code, 200, 4 * kind().itemsize, "ATTRIBUTES", "OCTAHEDRAL"), kind)
+    np.testing.assert_allclose(
+        decoded.reshape(-1, 4)[:, :3] / largest, slow_octahedral(rows), atol=1.01 / largest
+    )
 
 
 def test_quaternion_rows_are_unit_quaternions():
@@ -154,16 +156,16 @@ def test_quaternion_rows_are_unit_quaternions():
     rows = random.integers(-18000, 18000, (200, 4)).astype(np.int16)
     rows[:, 3] = (32767 & ~3) | random.integers(0, 4, 200)
     code = meshopt.encode_gltf_buffer(rows, "ATTRIBUTES")
-    made = np.frombuffer(unpacked(code, 200, 8, "ATTRIBUTES", "QUATERNION"), np.int16).reshape(-1, 4)
-    np.testing.assert_allclose(made / 32767, slow_quaternion(rows), atol=2 / 32767)
+    decoded = np.frombuffer(unpacked(code, 200, 8, "ATTRIBUTES", "QUATERNION"), np.int16).reshape(-1, 4)
+    np.testing.assert_allclose(decoded / 32767, slow_quaternion(rows), atol=2 / 32767)
 
 
 def test_exponential_rows_are_floats():
     random = np.random.default_rng(3)
     rows = ((random.integers(-20, 20, 300) << 24) | random.integers(0, 1 << 24, 300)).astype(np.int32)
     code = meshopt.encode_gltf_buffer(rows.reshape(-1, 3), "ATTRIBUTES")
-    made = np.frombuffer(unpacked(code, 100, 12, "ATTRIBUTES", "EXPONENTIAL"), np.float32)
-    np.testing.assert_array_equal(made, slow_exponential(rows).astype(np.float32))
+    decoded = np.frombuffer(unpacked(code, 100, 12, "ATTRIBUTES", "EXPONENTIAL"), np.float32)
+    np.testing.assert_array_equal(decoded, slow_exponential(rows).astype(np.float32))
 
 
 @settings(max_examples=60)

@@ -55,8 +55,8 @@ def write(path, *casts, pose=pose):
             codec = PoseCodec(character)
             put("character", character_to_message(character, revision), 0)
             for second in seconds:
-                made = pose(character, second)
-                put("pose", pose_to_message(made, codec, revision=revision), made.time_ns)
+                posed = pose(character, second)
+                put("pose", pose_to_message(posed, codec, revision=revision), posed.time_ns)
             put("pose", ["not", "a", "pose"], 1)
 
 

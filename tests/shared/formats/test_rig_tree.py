@@ -15,20 +15,20 @@ def bodies(*joints):
 
 
 def follows(made, tree, name):
-    number = next(k for k, one in enumerate(made) if one.name == name)
+    number = next(k for k, each in enumerate(made) if each.name == name)
     return tree.skeleton.names[tree.bone[number]]
 
 
 def test_a_head_with_two_ears_follows_neither():
-    made = bodies(
+    skeleton_bodies = bodies(
         ("hips", -1, (0, 0, 0)),
         ("neck", 0, (0, 1, 0)),
         ("head", 1, (0, 1.3, 0)),
         ("ear.L", 2, (0.3, 1.9, 0)),
         ("ear.R", 2, (-0.3, 1.9, 0)),
     )
-    tree = tree_of(made, 2.0)
-    assert follows(made, tree, "head") == "head end"
+    tree = tree_of(skeleton_bodies, 2.0)
+    assert follows(skeleton_bodies, tree, "head") == "head end"
     own = tree.skeleton.index("head end")
     assert tree.driver[own] == 2
     assert tree.skeleton.names[tree.skeleton.parents[own]] == "head"
@@ -38,7 +38,7 @@ def test_a_head_with_two_ears_follows_neither():
 @pytest.mark.parametrize("arms", [0.1, 0.3])
 def test_a_chest_follows_the_neck_not_a_shoulder(arms):
     """Shoulders that go on nearly straight too, with longer arms, are a pair; the neck is between them."""
-    made = bodies(
+    skeleton_bodies = bodies(
         ("hips", -1, (0, 0, 0)),
         ("spine", 0, (0, 0, 0.5)),
         ("chest", 1, (0, 0, 1)),
@@ -48,10 +48,12 @@ def test_a_chest_follows_the_neck_not_a_shoulder(arms):
         ("hand.L", 4, (arms, -1, 1.8)),
         ("hand.R", 5, (-arms, -1, 1.8)),
     )
-    assert follows(made, tree_of(made, 3.0), "chest") == "neck"
+    assert follows(skeleton_bodies, tree_of(skeleton_bodies, 3.0), "chest") == "neck"
 
 
 def test_a_joint_that_only_forks_gets_no_bone():
-    made = bodies(("hips", -1, (0, 0, 0)), ("a", 0, (0, 1, 0)), ("b", 1, (1, 2, 0)), ("c", 1, (-1, 2, 0)))
-    made[1].mass = 0.0
-    assert "a end" not in tree_of(made, 2.0).skeleton.names
+    skeleton_bodies = bodies(
+        ("hips", -1, (0, 0, 0)), ("a", 0, (0, 1, 0)), ("b", 1, (1, 2, 0)), ("c", 1, (-1, 2, 0))
+    )
+    skeleton_bodies[1].mass = 0.0
+    assert "a end" not in tree_of(skeleton_bodies, 2.0).skeleton.names

@@ -75,16 +75,16 @@ def test_stretched_rig_moves_like_reference_skinning(folder, seed):
 def test_written_file_matches_displayed_motion(folder, seed):
     # Nodes have no shear, which unlike factors of joints above one another make.
     _, rig, project, shape = model(folder, seed, 0.0)
-    made = folder / "out.glb"
+    target = folder / "out.glb"
     clip = rig.clips[0]
-    made.write_bytes(glb_of([performance_of(project, shape.id, rate=1.0 / clip.step)]))
-    slow, again = SlowGltf(made), read_gltf(made)
-    played, other = playing(Project(), again.shape, again.clips[0])
+    target.write_bytes(glb_of([performance_of(project, shape.id, rate=1.0 / clip.step)]))
+    slow, reread = SlowGltf(target), read_gltf(target)
+    played, other = playing(Project(), reread.shape, reread.clips[0])
     for frame in (0, 4, len(clip.turns) - 1):
-        here = seen(project, shape.id, frame * clip.step)
-        size = max(size_of(shape), np.ptp(here))
-        agree(slow.vertices_at(0, float(np.float32(frame * clip.step))), here, size)
-        agree(seen(played, other.id, frame * clip.step), here, size)
+        places = seen(project, shape.id, frame * clip.step)
+        size = max(size_of(shape), np.ptp(places))
+        agree(slow.vertices_at(0, float(np.float32(frame * clip.step))), places, size)
+        agree(seen(played, other.id, frame * clip.step), places, size)
 
 
 def test_joints_of_a_clip_are_where_its_player_puts_them(folder):

@@ -25,9 +25,9 @@ ADVICE = (
 @pytest.mark.parametrize("name", REQUIRED)
 def test_numba_has(name):
     module, kind, members = REQUIRED[name]
-    found = getattr(module, kind, None)
-    assert found is not None, f"{name} is gone. {ADVICE}"
-    missing = [member for member in members if not hasattr(found, member)]
+    member_type = getattr(module, kind, None)
+    assert member_type is not None, f"{name} is gone. {ADVICE}"
+    missing = [member for member in members if not hasattr(member_type, member)]
     assert not missing, f"{name} lacks {', '.join(missing)}. {ADVICE}"
 
 

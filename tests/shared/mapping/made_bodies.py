@@ -197,13 +197,13 @@ def bvh_text(skeleton: Skeleton, frames: np.ndarray, seconds=0.05) -> str:
 
     def write(j: int, pad: str) -> None:
         offset = skeleton.vectors[j] if j else skeleton.positions[0]
-        told = " ".join(f"{x:.6f}" for x in offset)
+        offset_text = " ".join(f"{x:.6f}" for x in offset)
         if j and not skeleton.children[j]:
-            lines.extend([f"{pad}End Site", pad + "{", f"{pad}  OFFSET {told}", pad + "}"])
+            lines.extend([f"{pad}End Site", pad + "{", f"{pad}  OFFSET {offset_text}", pad + "}"])
             return
         order.append(j)
         lines.extend([f"{pad}{'JOINT' if j else 'ROOT'} {skeleton.names[j]}", pad + "{"])
-        lines.append(f"{pad}  OFFSET {told}")
+        lines.append(f"{pad}  OFFSET {offset_text}")
         places = "6 Xposition Yposition Zposition" if j == 0 else "3"
         lines.append(f"{pad}  CHANNELS {places} Zrotation Xrotation Yrotation")
         for child in skeleton.children[j]:

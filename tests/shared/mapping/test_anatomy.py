@@ -22,15 +22,15 @@ def apart(a, b):
 @settings(max_examples=30, deadline=None)
 @given(ANGLES)
 def test_names_tell_where_the_front_is(angle):
-    for made in (man(), horse(), spider()):
-        assert apart(facing_of(turned_body(made, angle)), angle) < 1e-6
+    for skeleton in (man(), horse(), spider()):
+        assert apart(facing_of(turned_body(skeleton, angle)), angle) < 1e-6
 
 
 @settings(max_examples=30, deadline=None)
 @given(ANGLES)
 def test_symmetry_and_toes_tell_where_the_front_is(angle):
-    found = facing_of(turned_body(man(named=False), angle))
-    assert apart(found, angle) < np.radians(4.0)  # +Z is believed where it is nearly right
+    heading = facing_of(turned_body(man(named=False), angle))
+    assert apart(heading, angle) < np.radians(4.0)  # +Z is believed where it is nearly right
 
 
 @pytest.mark.parametrize(
@@ -50,42 +50,50 @@ def named(skeleton, chain):
 
 
 def test_the_parts_of_a_man():
-    made = man()
-    found = anatomy_of(made)
-    assert named(made, found.trunk) == ["hips", "spine", "chest"]
-    ((left, right),) = found.arms
-    assert named(made, left.proper) == ["Left shoulder", "Left elbow", "Left wrist", "Left finger"]
-    assert named(made, left.girdle) == ["chest", "Left collar", "Left shoulder"]
-    assert named(made, right.proper) == ["Right shoulder", "Right elbow", "Right wrist", "Right finger"]
-    ((leg, _),) = found.legs
-    assert named(made, leg.proper) == ["Left hip", "Left knee", "Left ankle", "Left toe"]
-    assert named(made, found.head.chain) == ["chest", "neck", "head", "top"]
-    assert found.tail is None
+    skeleton = man()
+    anatomy = anatomy_of(skeleton)
+    assert named(skeleton, anatomy.trunk) == ["hips", "spine", "chest"]
+    ((left, right),) = anatomy.arms
+    assert named(skeleton, left.proper) == ["Left shoulder", "Left elbow", "Left wrist", "Left finger"]
+    assert named(skeleton, left.girdle) == ["chest", "Left collar", "Left shoulder"]
+    assert named(skeleton, right.proper) == ["Right shoulder", "Right elbow", "Right wrist", "Right finger"]
+    ((leg, _),) = anatomy.legs
+    assert named(skeleton, leg.proper) == ["Left hip", "Left knee", "Left ankle", "Left toe"]
+    assert named(skeleton, anatomy.head.chain) == ["chest", "neck", "head", "top"]
+    assert anatomy.tail is None
 
 
 def test_the_parts_of_a_horse():
-    made = horse()
-    found = anatomy_of(made)
-    assert named(made, found.trunk) == ["croup", "loin", "withers"]
-    assert [made.names[pair[0].chain[-1]] for pair in found.legs] == ["Left fore hoof", "Left hind hoof"]
-    assert not found.arms
-    assert named(made, found.head.chain)[:3] == ["withers", "neck", "poll"]
-    assert named(made, found.tail.chain) == ["croup", "dock", "tail", "tail end"]
+    skeleton = horse()
+    anatomy = anatomy_of(skeleton)
+    assert named(skeleton, anatomy.trunk) == ["croup", "loin", "withers"]
+    assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.legs] == [
+        "Left fore hoof",
+        "Left hind hoof",
+    ]
+    assert not anatomy.arms
+    assert named(skeleton, anatomy.head.chain)[:3] == ["withers", "neck", "poll"]
+    assert named(skeleton, anatomy.tail.chain) == ["croup", "dock", "tail", "tail end"]
 
 
 def test_eight_legs_from_front_to_back_and_none():
-    made = spider()
-    found = anatomy_of(made)
-    assert [made.names[pair[0].chain[-1]] for pair in found.pairs] == [f"Left foot {k}" for k in range(4)]
-    assert len(found.legs) == 4
-    made = snake()
-    found = anatomy_of(made)
-    assert not found.pairs
-    assert (made.names[found.head.chain[-1]], made.names[found.tail.chain[-1]]) == ("fore 3", "hind 3")
+    skeleton = spider()
+    anatomy = anatomy_of(skeleton)
+    assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.pairs] == [
+        f"Left foot {k}" for k in range(4)
+    ]
+    assert len(anatomy.legs) == 4
+    skeleton = snake()
+    anatomy = anatomy_of(skeleton)
+    assert not anatomy.pairs
+    assert (skeleton.names[anatomy.head.chain[-1]], skeleton.names[anatomy.tail.chain[-1]]) == (
+        "fore 3",
+        "hind 3",
+    )
 
 
 def test_ears_on_a_trunk_that_goes_on_are_no_arms():
-    made = body(
+    skeleton = body(
         ("hips", None, (0, 1, 0)),
         ("chest", "hips", (0, 2, 0)),
         ("head", "chest", (0, 3, 0)),
@@ -95,28 +103,28 @@ def test_ears_on_a_trunk_that_goes_on_are_no_arms():
         ("Lhip", "hips", (0.3, 0.9, 0)),
         ("Lfoot", "Lhip", (0.3, 0, 0)),
     )
-    found = anatomy_of(made)
-    assert named(made, found.head.chain) == ["chest", "head"]
-    assert [made.names[pair[0].chain[-1]] for pair in found.pairs] == ["Left hand", "Left foot"]
+    anatomy = anatomy_of(skeleton)
+    assert named(skeleton, anatomy.head.chain) == ["chest", "head"]
+    assert [skeleton.names[pair[0].chain[-1]] for pair in anatomy.pairs] == ["Left hand", "Left foot"]
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1000), ANGLES, st.floats(0.01, 100))
 def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
     random = np.random.default_rng(seed)
-    for made in (man(), horse(), spider()):
-        moved = turned_body(made, angle)
+    for skeleton in (man(), horse(), spider()):
+        moved = turned_body(skeleton, angle)
         at = moved.positions * scale + random.normal(size=3) * [1, 0, 1]
-        order = [0, *(1 + random.permutation(len(made) - 1))]
-        links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(made.parents) if p >= 0]
-        shuffled, _ = skeleton_of([made.names[j] for j in order], links, at[order])
-        before, after = anatomy_of(made), anatomy_of(shuffled)
+        order = [0, *(1 + random.permutation(len(skeleton) - 1))]
+        links = [(order.index(int(p)), order.index(j)) for j, p in enumerate(skeleton.parents) if p >= 0]
+        shuffled, _ = skeleton_of([skeleton.names[j] for j in order], links, at[order])
+        before, after = anatomy_of(skeleton), anatomy_of(shuffled)
 
         def told(anatomy, skeleton):
             ends = [[skeleton.names[limb.chain[-1]] for limb in pair] for pair in anatomy.pairs]
             return ends, named(skeleton, anatomy.trunk), [pair[0].grounded for pair in anatomy.pairs]
 
-        assert told(before, made) == told(after, shuffled)
+        assert told(before, skeleton) == told(after, shuffled)
 
 
 def test_turning_level_is_about_the_upright():
@@ -124,8 +132,8 @@ def test_turning_level_is_about_the_upright():
 
 
 def test_a_single_bone_is_a_head():
-    made = Skeleton(("foot", "top"), np.array([-1, 0]), np.array([[0, 0, 0], [0, 1, 0.0]]))
-    assert named(made, anatomy_of(made).head.chain) == ["foot", "top"]
+    skeleton = Skeleton(("foot", "top"), np.array([-1, 0]), np.array([[0, 0, 0], [0, 1, 0.0]]))
+    assert named(skeleton, anatomy_of(skeleton).head.chain) == ["foot", "top"]
 
 
 def test_brows_are_no_arms_and_fingers_are_left_to_the_hand():

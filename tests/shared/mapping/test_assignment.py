@@ -62,9 +62,9 @@ def test_a_horse_on_itself_takes_all():
 @given(st.integers(0, 10_000))
 def test_a_split_is_in_order_and_covers_both(seed):
     random = np.random.default_rng(seed)
-    one, other = ([0.0, *np.sort(random.uniform(0, 1, random.integers(0, 5))).tolist(), 1.0] for _ in "ab")
-    drive = Drive(tuple(range(len(one))), tuple(range(100, 100 + len(other))), "limb", (77,))
-    pieces = split(drive, joints_at_one_arc(one, other, 0.15))
+    first, second = ([0.0, *np.sort(random.uniform(0, 1, random.integers(0, 5))).tolist(), 1.0] for _ in "ab")
+    drive = Drive(tuple(range(len(first))), tuple(range(100, 100 + len(second))), "limb", (77,))
+    pieces = split(drive, joints_at_one_arc(first, second, 0.15))
     assert pieces[0].source[:2] == (77, 0)
     rebuilt = list(pieces[0].source[1:])
     for piece in pieces[1:]:
@@ -73,9 +73,9 @@ def test_a_split_is_in_order_and_covers_both(seed):
     assert tuple(rebuilt) == drive.source
     for a, b in pairwise(pieces):
         assert a.target[-1] == b.target[0]
-        assert abs(one[b.source[0]] - other[b.target[0] - 100]) <= 0.15
+        assert abs(first[b.source[0]] - second[b.target[0] - 100]) <= 0.15
     assert (pieces[0].target[0], pieces[-1].target[-1]) == (drive.target[0], drive.target[-1])
-    assert len(pieces) - 1 == most(one[1:-1], other[1:-1], 0.15)
+    assert len(pieces) - 1 == most(first[1:-1], second[1:-1], 0.15)
 
 
 def most(one, other, near):

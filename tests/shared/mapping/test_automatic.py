@@ -49,8 +49,8 @@ def test_on_oneself_it_is_the_identity(seed):
         clip = random_motion(random, skeleton)
         heading = first_heading(clip)
         shape = meshed("self", skeleton)
-        made = retarget(shape, clip, replace(automatic(clip, shape), floor=False))
-        assert {chain.mode for chain in made.plan.chains} == {"pose"}
+        result = retarget(shape, clip, replace(automatic(clip, shape), floor=False))
+        assert {chain.mode for chain in result.plan.chains} == {"pose"}
         back = heading * [1, -1, -1, -1]
         for frame in (0, 3, 7):
             expected = joints_of(clip, frame)
@@ -58,8 +58,8 @@ def test_on_oneself_it_is_the_identity(seed):
             expected = expected[0] + rotate(back, expected - expected[0])
             driven = [j for j, name in enumerate(skeleton.names) if "thumb" not in name and "ear" not in name]
             driven = [j for j in driven if skeleton.names[j] != "nose"]
-            got = made_joints(made, frame * clip.step)
-            np.testing.assert_allclose(got[driven], expected[driven], atol=1e-6)
+            joints_now = made_joints(result, frame * clip.step)
+            np.testing.assert_allclose(joints_now[driven], expected[driven], atol=1e-6)
 
 
 @settings(max_examples=4, deadline=None)
@@ -69,9 +69,9 @@ def test_the_heading_of_the_performer_does_not_matter(seed, angle):
     clip = random_motion(random, man())
     for target in (man(), horse(), spider()):
         shape = meshed("target", target)
-        one, other = retarget(shape, clip), retarget(shape, turned_clip(clip, angle))
+        first, second = retarget(shape, clip), retarget(shape, turned_clip(clip, angle))
         for time in (0.0, 0.35, 0.7):
-            np.testing.assert_allclose(made_joints(one, time), made_joints(other, time), atol=1e-6)
+            np.testing.assert_allclose(made_joints(first, time), made_joints(second, time), atol=1e-6)
 
 
 @settings(max_examples=4, deadline=None)
@@ -81,8 +81,8 @@ def test_who_stands_still_moves_nobody(seed):
     clip = random_motion(random, man(), frames=1)
     clip = replace(clip, turns=np.repeat(clip.turns, 4, 0), root=np.repeat(clip.root, 4, 0))
     for target in (horse(), spider(), snake()):
-        made = retarget(meshed("target", target), clip)
-        np.testing.assert_allclose(made_joints(made, 0.2), target.positions, atol=1e-9)
+        result = retarget(meshed("target", target), clip)
+        np.testing.assert_allclose(made_joints(result, 0.2), target.positions, atol=1e-9)
 
 
 @settings(max_examples=5, deadline=None)
@@ -92,8 +92,8 @@ def test_travel_goes_where_the_performer_goes(seed):
     clip = random_motion(random, man())
     shape = meshed("self", man())
     plan = replace(automatic(clip, shape), travel=True)
-    made = retarget(shape, clip, plan)
-    way = made_joints(made, 0.7)[0] - made_joints(made, 0.0)[0]
+    result = retarget(shape, clip, plan)
+    way = made_joints(result, 0.7)[0] - made_joints(result, 0.0)[0]
     back = first_heading(clip) * [1, -1, -1, -1]
     np.testing.assert_allclose(way, rotate(back, clip.root[-1] - clip.root[0]), atol=1e-6)
     still = retarget(shape, clip)
@@ -166,13 +166,13 @@ def test_weight_offset_speed_and_extend_do_what_they_say():
     chain = ChainPlan(
         ("Left hip", "Left toe"), ("Left hip", "Left stifle"), weight=0.5, offset=0.2, speed=2.0
     )
-    made = retarget(shape, clip, Plan(chains=(replace(chain, extend=True),)))
-    layer = next(layer for layer in made.project.shape(made.shape_id).layers if layer.weight == 0.5)
+    result = retarget(shape, clip, Plan(chains=(replace(chain, extend=True),)))
+    layer = next(layer for layer in result.project.shape(result.shape_id).layers if layer.weight == 0.5)
     assert (layer.offset, layer.speed) == (0.2, 2.0)
     hoof = horse().index("Left hind hoof")
-    moved = made.project.shape("h").spans[hoof][0].refs
+    moved = result.project.shape("h").spans[hoof][0].refs
     assert [(ref.layer, ref.end) for ref in moved] == [(layer.id, 1.0)]
-    assert made.duration == pytest.approx(0.2 + clip.duration / 2)
+    assert result.duration == pytest.approx(0.2 + clip.duration / 2)
     short = retarget(shape, clip, Plan(chains=(chain,)))
     assert short.project.shape("h").spans[hoof][0].refs == ()
     none = retarget(shape, clip, Plan(turn=False, chains=(replace(chain, weight=0.0),)))
@@ -206,17 +206,17 @@ def test_one_leg_poses_two(seed):
     chain = ChainPlan(("hips", "Left knee"), ("Left hip", "Left stifle"), mode="pose")
     other = replace(chain, target=("Right hip", "Right stifle"))
     moved = replace(chain, target=("dock", "tail"), mode="move")
-    whole = ChainPlan(("hips",), ("croup",), mode="pose")
-    made = retarget(meshed("h", horse()), clip, Plan(floor=False, chains=(whole, chain, other, moved)))
-    assert len(made.project.takes) == 3
+    trunk = ChainPlan(("hips",), ("croup",), mode="pose")
+    result = retarget(meshed("h", horse()), clip, Plan(floor=False, chains=(trunk, chain, other, moved)))
+    assert len(result.project.takes) == 3
     back = first_heading(clip) * [1, -1, -1, -1]
     knee, hip = man().index("Left knee"), man().index("Left hip")
     for frame in (0, 5):
         at = joints_of(clip, frame)
         thigh = rotate(back, at[knee] - at[hip])
-        got = made_joints(made, frame * clip.step)
+        joints_now = made_joints(result, frame * clip.step)
         for side in ("Left", "Right"):
-            bone = got[horse().index(f"{side} stifle")] - got[horse().index(f"{side} hip")]
+            bone = joints_now[horse().index(f"{side} stifle")] - joints_now[horse().index(f"{side} hip")]
             assert bone @ thigh == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(thigh), rel=1e-6)
 
 
@@ -282,9 +282,9 @@ def test_a_spine_is_posed_as_one_and_a_foot_stays_flat():
     clip = random_motion(np.random.default_rng(0), man(), frames=3, size=0.0)
     joints = made_joints(retarget(shape, clip), 0.1)
     names = ["hips", "spine", "chest", "Left ankle", "Left toe", "Right ankle", "Right toe"]
-    for one, other in pairwise(names):
-        if "ankle" not in other:
-            a, b = man().index(one), man().index(other)
+    for first, second in pairwise(names):
+        if "ankle" not in second:
+            a, b = man().index(first), man().index(second)
             np.testing.assert_allclose(joints[b] - joints[a], hunched[b] - hunched[a], atol=0.01)
 
 
@@ -301,8 +301,8 @@ def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
     rest = np.linalg.norm(shape.skeleton.positions[wrist] - shape.skeleton.positions[elbow])
     lengths = []
     for stretch in (False, True):
-        made = retarget(shape, clip, replace(automatic(clip, shape), stretch=stretch, floor=False))
-        joints = Player(made.project, "giant").at(0.3).joints
+        result = retarget(shape, clip, replace(automatic(clip, shape), stretch=stretch, floor=False))
+        joints = Player(result.project, "giant").at(0.3).joints
         lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
     assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
     assert softened(replace(automatic(clip, shape), stretch=True), clip, shape).stretch

@@ -30,12 +30,12 @@ def test_the_lowest_point_of_what_stands_is_on_the_floor(seed, travel):
     clip = replace(clip, root=clip.root * [1, 0, 1] + [0, 0.9, 0])
     for target in (horse(), spider(), man()):
         shape = meshed("target", target)
-        made = retarget(shape, clip, replace(automatic(clip, shape), travel=travel, turn=False))
+        result = retarget(shape, clip, replace(automatic(clip, shape), travel=travel, turn=False))
         if travel and target.names == clip.skeleton.names:
             continue
         frames = np.arange(5) * clip.step
         leap = clearance(clip) if travel else np.zeros(5)
-        off = lowest(made, frames) - floor_of(shape)
+        off = lowest(result, frames) - floor_of(shape)
         np.testing.assert_allclose(off[leap == 0.0], 0.0, atol=1e-5)
         assert (off > -1e-5).all()
 
@@ -52,11 +52,11 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
     over[5:] = multiply(np.array([0.0, 1.0, 0.0, 0.0]), turns[5:])
     upside = replace(still, turns=over, root=np.repeat(still.root, 9, 0))
     shape = meshed("horse", horse())
-    made = retarget(shape, upside, replace(automatic(upside, shape), level=False, rest="first"))
+    result = retarget(shape, upside, replace(automatic(upside, shape), level=False, rest="first"))
     top = max(horse().positions[:, 1])
-    upright, inverted = (Player(made.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
+    upright, inverted = (Player(result.project, "horse").root(np.array([t]))[0, 1] for t in (0.0, 0.8))
     assert inverted == pytest.approx(top - upright, abs=0.1)
-    assert lowest(made, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(floor_of(shape), abs=1e-5)
+    assert lowest(result, np.array([0.0, 0.2, 0.5, 0.8])) == pytest.approx(floor_of(shape), abs=1e-5)
 
 
 def test_what_swims_or_flies_keeps_its_height():
@@ -65,9 +65,9 @@ def test_what_swims_or_flies_keeps_its_height():
     assert stands(meshed("horse", horse()))
     flying = meshed("flying", raised)
     assert not stands(flying)
-    made = retarget(flying, clip)
-    assert made.project.shape("flying").travel is None
-    still = Player(made.project, "flying").root(np.array([0.0, 0.5]))
+    result = retarget(flying, clip)
+    assert result.project.shape("flying").travel is None
+    still = Player(result.project, "flying").root(np.array([0.0, 0.5]))
     np.testing.assert_allclose(still, np.repeat(flying.skeleton.positions[:1], 2, 0))
     assert shape.place.shape == (3,)
 
@@ -108,8 +108,8 @@ def test_a_stride_is_the_models_own():
 
     def way(weight):
         chains = tuple(replace(c, weight=weight) if "leg" in c.role else c for c in plan.chains)
-        made = retarget(shape, clip, replace(plan, chains=chains))
-        at = Player(made.project, "spider").root(np.array([0.0, made.duration]))
+        result = retarget(shape, clip, replace(plan, chains=chains))
+        at = Player(result.project, "spider").root(np.array([0.0, result.duration]))
         return float(np.linalg.norm((at[1] - at[0])[[0, 2]]))
 
     assert 1.2 * way(0.2) < way(0.4) < way(0.8) / 1.2
@@ -132,11 +132,11 @@ def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     body = body_points(shape)
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
     plan = replace(automatic(clip, shape), travel=True)
-    made = retarget(shape, clip, plan)
-    at = np.array(list(surfaces(made.project, "armed", np.linspace(0.0, made.duration, 20))))
+    result = retarget(shape, clip, plan)
+    at = np.array(list(surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
     assert at[:, ~body, 1].min() < floor_of(shape) - 0.2
     np.testing.assert_allclose(at[:, body, 1].min(1), floor_of(shape), atol=0.002)
-    quality = quality_of(made.project, "armed", clip, made.duration, plan)
+    quality = quality_of(result.project, "armed", clip, result.duration, plan)
     assert quality.slide < 25.0 and quality.sunk < 0.01 and quality.afloat < 0.01
 
 

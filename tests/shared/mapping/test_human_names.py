@@ -16,27 +16,27 @@ from enliven.takes.capture_clip import BODY_NAMES
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_limbs_are_found_by_name(convention, extras):
     skeleton = person(convention, extras=extras)
-    found = human_joints(skeleton)
+    limbs = human_joints(skeleton)
 
     def named(*joints):
         return tuple(skeleton.index(name_in(convention, joint)) for joint in joints)
 
-    for side, arm, leg in zip(("Left", "Right"), found.arms, found.legs, strict=True):
+    for side, arm, leg in zip(("Left", "Right"), limbs.arms, limbs.legs, strict=True):
         assert arm.knots == named(f"{side} shoulder", f"{side} elbow", f"{side} wrist")
         assert leg.knots == named(f"{side} hip", f"{side} knee", f"{side} ankle")
         assert leg.tip == named(f"{side} toe")[0]
-    assert (found.hips, found.chest) == named("hips", "chest")
+    assert (limbs.hips, limbs.chest) == named("hips", "chest")
     if convention != "rigify":  # which calls its neck a spine
-        assert found.head_knots == named("neck", "head")
-    assert found.head[-1] == named("top")[0]
+        assert limbs.head_knots == named("neck", "head")
+    assert limbs.head[-1] == named("top")[0]
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_a_weapon_does_not_make_a_tail_of_an_arm(convention):
     skeleton = person(convention, extras=True)
-    found = anatomy_of(skeleton)
-    assert (len(found.arms), len(found.legs), found.tail) == (1, 1, None)
-    left, right = found.arms[0]
+    anatomy = anatomy_of(skeleton)
+    assert (len(anatomy.arms), len(anatomy.legs), anatomy.tail) == (1, 1, None)
+    left, right = anatomy.arms[0]
     assert [skeleton.names[j] for j in left.main] == [
         name_in(convention, f"Left {joint}") for joint in ("shoulder", "elbow", "wrist")
     ]
@@ -70,9 +70,9 @@ def test_split_deform_bones_begin_at_their_first_part():
 
 def test_a_tracked_person_is_found_by_name():
     skeleton = Skeleton(BODY_NAMES, np.array(PARENTS), np.random.default_rng(0).normal(size=(20, 3)))
-    found = human_joints(skeleton)
-    assert [BODY_NAMES[j] for j in found.arms[0].knots] == ["shoulder left", "elbow left", "wrist left"]
-    assert [BODY_NAMES[j] for j in found.legs[1].knots] == ["hip right", "knee right", "ankle right"]
+    limbs = human_joints(skeleton)
+    assert [BODY_NAMES[j] for j in limbs.arms[0].knots] == ["shoulder left", "elbow left", "wrist left"]
+    assert [BODY_NAMES[j] for j in limbs.legs[1].knots] == ["hip right", "knee right", "ankle right"]
 
 
 @pytest.mark.parametrize(
@@ -102,8 +102,8 @@ def test_fingers_are_found_in_any_spelling():
     )
     parents = np.array([-1, 0, 1, 0, 0, 0, 0])
     skeleton = Skeleton(names, parents, np.random.default_rng(0).normal(size=(7, 3)))
-    found = finger_joints(skeleton, 0)
-    assert {finger: len(chain) for finger, chain in found.items()} == {
+    fingers = finger_joints(skeleton, 0)
+    assert {finger: len(chain) for finger, chain in fingers.items()} == {
         "index": 3, "pinky": 2, "ring": 2, "thumb": 2, "middle": 2,
     }  # fmt: skip
 
@@ -113,6 +113,6 @@ def test_a_tail_is_found_by_name():
     places = np.vstack([plain.positions, [(0.0, 0.9, -0.3), (0.0, 0.6, -0.6)]])
     parents = np.array([*plain.parents, 0, len(plain)])
     skeleton = Skeleton((*plain.names, "Tail1", "Tail2"), parents, places)
-    found = anatomy_of(skeleton)
-    assert [skeleton.names[j] for j in found.tail.chain] == ["hips", "Tail1", "Tail2"]
-    assert len(found.arms) == len(found.legs) == 1
+    anatomy = anatomy_of(skeleton)
+    assert [skeleton.names[j] for j in anatomy.tail.chain] == ["hips", "Tail1", "Tail2"]
+    assert len(anatomy.arms) == len(anatomy.legs) == 1

@@ -98,8 +98,8 @@ def test_a_limited_leg_moves_without_jumps():
     wild, calm = (
         retarget(shape, clip, free(clip, shape, limits=on), clips=(grazing(),)) for on in (False, True)
     )
-    turns = [local_turns(made, 400)[:, horse().index("Left elbow")] for made in (wild, calm)]
-    steps = [2.0 * np.arccos(np.abs(np.sum(one[1:] * one[:-1], axis=1)).clip(0, 1)).max() for one in turns]
+    turns = [local_turns(body, 400)[:, horse().index("Left elbow")] for body in (wild, calm)]
+    steps = [2.0 * np.arccos(np.abs(np.sum(turn[1:] * turn[:-1], axis=1)).clip(0, 1)).max() for turn in turns]
     assert steps[1] <= 1.05 * steps[0]
 
 
@@ -108,12 +108,12 @@ def test_a_limited_leg_moves_without_jumps():
 def test_small_movements_are_not_touched(seed):
     clip, shape = random_motion(np.random.default_rng(seed), man(), size=0.05), meshed("horse", horse())
     for clips in ((), (grazing(),)):
-        made = retarget(shape, clip, free(clip, shape), clips=clips)
+        result = retarget(shape, clip, free(clip, shape), clips=clips)
         other = retarget(shape, clip, free(clip, shape, limits=False), clips=clips)
-        assert made.limited == ()
-        ids = [[one.id for one in body.project.shape("horse").layers] for body in (made, other)]
+        assert result.limited == ()
+        ids = [[layer.id for layer in body.project.shape("horse").layers] for body in (result, other)]
         assert ids[0] == ids[1]
-        assert list(made.project.takes) == list(other.project.takes)
+        assert list(result.project.takes) == list(other.project.takes)
 
 
 @settings(max_examples=3, deadline=None)
@@ -125,9 +125,11 @@ def test_people_are_not_limited_in_any_mode(seed, convention):
     for how in (automatic(clip, shape), all_moved(clip, shape)):
         poses = []
         for on in (False, True):
-            made = retarget(shape, clip, replace(how, limits=on), clips=(random_motion(random, skeleton, 3),))
-            assert made.limited == ()
-            poses.append(Player(made.project, "person").sample(np.linspace(0.0, clip.duration, 9))[0])
+            result = retarget(
+                shape, clip, replace(how, limits=on), clips=(random_motion(random, skeleton, 3),)
+            )
+            assert result.limited == ()
+            poses.append(Player(result.project, "person").sample(np.linspace(0.0, clip.duration, 9))[0])
         np.testing.assert_array_equal(poses[0], poses[1])
 
 
@@ -165,11 +167,11 @@ def test_what_begins_at_a_limited_joint_moves_along():
     turns = clip.turns.copy()
     turns[10:30, man().index("head")] = from_rotation_vector(np.array([2.4, 0.0, 0.0]))
     clip = replace(clip, turns=turns)
-    wild, made = (retarget(shape, clip, free(clip, shape, limits=on)) for on in (False, True))
+    wild, limited = (retarget(shape, clip, free(clip, shape, limits=on)) for on in (False, True))
     poll, mane = skeleton.index("poll"), skeleton.index("mane")
-    times = np.linspace(0.0, made.duration, 61)
-    before, after = (Player(one.project, "horse").sample(times)[0] for one in (wild, made))
-    assert "neck" in made.limited and np.abs(before[:, poll] - after[:, poll]).max() > 0.05
+    times = np.linspace(0.0, limited.duration, 61)
+    before, after = (Player(each.project, "horse").sample(times)[0] for each in (wild, limited))
+    assert "neck" in limited.limited and np.abs(before[:, poll] - after[:, poll]).max() > 0.05
     for turns in (before, after):
         np.testing.assert_allclose(np.abs(np.sum(turns[:, poll] * turns[:, mane], axis=1)), 1.0, atol=1e-9)
 
@@ -177,9 +179,9 @@ def test_what_begins_at_a_limited_joint_moves_along():
 def test_a_take_of_one_pose_is_limited_too():
     shape, clip = meshed("horse", horse()), raised_arms()
     still = clip.mapped(lambda track: track[19:20])
-    made = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
-    assert "Left shoulder" in made.limited
-    assert swings(local_turns(made, 2), "Left elbow").max() < 20.0 + np.degrees(FREE_SWING + SOFT) + 0.1
+    result = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
+    assert "Left shoulder" in result.limited
+    assert swings(local_turns(result, 2), "Left elbow").max() < 20.0 + np.degrees(FREE_SWING + SOFT) + 0.1
 
 
 def test_both_of_a_pair_have_the_range_that_clips_show_of_either():
@@ -203,6 +205,6 @@ def test_takes_that_limits_made_are_not_clips_of_the_model():
     """A model that is mapped again has the range of its own clips, not of the last mapping."""
     shape, clip = meshed("horse", horse()), raised_arms()
     project = Project().with_takes(grazing(), clip)
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=True), project, (grazing(),))
-    assert made.limited and "raise: limits" in made.project.takes
-    assert own_clips(made.project, shape) == ("graze",)
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=True), project, (grazing(),))
+    assert result.limited and "raise: limits" in result.project.takes
+    assert own_clips(result.project, shape) == ("graze",)

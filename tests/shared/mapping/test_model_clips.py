@@ -121,8 +121,8 @@ def test_loops_are_exported_until_everything_else_has_ended_and_to_the_end_of_a_
     np.testing.assert_allclose(alone.joints[-1], alone.joints[0], atol=1e-9)
     long = random_motion(np.random.default_rng(1), man(), 60, name="long")
     both = retarget(meshed("man", man()), long, project=project).project
-    made = performance_of(both, "horse")
-    assert made.times[-1] >= long.duration
-    assert (made.times[-1] / clip.duration) % 1.0 == pytest.approx(0.0, abs=1e-6)
+    performance = performance_of(both, "horse")
+    assert performance.times[-1] >= long.duration
+    assert (performance.times[-1] / clip.duration) % 1.0 == pytest.approx(0.0, abs=1e-6)
     assert performance_of(both, "man").times[-1] == pytest.approx(long.duration, abs=1 / 30)
     assert performance_of(looped(both, "man"), "man").times[-1] == pytest.approx(long.duration, abs=1e-9)

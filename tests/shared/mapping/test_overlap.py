@@ -75,11 +75,11 @@ def test_what_is_inside_is_what_solid_angles_say(seed):
         normal = np.cross(corners[f, 1] - corners[f, 0], corners[f, 2] - corners[f, 0])
         point = corners[f].mean(0) + 1e-4 * size * normal / np.linalg.norm(normal)
         within = [k for k in range(PARTS) if k != part[f] and solid_angles(point, corners[part == k]) > 0.5]
-        apart = [k for k in within if (part[f] + 1, k + 1) not in beside]
+        outside = [k for k in within if (part[f] + 1, k + 1) not in beside]
         # In two parts at once it is told as in one of them, whichever it leaves first.
-        inside[f] = np.nan if apart and len(apart) < len(within) else float(bool(apart))
-        if len(within) == 1 and apart:
-            pair = (int(part[f]) + 1, apart[0] + 1)
+        inside[f] = np.nan if outside and len(outside) < len(within) else float(bool(outside))
+        if len(within) == 1 and outside:
+            pair = (int(part[f]) + 1, outside[0] + 1)
             only[pair] = only.get(pair, 0.0) + weight[f] / weight.sum()
     sure = ~np.isnan(inside)
     least, most = (
@@ -87,8 +87,8 @@ def test_what_is_inside_is_what_solid_angles_say(seed):
         weight[~sure | (inside == 1)].sum() / weight.sum(),
     )
     assert least - 1e-9 <= share <= most + 1e-9
-    for pair, known in only.items():
-        assert parts[pair] >= known - 1e-9
+    for pair, lower_bound in only.items():
+        assert parts[pair] >= lower_bound - 1e-9
 
 
 def test_at_rest_nothing_is_inside_nor_what_was_inside_at_rest():

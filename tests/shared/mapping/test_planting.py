@@ -42,12 +42,12 @@ def steps_of(speed, stance_s, swing_s=0.35, rounds=4, seed=0):
 @pytest.mark.parametrize(("speed", "stance"), [(0.8, 0.7), (1.4, 0.6), (3.0, 0.2), (5.0, 0.13), (7.0, 0.09)])
 def test_contacts_of_walks_runs_and_sprints_are_found(speed, stance):
     foot, root, stands = steps_of(speed, stance)
-    found = np.zeros(len(foot), bool)
+    in_contact = np.zeros(len(foot), bool)
     for first, last in standing_spans(foot[:, None], root, STEP, 0.85):
-        found[first : last + 1] = True
+        in_contact[first : last + 1] = True
     edges = np.convolve(np.abs(np.diff(stands.astype(int), prepend=0)), np.ones(7), "same") > 0
-    assert (found == stands)[~edges].all(), "but for three frames at the ends of each contact"
-    assert found.sum() > 0.9 * stands.sum()
+    assert (in_contact == stands)[~edges].all(), "but for three frames at the ends of each contact"
+    assert in_contact.sum() > 0.9 * stands.sum()
 
 
 def test_a_foot_that_is_lifted_on_the_spot_or_glides_does_not_stand():
@@ -105,14 +105,14 @@ def short_shinned(shin):
 def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     shape, clip = meshed("man", short_shinned(shin)), walk(0.4)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    made = retarget(shape, clip, plan)
-    quality = quality_of(made.project, "man", clip, made.duration, plan)
+    result = retarget(shape, clip, plan)
+    quality = quality_of(result.project, "man", clip, result.duration, plan)
     legs = [limb for limb in quality.limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 4.0 and quality.slide < 3.0
-    low = [at[:, 1].min() for at in surfaces(made.project, "man", np.linspace(0.0, made.duration, 20))]
+    low = [at[:, 1].min() for at in surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))]
     assert min(low) > floor_of(shape) - 1e-3
     free = retarget(shape, clip, replace(plan, pin=False))
-    ways = [Player(one.project, "man").root(np.array([0.0, clip.duration])) for one in (made, free)]
+    ways = [Player(each.project, "man").root(np.array([0.0, clip.duration])) for each in (result, free)]
     assert np.linalg.norm(ways[0][1] - ways[0][0]) > 0.5 * np.linalg.norm(ways[1][1] - ways[1][0])
 
 
@@ -144,9 +144,9 @@ def test_a_foot_is_as_high_as_it_rose_since_it_stood_on_a_floor_that_drifts(drif
 
 def slide_of(shape, clip, stands, plan):
     """(cm/s, ...) of the lowest points of feet that stand on the floor, and metres of feet in mid-swing."""
-    made = retarget(shape, clip, plan)
+    result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
-    at = np.array(list(surfaces(made.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
+    at = np.array(list(surfaces(result.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
     speeds, swinging = [], []
     for side in (0, 1):
         foot = at[:, len(at[0]) - 24 + 12 * side :][:, :12]
@@ -160,7 +160,7 @@ def slide_of(shape, clip, stands, plan):
         # Without the third of a swing at either end, in which the foot leaves and lands.
         wide = np.convolve(stands[:, side], np.ones(11), "same") > 0
         swinging.append(foot[~wide, :, 1].min(1))
-    return np.concatenate(speeds), np.concatenate(swinging), made
+    return np.concatenate(speeds), np.concatenate(swinging), result
 
 
 GAITS = [(1.2, 0.6, 0.4), (3.0, 0.2, 0.45), (4.5, 0.13, 0.45)]
@@ -174,10 +174,10 @@ def test_feet_that_roll_from_heel_to_toe_neither_slide_nor_scuff(how, shin, tip)
     clip, stands = gait(*how)
     shape = shod(short_shinned(shin), tip)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    speeds, swinging, made = slide_of(shape, clip, stands, plan)
+    speeds, swinging, result = slide_of(shape, clip, stands, plan)
     assert np.median(speeds) < 1.0 and np.percentile(speeds, 90) < SLIDE
     assert np.percentile(swinging, 5) > CLEAR
-    limbs = quality_of(made.project, shape.id, clip, made.duration, plan).limbs
+    limbs = quality_of(result.project, shape.id, clip, result.duration, plan).limbs
     legs = [limb for limb in limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 3.0 and max(limb.p90 for limb in legs) < 8.0
 
@@ -201,12 +201,12 @@ def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
     clip, _ = gait(1.2, 0.6, 0.4)
     shape = shod(short_shinned(1.3), 0.22)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    whole = retarget(shape, clip, plan)
+    at_once = retarget(shape, clip, plan)
     monkeypatch.setattr("enliven.mapping.planting._BLOCK", 7)
     parts = retarget(shape, clip, plan)
     times = np.linspace(0.0, clip.duration, 50)
-    one, other = (Player(made.project, shape.id).sample(times)[1] for made in (whole, parts))
-    np.testing.assert_allclose(one, other, atol=1e-9)
+    first, second = (Player(each.project, shape.id).sample(times)[1] for each in (at_once, parts))
+    np.testing.assert_allclose(first, second, atol=1e-9)
 
 
 @settings(deadline=None, max_examples=15)
@@ -262,8 +262,8 @@ def test_feet_of_a_performer_that_turn_while_they_stand_do_not_slide(rate):
 
 def _since(stands):
     """(F,) frames since the foot landed."""
-    count, made = 0, []
+    count, counts = 0, []
     for on in stands:
         count = count + 1 if on else 0
-        made.append(count)
-    return np.array(made, float)
+        counts.append(count)
+    return np.array(counts, float)

@@ -34,7 +34,7 @@ def angles_by_hand(made, convention, clip, source_convention):
     joints = Player(made.project, made.shape_id).sample(frames * clip.step)[1]
     skeleton, theirs = made.project.shape(made.shape_id).skeleton, clip.skeleton
     turn = made.model_facing - made.take_facing
-    found = []
+    angles = []
     for side, start, end in SEGMENTS:
         a, b = (skeleton.index(name_in(convention, f"{side} {joint}")) for joint in (start, end))
         j = theirs.index(name_in(source_convention, f"{side} {end}"))
@@ -43,8 +43,8 @@ def angles_by_hand(made, convention, clip, source_convention):
         wanted = np.array([_turned(q, v) for q, v in zip(clip.turns[:, j], bones, strict=True)])
         wanted = turned_about_y(wanted, turn)
         cosine = np.sum(ours * wanted, 1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(wanted, axis=1)
-        found.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
-    return np.array(found).T
+        angles.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return np.array(angles).T
 
 
 def _turned(q, v):
@@ -58,9 +58,9 @@ def test_limbs_point_as_the_performers(seed, source, target):
     random = np.random.default_rng(seed)
     clip = random_motion(random, person(source, random), size=0.7)
     skeleton = person(target, random, extras=bool(seed % 2))
-    made = retarget(meshed("model", skeleton), clip)
-    assert angles_by_hand(made, target, clip, source).max() < 0.01
-    errors = limb_errors(made.project, "model", clip, made.plan, made.duration)
+    result = retarget(meshed("model", skeleton), clip)
+    assert angles_by_hand(result, target, clip, source).max() < 0.01
+    errors = limb_errors(result.project, "model", clip, result.plan, result.duration)
     assert len(errors) == 8 and max(error.p90 for error in errors) < 0.01
 
 
@@ -73,9 +73,9 @@ def test_the_measure_is_that_of_every_joint(seed):
     shape = meshed("model", person("unreal", random))
     plan = automatic(clip, shape)
     plan = replace(plan, chains=tuple(replace(chain, weight=0.7) for chain in plan.chains))
-    made = retarget(shape, clip, plan)
-    by_hand = angles_by_hand(made, "unreal", clip, "mixamo")
-    errors = limb_errors(made.project, "model", clip, plan, made.duration)
+    result = retarget(shape, clip, plan)
+    by_hand = angles_by_hand(result, "unreal", clip, "mixamo")
+    errors = limb_errors(result.project, "model", clip, plan, result.duration)
     order = [
         f"{side.lower()} {name}"
         for side in ("Left", "Right")
@@ -96,8 +96,8 @@ def test_extras_are_rigid_with_their_joint(seed, convention, pin):
     clip = walk() if pin else random_motion(random, person("vrm", random), size=0.7)
     skeleton = person(convention, random, extras=True)
     shape = meshed("model", skeleton)
-    made = retarget(shape, clip, replace(automatic(clip, shape), travel=pin, pin=pin))
-    turns = Player(made.project, "model").sample(np.arange(8) * clip.step)[0]
+    result = retarget(shape, clip, replace(automatic(clip, shape), travel=pin, pin=pin))
+    turns = Player(result.project, "model").sample(np.arange(8) * clip.step)[0]
     for extra, beside in (
         ("Weapon", "Right finger"),
         ("Pinky1", "Left finger"),
@@ -139,8 +139,8 @@ def test_fingers_of_a_take_move_the_models_fingers():
     moving = automatic(replace(clip, turns=bent), shape)
     assert "left index" in {chain.role for chain in moving.chains}
     assert "left index" not in {chain.role for chain in automatic(still, shape).chains}
-    made = retarget(shape, replace(clip, turns=bent), moving)
-    turns = Player(made.project, "model").sample(np.array([0.0, made.duration]))[0]
+    result = retarget(shape, replace(clip, turns=bent), moving)
+    turns = Player(result.project, "model").sample(np.array([0.0, result.duration]))[0]
     bone = target.index("leftIndexIntermediate"), target.index("leftIndexProximal")
     bend = [2 * np.arccos(min(abs(float(t[bone[0]] @ t[bone[1]])), 1.0)) for t in turns]
     assert bend[1] - bend[0] > 0.8
@@ -148,8 +148,8 @@ def test_fingers_of_a_take_move_the_models_fingers():
 
 def test_nothing_is_softened_unless_asked():
     clip = random_motion(np.random.default_rng(2), man(), size=1.2)
-    made = retarget(meshed("horse", horse()), clip)
-    assert {chain.weight for chain in made.plan.chains if "whole" not in chain.role} == {1.0}
+    result = retarget(meshed("horse", horse()), clip)
+    assert {chain.weight for chain in result.plan.chains if "whole" not in chain.role} == {1.0}
 
 
 def test_an_arm_that_drives_nothing_is_named():
@@ -163,13 +163,13 @@ def test_an_arm_that_drives_nothing_is_named():
 def test_pose_is_the_first_figure_and_says_which_limbs():
     clip, shape = walk(raised=1.0), meshed("man", man())
     plan = automatic(clip, shape)
-    made = retarget(shape, clip, plan)
-    good = quality_of(made.project, "man", clip, made.duration, plan)
+    result = retarget(shape, clip, plan)
+    good = quality_of(result.project, "man", clip, result.duration, plan)
     assert str(good).startswith("every limb points within 0\u00b0") and not good.worst_limbs
     chains = tuple(replace(c, weight=0.3) if c.role == "left arm" else c for c in plan.chains)
     plan = replace(plan, chains=chains)
-    made = retarget(shape, clip, plan)
-    bad = quality_of(made.project, "man", clip, made.duration, plan)
+    result = retarget(shape, clip, plan)
+    bad = quality_of(result.project, "man", clip, result.duration, plan)
     assert {limb.limb for limb in bad.worst_limbs} == {"left upper arm", "left forearm"}
     assert bad.worst_limbs[0].median > POSE and bad.beyond > good.beyond
 
@@ -183,17 +183,17 @@ def test_planted_feet_stand_still_at_any_proportions(seed, convention, stride):
     skeleton = person(convention, random)
     shape = meshed("model", skeleton)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
-    made = retarget(shape, clip, plan)
-    times = np.arange(0.0, made.duration, 1 / 60)
-    joints = Player(made.project, "model").sample(times)[1]
+    result = retarget(shape, clip, plan)
+    times = np.arange(0.0, result.duration, 1 / 60)
+    joints = Player(result.project, "model").sample(times)[1]
     legs = [limb for pair in anatomy_of(skeleton).legs for limb in pair]
     toes = joints[:, [limb.chain[-1] for limb in legs]]
     speed = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=2) * 60
     length = float(skeleton.lengths[list(legs[0].main[1:])].sum())
     # At any moment one of the two stands: its speed is below 2 cm/s on a leg of 1 m, the bound that is asked.
     assert np.percentile(speed.min(1), 90) < 0.02 * length
-    gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
-    assert gone > 2.0 * stride * length
+    travelled = np.linalg.norm(joints[-1, 0] - joints[0, 0])
+    assert travelled > 2.0 * stride * length
     for limb in legs:
         at = joints[:, list(limb.main)]
         lengths = np.linalg.norm(np.diff(at, axis=1), axis=2)

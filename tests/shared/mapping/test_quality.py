@@ -22,12 +22,12 @@ SEEDS = st.integers(0, 10_000)
 @given(SEEDS)
 def test_stretch_is_that_of_every_edge(seed):
     shape = webbed("horse", horse())
-    made = retarget(shape, random_motion(np.random.default_rng(seed), man(), size=0.6))
-    edges, got = stretches(made.project, "horse", made.duration)
+    result = retarget(shape, random_motion(np.random.default_rng(seed), man(), size=0.6))
+    edges, ratios = stretches(result.project, "horse", result.duration)
     listed = {tuple(sorted((f[a], f[a - 1]))) for f in shape.mesh.faces.tolist() for a in range(3)}
     assert {tuple(edge) for edge in edges.tolist()} == listed
-    at = vertices_of(made.project, "horse", made.duration)
-    for (a, b), stretch in zip(edges, got[-1], strict=True):
+    at = vertices_of(result.project, "horse", result.duration)
+    for (a, b), stretch in zip(edges, ratios[-1], strict=True):
         rest = np.linalg.norm(shape.mesh.vertices[a] - shape.mesh.vertices[b])
         assert stretch == pytest.approx(np.linalg.norm(at[a] - at[b]) / rest, rel=1e-4)
 
@@ -50,8 +50,8 @@ def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
     soft = softened(plan, clip, shape)
 
     def stretch(one):
-        made = retarget(shape, clip, replace(one, floor=False))
-        return float(np.percentile(stretches(made.project, "horse", made.duration)[1], 99))
+        result = retarget(shape, clip, replace(one, floor=False))
+        return float(np.percentile(stretches(result.project, "horse", result.duration)[1], 99))
 
     assert stretch(soft) <= max(stretch(plan), BOUND)
     if stretch(plan) > BOUND:
@@ -60,7 +60,7 @@ def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
     for chain in soft.chains:
         if "whole" not in chain.role:
             weights.setdefault(limb_of(chain), set()).add(chain.weight)
-    assert all(len(alike) == 1 and min(alike) >= 0.4 for alike in weights.values())
+    assert all(len(pair) == 1 and min(pair) >= 0.4 for pair in weights.values())
 
 
 def test_what_does_not_stretch_is_left_alone():
@@ -71,25 +71,25 @@ def test_what_does_not_stretch_is_left_alone():
 
 def test_the_next_best_mapping_is_better_or_none():
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
-    made = retarget(shape, clip, automatic(clip, shape))
-    before = quality_of(made.project, "horse", clip, made.duration)
-    other = next_best(made, shape, before)
+    result = retarget(shape, clip, automatic(clip, shape))
+    before = quality_of(result.project, "horse", clip, result.duration)
+    other = next_best(result, shape, before)
     assert other.how and other.quality.faults < before.faults and other.quality.stretch < before.stretch
-    again = retarget(shape, clip, other.plan)
-    assert quality_of(again.project, "horse", clip, again.duration) == other.quality
+    other_result = retarget(shape, clip, other.plan)
+    assert quality_of(other_result.project, "horse", clip, other_result.duration) == other.quality
     calm, clip = meshed("horse", horse()), walk()
-    made = retarget(calm, clip)
-    assert next_best(made, calm, quality_of(made.project, "horse", clip, made.duration)) is None
+    result = retarget(calm, clip)
+    assert next_best(result, calm, quality_of(result.project, "horse", clip, result.duration)) is None
 
 
 def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_alone():
     """A horse whose feet are not kept on the floor: less movement stretches it least, and makes it worse."""
     shape, clip = webbed("horse", horse()), walk(raised=1.5)
     plan = replace(automatic(clip, shape), travel=True, steps=False, floor=False)
-    made = retarget(shape, clip, plan)
-    before = quality_of(made.project, "horse", clip, made.duration)
+    result = retarget(shape, clip, plan)
+    before = quality_of(result.project, "horse", clip, result.duration)
     assert before.sunk > LEVEL and before.slide > SLIDE and before.feet
-    other = next_best(made, shape, before)
+    other = next_best(result, shape, before)
     assert other.plan == replace(plan, floor=True) and other.how == "with --floor"
     assert other.quality.sunk < LEVEL and other.quality.slide < SLIDE
     less = tuple(c if "whole" in c.role else replace(c, weight=0.6) for c in plan.chains)
@@ -103,6 +103,6 @@ def test_feet_in_place_do_not_slide():
     shape, clip = meshed("man", man()), walk()
     slides = []
     for travel in (False, True):
-        made = retarget(shape, clip, replace(automatic(clip, shape), travel=travel))
-        slides.append(quality_of(made.project, "man", clip, made.duration).slide)
+        result = retarget(shape, clip, replace(automatic(clip, shape), travel=travel))
+        slides.append(quality_of(result.project, "man", clip, result.duration).slide)
     assert slides[0] is None and slides[1] < 2.0

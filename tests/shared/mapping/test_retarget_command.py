@@ -54,10 +54,10 @@ def test_a_horse_walks_as_the_man_does(files, capsys):
 
 
 def test_the_written_mapping_makes_the_same(files):
-    one, two, other = files / "one.glb", files / "two.glb", files / "other.glb"
-    assert retarget(files, "-o", one, "--write-map", files / "map.toml") == 0
-    assert retarget(files, "-o", two, "--map", files / "map.toml") == 0
-    assert one.read_bytes() == two.read_bytes()
+    first, second, other = files / "one.glb", files / "two.glb", files / "other.glb"
+    assert retarget(files, "-o", first, "--write-map", files / "map.toml") == 0
+    assert retarget(files, "-o", second, "--map", files / "map.toml") == 0
+    assert first.read_bytes() == second.read_bytes()
     text = (files / "map.toml").read_text()
     assert 'source = "Left hip .. Left knee"' in text
     text = text.replace("weight = 0.5\n", "")
@@ -97,8 +97,8 @@ def test_feet_are_held_on_request(files):
     plan = replace(automatic(clip, shape), travel=True, pin=True)
     # The feet of a person are planted by steps; swung legs of another mapping are pinned by their contacts.
     for steps, how in ((True, ()), (False, ("Left ankle", "Right ankle"))):
-        made = retarget_shape(shape, clip, replace(plan, steps=steps))
-        moved = made.project.shape(made.shape_id)
+        result = retarget_shape(shape, clip, replace(plan, steps=steps))
+        moved = result.project.shape(result.shape_id)
         assert tuple(pin.joint for pin in moved.pins) == how
         assert any("steps" in layer.take for layer in moved.layers) == steps
 
@@ -112,15 +112,15 @@ def test_a_surface_that_stretches_is_said_with_its_joints_and_a_better_mapping(f
     soft = ["-o", files / "a.glb", "--soften", "--write-map", map_]
     assert retarget(files, *soft, take="wide.bvh", model="banded.glb") == 0
     assert "moved less by the mapping: " in capsys.readouterr().out
-    told = ["-o", files / "a.glb", "--write-map", files / "used.toml"]
-    assert retarget(files, *told, take="wide.bvh", model="banded.glb") == 0
-    said = capsys.readouterr()
-    assert "edges stretch " in said.out and "below the floor" in said.out
-    assert "moved less" not in said.out
-    named = re.search(r"stretches at (.*) \(--soften moves limbs less\)", said.err).group(1).split(", ")
+    options = ["-o", files / "a.glb", "--write-map", files / "used.toml"]
+    assert retarget(files, *options, take="wide.bvh", model="banded.glb") == 0
+    output = capsys.readouterr()
+    assert "edges stretch " in output.out and "below the floor" in output.out
+    assert "moved less" not in output.out
+    named = re.search(r"stretches at (.*) \(--soften moves limbs less\)", output.err).group(1).split(", ")
     assert set(named) <= set(horse().names)
-    offered = float(re.search("the next best mapping, .*: edges stretch ([0-9.]+)", said.err).group(1))
-    used = float(re.search("edges stretch ([0-9.]+)", said.out).group(1))
+    offered = float(re.search("the next best mapping, .*: edges stretch ([0-9.]+)", output.err).group(1))
+    used = float(re.search("edges stretch ([0-9.]+)", output.out).group(1))
     assert offered < used
     better = ["-o", files / "b.glb", "--map", files / "used.next.toml"]
     assert retarget(files, *better, take="wide.bvh", model="banded.glb") == 0
@@ -172,9 +172,9 @@ def test_what_cannot_be_done_is_said(files, capsys, options, words):
 def test_a_mapping_with_a_joint_that_is_not_there_lists_those_that_are(files, capsys):
     (files / "map.toml").write_text('[[chain]]\nsource = "Left hipp .. Left knee"\ntarget = "Left hip"\n')
     assert retarget(files, "-o", files / "a.glb", "--map", files / "map.toml") == 3
-    told = capsys.readouterr().err
-    assert "the take has no joint 'Left hipp'" in told
-    assert "Left ankle" in told
+    output = capsys.readouterr().err
+    assert "the take has no joint 'Left hipp'" in output
+    assert "Left ankle" in output
 
 
 def test_files_of_the_wrong_kind(files, capsys):
@@ -191,8 +191,10 @@ def test_joints_beyond_their_limits_are_told_and_freed_by_an_option(files, capsy
     frames = 80.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (files / "tumble.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     assert retarget(files, "-o", files / "kept.glb", take="tumble.bvh") == 0
-    told = capsys.readouterr().out
-    assert re.search(r"enliven: \d+ joints kept within limits \(--no-limits frees them\): \w+", told), told
+    output = capsys.readouterr().out
+    assert re.search(r"enliven: \d+ joints kept within limits \(--no-limits frees them\): \w+", output), (
+        output
+    )
     options = ("--no-limits", "--write-map", files / "map.toml")
     assert retarget(files, "-o", files / "freed.glb", *options, take="tumble.bvh") == 0
     assert "kept within limits" not in capsys.readouterr().out

@@ -47,18 +47,18 @@ def test_the_made_walker_walks():
 @given(stride=st.floats(0.2, 0.4), heading=st.floats(-3, 3))
 def test_a_foot_stands_while_the_performers_stands(model, stride, heading):
     shape, clip = meshed(model, MODELS[model]()), walk(stride, heading)
-    made = made_of(shape, clip)
-    joints, at = feet(made)
-    assert len(legs_that_step(shape, clip, made.plan)) == at.shape[1] >= 4
+    result = made_of(shape, clip)
+    joints, at = feet(result)
+    assert len(legs_that_step(shape, clip, result.plan)) == at.shape[1] >= 4
     step = np.linalg.norm(np.diff(at, axis=0), axis=2)
-    gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
-    stands = step < 0.002 * gone
+    travelled = np.linalg.norm(joints[-1, 0] - joints[0, 0])
+    stands = step < 0.002 * travelled
     assert (stands.mean(0) > 0.28).all(), "every foot stands a good part of the time"
     assert stands.any(1).mean() > 0.9, "and one stands at any moment"
     pairs = stands.reshape(len(stands), -1, 2)
     assert (pairs[:, 1:] & pairs[:, :-1]).mean() < 0.1, "legs behind one another step in turn"
-    np.testing.assert_allclose(np.linalg.norm(at[-1] - at[0], axis=1), gone, rtol=0.01)
-    assert quality_of(made.project, model, clip, made.duration).slide < 2.5
+    np.testing.assert_allclose(np.linalg.norm(at[-1] - at[0], axis=1), travelled, rtol=0.01)
+    assert quality_of(result.project, model, clip, result.duration).slide < 2.5
 
 
 @settings(max_examples=3, deadline=None, phases=[Phase.explicit, Phase.generate])
@@ -86,7 +86,7 @@ def test_legs_keep_their_lengths_and_the_trunk_its_motion(seed):
     plan = replace(automatic(clip, shape), floor=True, travel=False)
     swung, steps = (retarget(shape, clip, replace(plan, steps=on)) for on in (False, True))
     times = np.linspace(0.0, clip.duration, 7)
-    own = [Player(made.project, "horse").sample(times) for made in (swung, steps)]
+    own = [Player(each.project, "horse").sample(times) for each in (swung, steps)]
     skeleton = shape.skeleton
     lengths = np.linalg.norm(own[1][1][:, 1:] - own[1][1][:, skeleton.parents[1:]], axis=2)
     np.testing.assert_allclose(lengths, np.tile(skeleton.lengths[1:], (7, 1)), rtol=1e-9)
@@ -101,7 +101,8 @@ def test_an_arm_that_is_raised_lifts_the_foreleg():
         clip = walk(0.3, raised=raised)
         plan = replace(automatic(clip, shape), rest="zero")
         both = (
-            Player(retarget(shape, clip, one).project, "horse") for one in (plan, replace(plan, steps=False))
+            Player(retarget(shape, clip, each).project, "horse")
+            for each in (plan, replace(plan, steps=False))
         )
         stepping, free = (player.sample(np.array([1.0]))[0][0, hoof] for player in both)
         assert (abs(stepping @ free) > 0.9999) == obeys
@@ -144,9 +145,9 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
     random = np.random.default_rng(seed)
     skeleton = crawler(random) if model == "crawler" else MODELS[model]()
     shape, clip = meshed(model, skeleton), gesture(random)
-    made = made_of(shape, clip, pin=True)
+    result = made_of(shape, clip, pin=True)
     tall = np.ptp(shape.mesh.vertices[:, 1])
-    joints, _ = feet(made)
+    joints, _ = feet(result)
     assert np.ptp(joints[:, 0, 1]) < 0.02 * tall, "the body stays at one height as the performer's does"
-    low = [at[:, 1].min() for at in surfaces(made.project, model, np.arange(0, FRAMES, 3) * STEP)]
+    low = [at[:, 1].min() for at in surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)]
     assert np.abs(np.array(low) - floor_of(shape)).max() < 0.02 * tall

@@ -42,26 +42,26 @@ def literal_candidates(positions, links, root=None):
                     at[leaf] = np.average([positions[j] for j in way[1:]], axis=0, weights=bones)
                 accumulated[leaf] += sum(bones) + length(way[-1], node)
                 first[leaf, node] = way[-1]
-            for gone in way[1:]:
-                del tree[gone]
+            for removed in way[1:]:
+                del tree[removed]
             tree[node] = (tree[node] - {way[-1]}) | {leaf}
             tree[leaf] = {node}
         # Step 3: branch nodes with only one neighbour that is not a leaf.
-        found = [
+        roots = [
             j
             for j in tree
             if is_branch(j) and sum(not is_leaf(k) for k in tree[j]) <= (0 if j == root else 1)
         ]
-        leaves = {j: [k for k in tree[j] if is_leaf(k)] for j in found}
-        levels.append({j: {first[k, j]: (at[k], accumulated[k]) for k in leaves[j]} for j in found})
+        leaves = {j: [k for k in tree[j] if is_leaf(k)] for j in roots}
+        levels.append({j: {first[k, j]: (at[k], accumulated[k]) for k in leaves[j]} for j in roots})
         # Step 4: each becomes a leaf.
-        for j in found:
+        for j in roots:
             if j == root or len(leaves[j]) == len(tree[j]):
                 return j, levels
             weights = [accumulated[k] for k in leaves[j]]
             at[j] = np.average([at[k] for k in leaves[j]], axis=0, weights=weights)
             accumulated[j] = sum(weights)
-        for j in found:
+        for j in roots:
             for k in leaves[j]:
                 del tree[k]
                 tree[j].discard(k)

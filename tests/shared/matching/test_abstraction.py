@@ -26,9 +26,9 @@ from trees_for_matching import Drawing, figure_three, trees
 
 def test_figure_three():
     positions, links, named = figure_three()
-    found = abstract(positions, links)
-    assert found.root == named["root"]
-    assert [(tree.name, tree.root) for tree in found.candidates] == [
+    abstraction = abstract(positions, links)
+    assert abstraction.root == named["root"]
+    assert [(tree.name, tree.root) for tree in abstraction.candidates] == [
         ("1-1", named["1-1"]),
         ("1-2", named["1-2"]),
         ("2-1", named["p"]),
@@ -41,7 +41,7 @@ def test_figure_three():
     source = source_of(arms.points, arms.links)
     assert source.root == chest
     assert len(source.branches) == 2
-    ranking = Matcher(found, positions).rank(source.points(np.array(arms.points)), ScreenView())
+    ranking = Matcher(abstraction, positions).rank(source.points(np.array(arms.points)), ScreenView())
     assert len(ranking) == ranking.total == 16
     assert (
         sorted(match.candidate.name for match in ranking) == ["1-1"] * 3 + ["1-2"] + ["2-1"] * 6 + ["2-2"] * 6
@@ -62,25 +62,25 @@ def test_only_one_set_of_branch_counts_gives_the_papers_sixteen():
 def test_equals_the_text_word_for_word(tree, rooted, root):
     positions, links = tree
     root = root % len(positions) if rooted else None
-    found = abstract(positions, links, root)
+    abstraction = abstract(positions, links, root)
     expected_root, levels = literal_candidates(positions, links, root)
     if not levels:  # no branch node at all: one candidate, at the root
-        (only,) = found.candidates
-        assert only.root == found.root
+        (only,) = abstraction.candidates
+        assert only.root == abstraction.root
     if len(positions) > 2:  # the ends of a single bone are equally near to its middle
-        assert found.root == expected_root
+        assert abstraction.root == expected_root
     for level, expected in enumerate(levels, 1):
-        these = [tree for tree in found.candidates if tree.level == level]
-        assert [tree.root for tree in these] == sorted(expected)
-        assert [tree.number for tree in these] == list(range(1, len(these) + 1))
-        for tree in these:
+        at_level = [tree for tree in abstraction.candidates if tree.level == level]
+        assert [tree.root for tree in at_level] == sorted(expected)
+        assert [tree.number for tree in at_level] == list(range(1, len(at_level) + 1))
+        for tree in at_level:
             branches = expected[tree.root]
             assert [branch.chain[1] for branch in tree.branches] == sorted(branches)
             for branch in tree.branches:
                 at, length = branches[branch.chain[1]]
                 np.testing.assert_allclose(branch.position(positions), at, atol=1e-12)
                 assert branch.length == pytest.approx(length)
-    assert max(tree.level for tree in found.candidates) == max(len(levels), 1)
+    assert max(tree.level for tree in abstraction.candidates) == max(len(levels), 1)
 
 
 @given(trees(), st.booleans())
@@ -128,10 +128,10 @@ def longest(positions, links, above, joint):
 
 def test_a_given_root_never_becomes_a_leaf():
     positions, links, named = figure_three()
-    found = abstract(positions, links, named["root"])
-    assert [tree.name for tree in found.candidates] == ["1-1", "1-2", "2-1", "2-2", "3-1"]
-    assert found.candidates[-1].root == named["root"]
-    inside = {j for tree in found.candidates[:-1] for b in tree.branches for j in b.chain}
+    abstraction = abstract(positions, links, named["root"])
+    assert [tree.name for tree in abstraction.candidates] == ["1-1", "1-2", "2-1", "2-2", "3-1"]
+    assert abstraction.candidates[-1].root == named["root"]
+    inside = {j for tree in abstraction.candidates[:-1] for b in tree.branches for j in b.chain}
     assert named["root"] not in inside
 
 
@@ -140,18 +140,18 @@ def test_a_star_is_a_candidate_and_its_middle_the_root():
     middle = tree.limb(None, (0.0, 0.0))
     for angle in np.arange(8) * np.pi / 4:
         tree.limb(middle, *(np.array([np.cos(angle), np.sin(angle)]) * r for r in (1.0, 2.0, 3.0)))
-    found = abstract(tree.points, tree.links)
-    assert found.root == middle
-    (star,) = found.candidates
+    abstraction = abstract(tree.points, tree.links)
+    assert abstraction.root == middle
+    (star,) = abstraction.candidates
     assert len(star.branches) == 8
 
 
 def test_a_snake_without_a_branch_node_is_one_candidate():
     points = [(x, 0.0, 0.0) for x in range(7)]
     links = [(i, i + 1) for i in range(6)]
-    found = abstract(points, links)
-    assert found.root == 3
-    (only,) = found.candidates
+    abstraction = abstract(points, links)
+    assert abstraction.root == 3
+    (only,) = abstraction.candidates
     assert [branch.chain for branch in only.branches] == [(3, 2, 1, 0), (3, 4, 5, 6)]
     assert [b.chain for b in abstract(points, links, 0).candidates[0].branches] == [(0, 1, 2, 3, 4, 5, 6)]
 

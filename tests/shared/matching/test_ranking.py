@@ -59,11 +59,11 @@ def random_view(seed):
 @settings(max_examples=60, deadline=None)
 def test_equals_brute_force(tree, m, seed):
     positions, links = tree
-    found = abstract(positions, links)
+    abstraction = abstract(positions, links)
     source = np.random.default_rng(seed).normal(size=(m + 1, 3))
     view = random_view(seed + 1)
-    ranking = Matcher(found, positions, settings=ALL).rank(source, view)
-    expected = brute_force(found, positions, source, view)
+    ranking = Matcher(abstraction, positions, settings=ALL).rank(source, view)
+    expected = brute_force(abstraction, positions, source, view)
     assert len(ranking) == ranking.total == len(expected)
     assert (np.diff(ranking.scores) <= 1e-8).all()
     for which, columns, score in zip(ranking.which, ranking.columns, ranking.scores, strict=True):
@@ -247,10 +247,11 @@ def test_a_bone_that_points_at_the_eye_counts_for_nothing():
     tree.limb(fork, (1.0, 0.0))
     tree.limb(fork, (-1.0, 0.0))
     positions = np.array([*tree.points, (1e-9, 0.0, 1.0)])
-    found = abstract(positions, [*tree.links, (0, 3)])
+    abstraction = abstract(positions, [*tree.links, (0, 3)])
     source = np.array([[0, 0, 0], [1, 0, 0]], float)
     scores = {
-        match.pairs[0].chain[1]: match.score for match in Matcher(found, positions).rank(source, ScreenView())
+        match.pairs[0].chain[1]: match.score
+        for match in Matcher(abstraction, positions).rank(source, ScreenView())
     }
     assert scores[1] == pytest.approx(1.0)
     assert scores[2] == pytest.approx(-1.0)

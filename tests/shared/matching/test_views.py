@@ -61,23 +61,23 @@ def test_suggested_view_shows_most_bone_length(seed, count):
     rng = np.random.default_rng(seed)
     vectors = rng.normal(size=(count, 3)) * rng.uniform(0.1, 2.0, (count, 1))
     view = ScreenView(rng.normal(size=3), rng.normal(size=3))
-    found = best_view(vectors, view)
+    best = best_view(vectors, view)
     tried = rng.normal(size=(2000, 3))
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
     most = max(projected_length(vectors, direction) for direction in tried)
     # The sum has several summits; the best of four climbs is never far below the highest.
-    assert projected_length(vectors, found.direction) >= 0.97 * most
-    assert projected_length(vectors, found.direction) >= projected_length(vectors, view.direction) - 1e-9
-    assert found.direction @ view.direction >= -1e-9, "a view from behind shows as much"
+    assert projected_length(vectors, best.direction) >= 0.97 * most
+    assert projected_length(vectors, best.direction) >= projected_length(vectors, view.direction) - 1e-9
+    assert best.direction @ view.direction >= -1e-9, "a view from behind shows as much"
 
 
 def test_a_flat_skeleton_is_seen_from_the_front():
     rng = np.random.default_rng(1)
     vectors = np.concatenate([rng.normal(size=(9, 2)), np.zeros((9, 1))], axis=1)
-    found = best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
-    np.testing.assert_allclose(found.direction, [0.0, 0.0, -1.0], atol=1e-6)
-    np.testing.assert_allclose(found.up, [0.0, 1.0, 0.0], atol=1e-6)
-    assert not end_on(vectors, found).any()
+    best = best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
+    np.testing.assert_allclose(best.direction, [0.0, 0.0, -1.0], atol=1e-6)
+    np.testing.assert_allclose(best.up, [0.0, 1.0, 0.0], atol=1e-6)
+    assert not end_on(vectors, best).any()
 
 
 @given(seeds, st.floats(0.05, 1.2))
@@ -85,16 +85,16 @@ def test_a_flat_skeleton_is_seen_from_the_front():
 def test_suggested_view_stays_near_current_view_on_request(seed, most_turn):
     rng = np.random.default_rng(seed)
     vectors, view = rng.normal(size=(5, 3)), ScreenView(rng.normal(size=3), rng.normal(size=3))
-    found = best_view(vectors, view, most_turn)
-    assert np.arccos(np.clip(found.direction @ view.direction, -1.0, 1.0)) <= most_turn + 1e-6
-    assert projected_length(vectors, found.direction) >= projected_length(vectors, view.direction) - 1e-9
+    best = best_view(vectors, view, most_turn)
+    assert np.arccos(np.clip(best.direction @ view.direction, -1.0, 1.0)) <= most_turn + 1e-6
+    assert projected_length(vectors, best.direction) >= projected_length(vectors, view.direction) - 1e-9
 
 
 def test_a_view_from_above_keeps_an_up():
     vectors = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    found = best_view(vectors, ScreenView(np.array([0.0, -0.1, -1.0])))
-    np.testing.assert_allclose(np.abs(found.direction), [0.0, 1.0, 0.0], atol=1e-6)
-    assert abs(found.up @ found.direction) < 1e-9
+    best = best_view(vectors, ScreenView(np.array([0.0, -0.1, -1.0])))
+    np.testing.assert_allclose(np.abs(best.direction), [0.0, 1.0, 0.0], atol=1e-6)
+    assert abs(best.up @ best.direction) < 1e-9
 
 
 def test_without_bones_the_view_stays():

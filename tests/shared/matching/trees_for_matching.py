@@ -51,12 +51,16 @@ def figure_three():
     q = tree.limb(black, (1.0, 0.1), (2.0, 0.0))
     for end in ((-2.6, -0.9), (-2.0, -1.0), (-1.4, -0.9)):
         tree.limb(p, ((end[0] - 2.0) / 2, end[1] / 2), end)
-    one = tree.limb(p, (-2.5, 0.5), (-3.0, 1.0))
+    left_node = tree.limb(p, (-2.5, 0.5), (-3.0, 1.0))
     for end in ((-3.6, 1.2), (-3.2, 1.6), (-2.6, 1.5)):
-        tree.limb(one, end)
+        tree.limb(left_node, end)
     for end in ((1.4, -0.9), (2.0, -1.1), (2.6, -0.9)):
         tree.limb(q, ((end[0] + 2.0) / 2, end[1] / 2), end)
-    two = tree.limb(q, (2.5, 0.5), (3.0, 1.0))
+    right_node = tree.limb(q, (2.5, 0.5), (3.0, 1.0))
     for end in ((2.2, 1.2), (3.8, 1.2)):
-        tree.limb(two, ((end[0] + 3.0) / 2, (end[1] + 1.0) / 2), end)
-    return np.array(tree.points), tree.links, {"p": p, "q": q, "1-1": one, "1-2": two, "root": black}
+        tree.limb(right_node, ((end[0] + 3.0) / 2, (end[1] + 1.0) / 2), end)
+    return (
+        np.array(tree.points),
+        tree.links,
+        {"p": p, "q": q, "1-1": left_node, "1-2": right_node, "root": black},
+    )

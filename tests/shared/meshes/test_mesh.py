@@ -159,14 +159,14 @@ def test_every_repair_is_reported():
     mesh, notes = repair(Mesh(vertices, np.array(BOX_FACES + bad)))
     assert len(mesh.vertices) == 8
     assert len(mesh.faces) == 12
-    said = " | ".join(notes)
+    report = " | ".join(notes)
     for words in (
         "1 vertices that are not finite, with 1 faces",
         "1 degenerate",
         "2 faces that repeat",
         "2 of 10",
     ):
-        assert words in said
+        assert words in report
 
 
 def test_shells_duplicates_and_flat_meshes_are_kept_and_reported():

@@ -25,9 +25,9 @@ def test_mesh_survives_writing_and_reading(tmp_path, suffix):
     mesh, notes = load_mesh(path)
     assert mesh.name == "t"
     assert mesh.area == pytest.approx(TETRAHEDRON.area)
-    found = np.array(sorted(mesh.vertices[mesh.faces].mean(1).tolist()))
+    centres = np.array(sorted(mesh.vertices[mesh.faces].mean(1).tolist()))
     np.testing.assert_allclose(
-        found, sorted(TETRAHEDRON.vertices[TETRAHEDRON.faces].mean(1).tolist()), atol=1e-6
+        centres, sorted(TETRAHEDRON.vertices[TETRAHEDRON.faces].mean(1).tolist()), atol=1e-6
     )
     assert len(mesh.vertices) == 4
     assert all("welded" in note for note in notes)
@@ -176,7 +176,9 @@ def test_glb_declares_buffer_targets(tmp_path, coloured):
     data = (tmp_path / "made.glb").read_bytes()
     document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     (part,) = document["meshes"][0]["primitives"]
-    target = [document["bufferViews"][one["bufferView"]].get("target") for one in document["accessors"]]
+    target = [
+        document["bufferViews"][accessor["bufferView"]].get("target") for accessor in document["accessors"]
+    ]
     assert target[part["indices"]] == 34963 and set(part["attributes"]) >= {"POSITION"}
     assert ("COLOR_0" in part["attributes"]) == coloured
     assert {target[number] for number in part["attributes"].values()} == {34962}

@@ -9,8 +9,8 @@ from enliven.meshes.mesh import Mesh, weld
 
 
 def ball(radius=0.1, middle=(0.0, 0.0, 0.0), detail=3, name="ball"):
-    made = trimesh.creation.icosphere(detail)
-    return Mesh(made.vertices * radius + np.array(middle), made.faces, name)
+    sphere = trimesh.creation.icosphere(detail)
+    return Mesh(sphere.vertices * radius + np.array(middle), sphere.faces, name)
 
 
 def tube(radius=0.2, length=2.0, around=12, step=0.125, name="tube"):

@@ -60,8 +60,8 @@ def puppet_world():
     first = PuppetLayer("dance", offset=0.1, speed=0.8, switches=(Switch(0, "contact"),))
     layers = (first, PuppetLayer("dance", ("near",), weight=0.4))
     mesh = made_puppets.tube(rings=10, around=8)
-    made = made_puppets.puppet(mesh=mesh, layers=layers, place=[0.5, 0.0, 0.1])
-    return Project().with_takes(made_puppets.take()).with_characters(made), "bean"
+    bean = made_puppets.puppet(mesh=mesh, layers=layers, place=[0.5, 0.0, 0.1])
+    return Project().with_takes(made_puppets.take()).with_characters(bean), "bean"
 
 
 def cage_world():

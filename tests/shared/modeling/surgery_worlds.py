@@ -83,8 +83,8 @@ def random_project(seed, shapes=2):
     random = np.random.default_rng(seed)
     takes = [random_clip(random, "walk"), random_clip(random, "wave")]
     layers = [random_layer(random, f"layer {i}", takes[i % 2]) for i in range(4)]
-    made = (random_shape(random, f"shape {i}", layers) for i in range(shapes))
-    return Project().with_takes(*takes).with_characters(*made), random
+    random_shapes = (random_shape(random, f"shape {i}", layers) for i in range(shapes))
+    return Project().with_takes(*takes).with_characters(*random_shapes), random
 
 
 def straight_shape(name, points, spans, modeling=None, layers=()):

@@ -258,21 +258,21 @@ def test_a_handle_that_is_dragged_is_there_at_that_time(rig, seed, time):
     number = int(random.integers(len(handles)))
     place = handles[number] + 0.05 * random.normal(size=3)
     dragged = drag_handle(project, name, character.handles[number], place, time)
-    made = dragged.character(name)
-    found = rig_of(made).player(dragged, made)(time).handles
+    edited = dragged.character(name)
+    ends = rig_of(edited).player(dragged, edited)(time).handles
     if kind(rig) == "points":
         # The moment is a key pose of the nearest frame of the take; it is met as closely as examples are.
         layer = character.layers[0]
         second = layer.played(time, project.takes[layer.take].duration)[0]
-        pose = made.poses[key_pose_at(dragged, made, layer.take, second)]
-        there = in_world(character, state_at(project, character, time), pose.places[number])
-        near(root_motion(project, character, time)(there[None])[0], place)
+        pose = edited.poses[key_pose_at(dragged, edited, layer.take, second)]
+        place_now = in_world(character, state_at(project, character, time), pose.places[number])
+        near(root_motion(project, character, time)(place_now[None])[0], place)
     elif character.parents[number] >= 0:
-        start = found[character.parents[number]]
-        ways = [(one - start) / np.linalg.norm(one - start) for one in (found[number], place)]
+        start = ends[character.parents[number]]
+        ways = [(each - start) / np.linalg.norm(each - start) for each in (ends[number], place)]
         near(ways[0], ways[1], 1e-6)
     else:
-        near(found[number], place)
+        near(ends[number], place)
     for wrong, words in (
         ("ghost", "the handle 'ghost' does not exist"),
         (99, "the handle 99 does not exist"),
@@ -362,11 +362,15 @@ def test_sent_character_is_at_rest_and_partial_data_is_refused(rig, seed, cut):
         project, name, random.normal(size=3), random_turns(random), random.normal(size=3)
     )
     data = character_bytes(project, name)
-    sent, one = project_of(data), project.characters[name]
-    (got,) = sent.characters.values()
-    near(got.mesh.vertices, one.mesh.vertices.astype(np.float32).astype(float), 0)
-    assert type(got) is type(one) and got.id == name and np.array_equal(got.mesh.faces, one.mesh.faces)
-    assert not got.playing or kind(rig) in GRAPHS
+    sent, original = project_of(data), project.characters[name]
+    (received,) = sent.characters.values()
+    near(received.mesh.vertices, original.mesh.vertices.astype(np.float32).astype(float), 0)
+    assert (
+        type(received) is type(original)
+        and received.id == name
+        and np.array_equal(received.mesh.faces, original.mesh.faces)
+    )
+    assert not received.playing or kind(rig) in GRAPHS
     assert not sent.takes or kind(rig) == "points"
     assert all(len(stream.positions) == 1 for stream in sent.streams.values())
     assert same(sent, project_of(character_bytes(sent, name))), "what is sent again is the same"

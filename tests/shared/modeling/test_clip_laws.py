@@ -81,8 +81,8 @@ def test_trimmed_clip_can_be_extended_again(rig, low, high, within, speed):
     near(vertices_of(short, name, end + 0.2), vertices_of(project, name, end))
     assert short.end_of(short.characters[name]) == pytest.approx(end)
     long = trim_clip(short, name, numbers, 0, begin=clip.begin - 5.0, end=clip.end + 5.0)
-    (found,) = clips_of(long, name, 0)
-    assert (found.begin, found.end) == pytest.approx((clip.begin, clip.end))
+    (extended,) = clips_of(long, name, 0)
+    assert (extended.begin, extended.end) == pytest.approx((clip.begin, clip.end))
     near(vertices_of(long, name, time), vertices_of(project, name, time))
 
 
@@ -134,10 +134,10 @@ def test_a_stretched_clip_plays_the_same_in_another_time_and_back_is_nothing(rig
     (clip,) = clips_of(project, name, 0)
     end = clip.begin + factor * (clip.end - clip.begin)
     fast = stretch_clip(project, name, numbers, 0, end=end)
-    (made,) = clips_of(fast, name, 0)
-    assert (made.begin, made.end) == pytest.approx((clip.begin, end))
-    assert made.speed == pytest.approx(clip.speed / factor)
-    near(vertices_of(fast, name, inside(made, share)), vertices_of(project, name, inside(clip, share)))
+    (stretched,) = clips_of(fast, name, 0)
+    assert (stretched.begin, stretched.end) == pytest.approx((clip.begin, end))
+    assert stretched.speed == pytest.approx(clip.speed / factor)
+    near(vertices_of(fast, name, inside(stretched, share)), vertices_of(project, name, inside(clip, share)))
     back = stretch_clip(fast, name, numbers, 0, end=clip.end)
     near(vertices_of(back, name, time), vertices_of(project, name, time))
     early = stretch_clip(project, name, numbers, 0, begin=clip.end - factor * (clip.end - clip.begin))
@@ -152,13 +152,13 @@ def test_clip_edits_commute_with_time_shift(rig, share, delay, time, speed):
     (clip,) = clips_of(project, name, 0)
 
     def edited(given, late):
-        made = split_clip(given, name, numbers, inside(clip, share) + late)
-        made = slip_clip(made, name, numbers, 1, 0.1)
-        return blend_clips(reverse_clip(made, name, numbers, 0), name, numbers, 0, 0.1)
+        changed = split_clip(given, name, numbers, inside(clip, share) + late)
+        changed = slip_clip(changed, name, numbers, 1, 0.1)
+        return blend_clips(reverse_clip(changed, name, numbers, 0), name, numbers, 0, 0.1)
 
-    one = edited(shift_character(project, name, delay), delay)
-    other = shift_character(edited(project, 0.0), name, delay)
-    near(vertices_of(one, name, time), vertices_of(other, name, time), 1e-5)
+    first = edited(shift_character(project, name, delay), delay)
+    second = shift_character(edited(project, 0.0), name, delay)
+    near(vertices_of(first, name, time), vertices_of(second, name, time), 1e-5)
     moved = move_clip(project, name, numbers, 0, delay)
     near(vertices_of(moved, name, time), vertices_of(shift_character(project, name, delay), name, time), 1e-5)
 
@@ -221,7 +221,8 @@ def test_a_wobble_is_smoothed_off_and_the_way_stays():
     smooth = change_layers(project, name, numbers, smooth=0.2)
     plain = project.with_streams(replace(noisy, positions=still + way))
     off = [
-        np.abs(vertices_of(one, name, 2.0) - vertices_of(plain, name, 2.0)).max() for one in (project, smooth)
+        np.abs(vertices_of(each, name, 2.0) - vertices_of(plain, name, 2.0)).max()
+        for each in (project, smooth)
     ]
     assert off[1] < 0.5 * off[0]
 
@@ -258,16 +259,16 @@ def test_clips_that_cannot_be_played_are_refused_and_change_nothing(rig):
 def test_clips_and_markers_are_kept_in_the_file(rig):
     project, name, numbers = world(rig, hold=False, ease=0.1, smooth=0.05)
     (clip,) = clips_of(project, name, 0)
-    made = blend_clips(split_clip(project, name, numbers, inside(clip, 0.5)), name, numbers, 0, 0.2)
-    made, marker = add_marker(made, 1.5, "jump")
-    assert same(project_of(project_bytes(made)), made) and marker == "jump"
+    edited = blend_clips(split_clip(project, name, numbers, inside(clip, 0.5)), name, numbers, 0, 0.2)
+    edited, marker = add_marker(edited, 1.5, "jump")
+    assert same(project_of(project_bytes(edited)), edited) and marker == "jump"
 
 
 def test_markers_are_added_moved_named_and_removed():
-    project, one = add_marker(Project(), 1.0)
-    project, two = add_marker(project, 2.0)
-    assert [one, two] == ["marker", "marker 2"]
-    project = rename_marker(move_marker(project, two, -3.0), one, "jump")
+    project, first = add_marker(Project(), 1.0)
+    project, second = add_marker(project, 2.0)
+    assert [first, second] == ["marker", "marker 2"]
+    project = rename_marker(move_marker(project, second, -3.0), first, "jump")
     assert project.markers == {"jump": Marker("jump", 1.0), "marker 2": Marker("marker 2", 0.0)}
     assert list(remove_marker(project, "jump").markers) == ["marker 2"]
     for wrong, words in (

@@ -74,8 +74,11 @@ def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size,
     other, _ = give_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)
     height = np.ptp(STOOL.vertices[:, 1])
     for time in (0.0, 0.5, LAST):
-        here, there = (vertices_of(one, name, time) for one in (usual, other))
-        moved = [one - foot_of(vertices_of(each, name, 0.0)) for one, each in ((here, usual), (there, other))]
+        here, there = (vertices_of(project, name, time) for project in (usual, other))
+        moved = [
+            vertices - foot_of(vertices_of(each, name, 0.0))
+            for vertices, each in ((here, usual), (there, other))
+        ]
         apart = np.linalg.norm(moved[1] / size - moved[0], axis=1) / height
         assert np.percentile(apart, 100.0 * (1.0 - FOLDED)) < SETTLED and apart.max() < FOLD, (
             size,
@@ -87,8 +90,8 @@ def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size,
 
 def test_transferred_performance_keeps_timing():
     project = change_layers(shift_character(with_stool(), SOURCE, 1.5), SOURCE, [0], speed=0.5, loop=True)
-    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
-    part, source = made.graph(name).parts[0], made.graph(SOURCE).parts[0]
+    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    part, source = transferred.graph(name).parts[0], transferred.graph(SOURCE).parts[0]
     assert (
         (part.offset, part.speed, part.loop) == (source.offset, source.speed, source.loop) == (1.5, 0.5, True)
     )
@@ -98,25 +101,28 @@ def test_transferred_performance_keeps_timing():
 def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     source, other = world()
     project, name = paste_character(WORLD, source, other)
-    made, copy = give_performance(project, SOURCE, name, time=0.2, nodes=NODES)
-    assert copy == f"{name} performed" and same(made.characters[name], project.characters[name])
+    transferred, copy = give_performance(project, SOURCE, name, time=0.2, nodes=NODES)
+    assert copy == f"{name} performed" and same(transferred.characters[name], project.characters[name])
     height = np.ptp(vertices_of(project, name, 0.2)[:, 1])
-    assert np.ptp(vertices_of(made, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
-    again, second = give_performance(made, SOURCE, name, nodes=NODES)
-    assert second == f"{name} performed 2" and set(again.characters) == {*made.characters, second}
+    assert np.ptp(vertices_of(transferred, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
+    transferred_twice, second = give_performance(transferred, SOURCE, name, nodes=NODES)
+    assert second == f"{name} performed 2" and set(transferred_twice.characters) == {
+        *transferred.characters,
+        second,
+    }
 
 
 def test_unedited_mesh_receives_the_motion_itself():
     project = make_puppet(WORLD, replace(STOOL, vertices=2.0 * STOOL.vertices), "stool")
-    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
-    assert name == "stool" and set(made.characters) == set(project.characters)
-    assert made.graph("stool").parts[0].possession is not None
+    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    assert name == "stool" and set(transferred.characters) == set(project.characters)
+    assert transferred.graph("stool").parts[0].possession is not None
 
 
 def test_animated_target_is_copied():
     project, copied = paste_character(WORLD, WORLD, SOURCE)
-    made, name = give_performance(project, SOURCE, copied, nodes=NODES)
-    assert name == f"{copied} performed" and same(made.graph(copied), project.graph(copied))
+    transferred, name = give_performance(project, SOURCE, copied, nodes=NODES)
+    assert name == f"{copied} performed" and same(transferred.graph(copied), project.graph(copied))
 
 
 def test_impossible_transfer_is_reported():
@@ -141,9 +147,9 @@ def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
     stool = project.graph("stool")
     ends = stool.mesh.vertices[[0, 40, 80, 120, 160]]
     project = project.with_characters(stool.with_changes(ends=ends))
-    made, name = give_performance(project, SOURCE, "stool", nodes=NODES)
-    there = made.graph(name)
-    np.testing.assert_allclose(there.ends, there.mesh.vertices[[0, 40, 80, 120, 160]], atol=1e-9)
+    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    graph = transferred.graph(name)
+    np.testing.assert_allclose(graph.ends, graph.mesh.vertices[[0, 40, 80, 120, 160]], atol=1e-9)
 
 
 def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
@@ -153,8 +159,8 @@ def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
     how = replace(how, place="meet")
     ends = tuple((0.1 * k, 0.2 * k, 0.3) for k in range(5))
     spots = replace(how, ends=ends, stiffness=((0.0, 0.4, 0.0, 0.5, 8.0),))
-    told = [Possession(take.id, (HoldChange(0.1),), json.dumps(asdict(each))) for each in (how, spots)]
-    made = [possess_another(Project(), STOOL, take, each, nodes=NODES) for each in told]
+    possessions = [Possession(take.id, (HoldChange(0.1),), json.dumps(asdict(each))) for each in (how, spots)]
+    transferred = [possess_another(Project(), STOOL, take, each, nodes=NODES) for each in possessions]
     for time in (0.0, 0.5):
-        plain, other = (vertices_of(project, name, time) for project, name in made)
+        plain, other = (vertices_of(project, name, time) for project, name in transferred)
         np.testing.assert_allclose(other, plain, atol=1e-9)

@@ -71,8 +71,8 @@ def slide(feet: np.ndarray) -> np.ndarray:
 
 def test_the_feet_of_a_table_and_of_the_chair_are_its_legs() -> None:
     shape = table()
-    found = feet_of(shape, np.arange(21))
-    assert sorted(foot.node for foot in found) == [0, 5, 10, 15]
+    feet = feet_of(shape, np.arange(21))
+    assert sorted(foot.node for foot in feet) == [0, 5, 10, 15]
     mesh = load_sample("chair")
     nodes = np.array([[x, y, z] for x in (-0.25, 0.25) for y in (0.05, 0.5, 1.0) for z in (-0.25, 0.25)])
     away = np.linalg.norm(np.asarray(mesh.vertices)[:, None] - nodes, axis=2)
@@ -96,16 +96,16 @@ def test_held_feet_do_not_slide_and_lift_where_they_were_lifted(speed: float, wa
     before = feet_at(project, times)
     assert (slide(before) > 0.04 * speed).all(), "they slide as performed"
     for feet in ("auto", "always"):
-        held = lock_feet(project, "table", [0], feet)
-        assert feet_while(held.graph("table"), 0) == feet
-        after = feet_at(held, times)
+        locked = lock_feet(project, "table", [0], feet)
+        assert feet_while(locked.graph("table"), 0) == feet
+        after = feet_at(locked, times)
         assert (slide(after)[1:] < 1e-3).all()
         assert slide(after[: len(times) // 3])[0] < 1e-3 and after[-1, 0, 1] > 0.2, "a step is taken"
-        top = [vertices_of(one, "table", 1.0)[20] for one in (project, held)]
+        top = [vertices_of(each, "table", 1.0)[20] for each in (project, locked)]
         np.testing.assert_allclose(top[0], top[1], atol=0.5 * speed)
-    again = lock_feet(held, "table", [0], "never")
-    np.testing.assert_allclose(feet_at(again, times), before, atol=1e-12)
-    assert feet_while(again.graph("table"), 0) == "never"
+    unlocked = lock_feet(locked, "table", [0], "never")
+    np.testing.assert_allclose(feet_at(unlocked, times), before, atol=1e-12)
+    assert feet_while(unlocked.graph("table"), 0) == "never"
 
 
 def test_on_the_ground_no_foot_is_below_the_floor_and_none_is_held() -> None:

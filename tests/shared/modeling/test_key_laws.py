@@ -73,15 +73,15 @@ kinds = st.tuples(st.integers(0, 60), angles, st.sampled_from(EASES))
 @laws
 @given(st.lists(kinds, min_size=1, max_size=6, unique_by=lambda one: one[0]), st.floats(-1, 4))
 def test_between_two_keys_no_channel_goes_beyond_either(keys, second):
-    made = sorted((MotionKey(f * KEY_STEP, d, e) for f, d, e in keys), key=lambda one: one.second)
-    (found,) = key_values(made, np.array([second]))[:, :3]
-    before = [one for one in made if one.second <= second + 1e-9] or made[:1]
-    after = [one for one in made if one.second > second] or made[-1:]
+    ordered = sorted((MotionKey(f * KEY_STEP, d, e) for f, d, e in keys), key=lambda one: one.second)
+    (values,) = key_values(ordered, np.array([second]))[:, :3]
+    before = [key for key in ordered if key.second <= second + 1e-9] or ordered[:1]
+    after = [key for key in ordered if key.second > second] or ordered[-1:]
     ends = np.array([before[-1].degrees, after[0].degrees])
-    assert (found >= ends.min(0) - 1e-9).all() and (found <= ends.max(0) + 1e-9).all()
-    for one in made:
-        assert key_values(made, np.array([one.second]))[:, :3][0] == pytest.approx(one.degrees, abs=1e-9)
-    near = key_values(made, np.array([second, second + 1e-5]))[:, :3]
+    assert (values >= ends.min(0) - 1e-9).all() and (values <= ends.max(0) + 1e-9).all()
+    for key in ordered:
+        assert key_values(ordered, np.array([key.second]))[:, :3][0] == pytest.approx(key.degrees, abs=1e-9)
+    near = key_values(ordered, np.array([second, second + 1e-5]))[:, :3]
     if all(ease != "step" for _, _, ease in keys):
         assert np.abs(np.diff(near, axis=0)).max() < 1.0, "no jump without a step"
 
@@ -103,14 +103,14 @@ def test_a_key_that_is_set_and_removed_is_nothing(at, degrees, data):
 @given(frames, angles, st.integers(0, 90), angles)
 def test_a_key_is_moved_in_time_and_value_and_back(at, first, frame, other):
     project = keyed(at, [first] * len(at))
-    found = keys_of(project, ARM, BONE)
-    time, key = found[0]
-    if any(abs(one.second - frame * KEY_STEP) < 1e-6 for _, one in found[1:]):
+    keys = keys_of(project, ARM, BONE)
+    time, key = keys[0]
+    if any(abs(other_key.second - frame * KEY_STEP) < 1e-6 for _, other_key in keys[1:]):
         with pytest.raises(InputError, match="on one frame"):
             move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
         return
     moved = move_key(project, ARM, BONE, 0, frame * KEY_STEP, other)
-    number = [round(one.second / KEY_STEP) for _, one in keys_of(moved, ARM, BONE)].index(frame)
+    number = [round(key.second / KEY_STEP) for _, key in keys_of(moved, ARM, BONE)].index(frame)
     assert keys_of(moved, ARM, BONE)[number][1].degrees == other
     assert same(move_key(moved, ARM, BONE, number, time, key.degrees), project)
 
@@ -136,15 +136,15 @@ def test_posed_by_hand_a_key_points_there_and_other_keys_stay(frame, place, mirr
     project, time = PROJECT, frame * KEY_STEP
     if mirrored:
         project = mirror_character(set_key(PROJECT, ARM, BONE, 3.0, (10, 0, 0)), ARM, [1.0, 0, 0])
-    made = key_handle(project, ARM, BONE, place, time)
-    joints = posed(made, made.shape(ARM), time)[1]
-    start = joints[BONE - 1] if int(made.shape(ARM).skeleton.parents[BONE]) == BONE - 1 else joints[0]
+    edited = key_handle(project, ARM, BONE, place, time)
+    joints = posed(edited, edited.shape(ARM), time)[1]
+    start = joints[BONE - 1] if int(edited.shape(ARM).skeleton.parents[BONE]) == BONE - 1 else joints[0]
     way, bone = np.array(place) - start, joints[BONE] - start
     if np.linalg.norm(way) > 1e-3:
         cosine = way @ bone / np.linalg.norm(way) / np.linalg.norm(bone)
         assert cosine > 1 - 1e-9
     if mirrored and frame < 90:
-        after, before = (posed(one, one.shape(ARM), 3.0)[1] for one in (made, project))
+        after, before = (posed(each, each.shape(ARM), 3.0)[1] for each in (edited, project))
         np.testing.assert_allclose(after, before, atol=1e-9)
 
 

@@ -105,12 +105,12 @@ def test_root_key_moves_character_rigidly(rig, at, degrees, way, time):
     project, name = keyed(rig, None, at[:1], degrees, way)
     plain = WORLDS[rig][0]
     project = set_key(project, name, None, at[1] * KEY_STEP, (0, 0, 0), metres=(0, 0, 0))
-    seen, stood = at[0] * KEY_STEP, rig_of(plain.character(name)).centre(plain.character(name))
-    turn, before = from_rotation_vector(np.radians(degrees)), vertices_of(plain, name, seen)
-    near(vertices_of(project, name, seen), rotate(turn, before - stood) + stood + way)
+    key_time, stood = at[0] * KEY_STEP, rig_of(plain.character(name)).centre(plain.character(name))
+    turn, before = from_rotation_vector(np.radians(degrees)), vertices_of(plain, name, key_time)
+    near(vertices_of(project, name, key_time), rotate(turn, before - stood) + stood + way)
     near(vertices_of(project, name, at[1] * KEY_STEP), vertices_of(plain, name, at[1] * KEY_STEP))
-    one, other = vertices_of(project, name, time), vertices_of(plain, name, time)
-    near(np.linalg.norm(one - one[0], axis=1), np.linalg.norm(other - other[0], axis=1))
+    with_key, unkeyed = vertices_of(project, name, time), vertices_of(plain, name, time)
+    near(np.linalg.norm(with_key - with_key[0], axis=1), np.linalg.norm(unkeyed - unkeyed[0], axis=1))
 
 
 @nodes
@@ -172,16 +172,16 @@ def test_dragged_key_reaches_target_and_keeps_other_keys(rig, handle, edit, fram
     late = vertices_of(project, name, 3.0)
     if handle is None:
         turn = from_rotation_vector(np.radians(degrees))
-        made = key_characters(project, [name], time, to, turn, way)
+        edited = key_characters(project, [name], time, to, turn, way)
         expected = rotate(turn, vertices_of(project, name, time) - way) + way + to
-        near(vertices_of(made, name, time), expected)
+        near(vertices_of(edited, name, time), expected)
     else:
         player = rig_of(project.character(name)).player(project, project.character(name))
-        there = (player(time).handles if rig == "bones" else player(time).pose.positions)[handle] + to
-        made = key_handle(project, name, handle, there, time)
+        target = (player(time).handles if rig == "bones" else player(time).pose.positions)[handle] + to
+        edited = key_handle(project, name, handle, target, time)
         if rig != "bones":  # a bone points there; see test_key_laws
-            near(pose_of_character(made, name, time).positions[handle], there, 1e-5)
-    near(vertices_of(made, name, 3.0), late)
+            near(pose_of_character(edited, name, time).positions[handle], target, 1e-5)
+    near(vertices_of(edited, name, 3.0), late)
 
 
 @wholes
@@ -191,8 +191,8 @@ def test_key_can_be_set_within_layers_and_next_to_another(rig):
     layer = project.character(name).playing[first]
     twice = project.character(name).with_playing(*project.character(name).playing, layer)
     project = change_layers(project.with_characters(twice), name, [first], weight=0.4)
-    made = key_characters(project, [name], 0.5, (0, 0, 1.0))
-    near(vertices_of(made, name, 0.5), vertices_of(project, name, 0.5) + np.array([0, 0, 1.0]))
+    edited = key_characters(project, [name], 0.5, (0, 0, 1.0))
+    near(vertices_of(edited, name, 0.5), vertices_of(project, name, 0.5) + np.array([0, 0, 1.0]))
     muted = change_layers(project, name, [first], muted=True)
     with pytest.raises(InputError, match="have no effect"):
         key_characters(muted, [name], 0.5, (0, 0, 1.0))
@@ -204,25 +204,27 @@ def test_dragged_handle_of_keyed_character_reaches_target(rig):
     if rig != "bones":
         return
     joints = rig_of(project.shape(name)).player(project, project.shape(name))(0.4).handles
-    for made in (
+    for dragged in (
         drag_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
         key_handle(project, name, 2, joints[2] + (0, 0.1, 0.1), 0.4),
     ):
-        found = rig_of(made.shape(name)).player(made, made.shape(name))(0.4).handles
-        way, bone = joints[2] + (0, 0.1, 0.1) - found[1], found[2] - found[1]
+        handles = rig_of(dragged.shape(name)).player(dragged, dragged.shape(name))(0.4).handles
+        way, bone = joints[2] + (0, 0.1, 0.1) - handles[1], handles[2] - handles[1]
         assert way @ bone / np.linalg.norm(way) / np.linalg.norm(bone) > 1 - 1e-9
 
 
 @things
 def test_export_contains_the_keys(rig, handle):
     project, name = keyed(rig, handle, [0, 30], (0, 40, 0), (0.3, 0.2, 0))
-    seen, before = (vertices_of(one, name, 1.0) for one in (project, WORLDS[rig][0]))
-    assert np.abs(seen - before).max() > 0.02
-    found = exported(project, name)
+    motion, before = (vertices_of(each, name, 1.0) for each in (project, WORLDS[rig][0]))
+    assert np.abs(motion - before).max() > 0.02
+    vertices = exported(project, name)
     if rig == "points":  # it is baked, to an error of its own; the keys make none
-        found = found - root_motion(project, project.character(name), 1.0)(exported(WORLDS[rig][0], name))
-        seen = np.zeros_like(found)
-    near(found, seen, 1e-5)
+        vertices = vertices - root_motion(project, project.character(name), 1.0)(
+            exported(WORLDS[rig][0], name)
+        )
+        motion = np.zeros_like(vertices)
+    near(vertices, motion, 1e-5)
 
 
 def exported(project, name):

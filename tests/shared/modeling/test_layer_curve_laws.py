@@ -78,13 +78,11 @@ def test_a_speed_of_one_key_is_the_number(rig, speed, at, time):
         curved = set_layer_key(project, name, [number], "speeds", at, speed)
         plain = change_layers(project, name, [number], speed=speed * layer.speed)
         near(vertices_of(curved, name, time), vertices_of(plain, name, time))
-        made, other = (one.character(name).playing[number] for one in (curved, plain))
+        curved_layer, other = (each.character(name).playing[number] for each in (curved, plain))
         length = project.length_of(layer)
-        assert made.end(length) == pytest.approx(other.end(length))
-        found, wanted = made.clips(length)[0], other.clips(length)[0]
-        assert (found.begin, found.end, found.speed) == pytest.approx(
-            (wanted.begin, wanted.end, wanted.speed)
-        )
+        assert curved_layer.end(length) == pytest.approx(other.end(length))
+        clip, wanted = curved_layer.clips(length)[0], other.clips(length)[0]
+        assert (clip.begin, clip.end, clip.speed) == pytest.approx((wanted.begin, wanted.end, wanted.speed))
 
 
 @settings(deadline=None, max_examples=60)
@@ -112,10 +110,10 @@ def test_compiled_they_are_the_same(fast, weights, time, loop, back):
     clip = project.takes[layer.take]
     clocks, moment = Clocks.of([layer], [clip]), layer.moment(time, clip.duration)
     assume(min(abs(moment.second), abs(moment.second - clip.duration)) > 1e-6 or not loop)
-    found = clocks.played(np.array([time]))
-    assert found.frame[0, 0] * clip.step == pytest.approx(moment.second, abs=1e-9)
-    assert found.rounds[0, 0] == moment.rounds
-    heard = found.weight[0, 0] * clocks.curves(np.array([time]))[0, 0]
+    played = clocks.played(np.array([time]))
+    assert played.frame[0, 0] * clip.step == pytest.approx(moment.second, abs=1e-9)
+    assert played.rounds[0, 0] == moment.rounds
+    heard = played.weight[0, 0] * clocks.curves(np.array([time]))[0, 0]
     assert heard == pytest.approx(moment.weight, abs=1e-12)
 
 
@@ -157,9 +155,9 @@ def test_export_matches_displayed_motion(rig):
     skin, mesh = performance.skin, performance.mesh
     arms = mesh.vertices[:, None] - performance.pivots[skin.indices]
     moved = np.einsum("vkij,vkj->vki", pose.linear[skin.indices].astype(float), arms)
-    found = ((moved + pose.positions[skin.indices]) * skin.weights[..., None]).sum(1)
+    exported = ((moved + pose.positions[skin.indices]) * skin.weights[..., None]).sum(1)
     # A puppet is baked to an error of its own.
-    near(found, vertices_of(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
+    near(exported, vertices_of(project, name, 0.6), 0.05 if kind(rig) == "points" else 1e-5)
 
 
 def test_keys_are_moved_eased_and_refused():

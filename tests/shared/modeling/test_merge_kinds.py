@@ -43,8 +43,8 @@ def beside(host, graft, time):
     """Returns both in one project, with the graft far enough to the right not to touch the host."""
     project, ours = paste_character(Project(), *WORLDS[host])
     project, theirs = paste_character(project, *WORLDS[graft])
-    one, other = (vertices_of(project, name, time) for name in (ours, theirs))
-    away = one[:, 0].max() - other[:, 0].min() + 0.2
+    host_places, graft_places = (vertices_of(project, name, time) for name in (ours, theirs))
+    away = host_places[:, 0].max() - graft_places[:, 0].min() + 0.2
     return move_character(project, theirs, [away, 0.0, 0.0]), ours, theirs
 
 
@@ -89,17 +89,17 @@ def test_a_possessed_leg_grows_out_of_a_rigged_body():
     leg = vertices_of(project, theirs, 0.5)
     nearest = leg[np.abs(leg[:, 0] - leg[:, 0].min()).argmin()]
     project = move_character(project, theirs, tip - nearest - [0.12, 0.0, 0.0])
-    seen = [vertices_of(project, name, 0.5) for name in (ours, theirs)]
+    separate = [vertices_of(project, name, 0.5) for name in (ours, theirs)]
     merged = merge_characters(project, ours, theirs, 0.5, node="arm 2", loose=True)
-    found = vertices_of(merged, ours, 0.5)
+    together = vertices_of(merged, ours, 0.5)
     # Vertices inside of the other are gone, and those near the seam are smoothed; none is anywhere else.
-    assert off(np.concatenate(seen), found) < 0.1
+    assert off(np.concatenate(separate), together) < 0.1
     assert merged.graph(ours).parts[1].ride.node == 2
-    low, high = found.min(0), found.max(0)
+    low, high = together.min(0), together.max(0)
     cut, parts = cut_character(merged, ours, PlaneCut((low + high) / 2, [1.0, 0, 0]), 0.5)
     assert len(parts) == 2 and len(cut.characters) == 2
-    again = project_of(project_bytes(merged))
-    np.testing.assert_array_equal(vertices_of(again, ours, 0.9), vertices_of(merged, ours, 0.9))
+    reread = project_of(project_bytes(merged))
+    np.testing.assert_array_equal(vertices_of(reread, ours, 0.9), vertices_of(merged, ours, 0.9))
 
 
 @settings(deadline=None, max_examples=8)

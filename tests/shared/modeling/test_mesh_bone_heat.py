@@ -55,9 +55,9 @@ def test_a_symmetric_shape_has_symmetric_weights():
     )
     # The tube's own diagonals are not symmetric: both ways about, they are.
     turned = Mesh(mesh.vertices * [1, -1, -1] + [0, 0, 2], mesh.faces)
-    one = dense(bone_heat(mesh, skeleton), 5)
+    weights = dense(bone_heat(mesh, skeleton), 5)
     other = dense(bone_heat(turned, skeleton), 5)[:, [0, 3, 4, 1, 2]]
-    np.testing.assert_allclose(one, other, atol=1e-5)
+    np.testing.assert_allclose(weights, other, atol=1e-5)
 
 
 def test_a_vertex_on_the_middle_of_a_bone_belongs_to_it():
@@ -148,11 +148,11 @@ def test_the_laplacian_is_an_m_matrix_whatever_the_triangles():
 
 def test_known_weights_stay_and_others_join_them():
     mesh, skeleton = tube(0.1, 2.0, 16, 0.05), line([[0, 0, 0], [0, 0, 1.0], [0, 0, 2.0]])
-    known = np.zeros((len(mesh.vertices), 3))
-    known[:, 0] = 1.0
+    given_weights = np.zeros((len(mesh.vertices), 3))
+    given_weights[:, 0] = 1.0
     free = mesh.vertices[:, 2] > 1.0
-    weights = heat_weights(mesh, *segments_of(skeleton), 3, known=known, free=free)
-    assert (weights[~free] == known[~free]).all()
+    weights = heat_weights(mesh, *segments_of(skeleton), 3, known=given_weights, free=free)
+    assert (weights[~free] == given_weights[~free]).all()
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
     step = np.abs(np.diff(weights[:-2, 0].reshape(-1, 16).mean(1)))
     assert step.max() < 0.6 and weights[mesh.vertices[:, 2] > 1.5, 0].max() < 0.05

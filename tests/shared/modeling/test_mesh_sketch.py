@@ -48,8 +48,12 @@ def test_a_part_is_closed_even_and_weighted(name):
 
 
 def test_bones_run_where_the_limbs_are():
-    made = shapes()
-    mantis, star, tentacle = made["mantis"].skeleton, made["star"].skeleton, made["tentacle"].skeleton
+    sketched = shapes()
+    mantis, star, tentacle = (
+        sketched["mantis"].skeleton,
+        sketched["star"].skeleton,
+        sketched["tentacle"].skeleton,
+    )
     # The corners of the mantis's leg are joints, and nothing else is.
     corners = np.array([[0, 0], [-0.16, -0.42], [0.5, -0.02], [0.24, -0.52], [0.36, -0.66]])
     far = np.linalg.norm(mantis.positions[:, None, :2] - corners[None], axis=2)
@@ -59,7 +63,7 @@ def test_bones_run_where_the_limbs_are():
     np.testing.assert_allclose(star.positions[0], 0, atol=0.05)
     # The tentacle hangs on its thick end.
     assert tentacle.positions[0, 1] < 0.2 and tentacle.positions[:, 1].max() > 1.3
-    assert len(made["hand"].skeleton.children) - sum(map(bool, made["hand"].skeleton.children)) == 5
+    assert len(sketched["hand"].skeleton.children) - sum(map(bool, sketched["hand"].skeleton.children)) == 5
 
 
 DOG = np.array(

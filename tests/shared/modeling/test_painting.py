@@ -98,23 +98,23 @@ def test_undo_is_bit_for_bit_and_clearing_leaves_nothing():
 def test_cut_and_merge_keep_paint(seed, x):
     project = painted(seed % 5)
     mesh = project.graph("block").mesh
-    known = {tuple(v): s for v, s in zip(mesh.vertices.tolist(), mesh.stiffness.tolist(), strict=True)}
+    stiffness_at = {tuple(v): s for v, s in zip(mesh.vertices.tolist(), mesh.stiffness.tolist(), strict=True)}
     cut, ids = cut_character(project, "block", PlaneCut([x, 0, 0], [1.0, 0.1, 0]), 0.0)
-    sides = [cut.graph(one).mesh for one in ids]
-    kept = 0
+    sides = [cut.graph(part).mesh for part in ids]
+    kept_count = 0
     for side in sides:
         assert mesh.stiffness.min() * 0.999 <= side.stiffness.min()
         assert side.stiffness.max() <= mesh.stiffness.max() * 1.001
         for place, value in zip(side.vertices.tolist(), side.stiffness.tolist(), strict=True):
-            if tuple(place) in known:
-                assert value == known[tuple(place)]
-                kept += 1
-    assert kept >= len(mesh.vertices)
+            if tuple(place) in stiffness_at:
+                assert value == stiffness_at[tuple(place)]
+                kept_count += 1
+    assert kept_count >= len(mesh.vertices)
     merged = merge_characters(cut, *ids, 0.0)
-    whole = merged.graph(ids[0]).mesh
-    for place, value in zip(whole.vertices.tolist(), whole.stiffness.tolist(), strict=True):
-        if tuple(place) in known and abs(place[0] - x) > 0.5:
-            assert value == pytest.approx(known[tuple(place)], rel=1e-6)
+    merged_mesh = merged.graph(ids[0]).mesh
+    for place, value in zip(merged_mesh.vertices.tolist(), merged_mesh.stiffness.tolist(), strict=True):
+        if tuple(place) in stiffness_at and abs(place[0] - x) > 0.5:
+            assert value == pytest.approx(stiffness_at[tuple(place)], rel=1e-6)
 
 
 def test_all_edits_keep_paint():
@@ -122,13 +122,13 @@ def test_all_edits_keep_paint():
     own = project.graph("block").mesh.stiffness
     copied, name = copy_character(project, "block")
     moved = move_character(scale_character(copied, name, 1.7), name, [1.0, 0, 0])
-    for made in (copied, moved, mirror_character(copied, name, [1.0, 0, 0])):
-        np.testing.assert_array_equal(made.graph(name).mesh.stiffness, own)
+    for edited in (copied, moved, mirror_character(copied, name, [1.0, 0, 0])):
+        np.testing.assert_array_equal(edited.graph(name).mesh.stiffness, own)
     for read in (project_of(project_bytes(project)), project_of(character_bytes(project, "block"))):
         np.testing.assert_array_equal(read.graph("block").mesh.stiffness, own)
     mesh = project.graph("block").mesh
-    told = message_to_character(character_to_message(replace(CHARACTER, stiffness=own), 1))
-    np.testing.assert_array_equal(told.stiffness, own)
+    received = message_to_character(character_to_message(replace(CHARACTER, stiffness=own), 1))
+    np.testing.assert_array_equal(received.stiffness, own)
     fine = refine(mesh, 0.1)
     np.testing.assert_array_equal(fine.stiffness[: len(own)], own)
     assert len(fine.stiffness) == len(fine.vertices) and fine.stiffness.max() <= own.max() * 1.001

@@ -111,11 +111,11 @@ def held_misses(project, name, number=0):
         for pose in replay(bare, graph_of(bare), take, part.possession):
             (actor,) = actors
             for hold in actor.holds:
-                held = [grip.attachment for grip in hold.grips]
+                attachments = [grip.attachment for grip in hold.grips]
                 targets, pulls = hold.targets
-                found = np.concatenate([moved(a, actor.graph.positions, pose) for a in held])
+                reached = np.concatenate([moved(a, actor.graph.positions, pose) for a in attachments])
                 goals = actor._placement.to_world(targets)
-                misses.append(np.average(np.linalg.norm(found - goals, axis=1), weights=pulls + 1e-9))
+                misses.append(np.average(np.linalg.norm(reached - goals, axis=1), weights=pulls + 1e-9))
         return np.array(misses[6:])
     finally:
         replaying.EmbeddedActor = before
@@ -123,12 +123,12 @@ def held_misses(project, name, number=0):
 
 def moved(attachment, rest, pose):
     """(L, 3) where the pose has the held points."""
-    found = np.zeros((len(attachment), 3))
+    places = np.zeros((len(attachment), 3))
     for k in range(4):
         node = attachment.node_indices[:, k]
         arm = np.einsum("lab,lb->la", pose.linear[node], attachment.points - rest[node])
-        found += attachment.node_weights[:, k, None] * (arm + pose.positions[node])
-    return found
+        places += attachment.node_weights[:, k, None] * (arm + pose.positions[node])
+    return places
 
 
 @laws
@@ -227,15 +227,15 @@ def without_array(data, array, lose):
     from enliven.formats.project.values import name_of
 
     entry, out = f"arrays/{name_of(array)}.npy", io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(out, "w") as made:
-        for one in archive.namelist():
-            content = archive.read(one)
-            made.writestr(
-                one,
+    with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(out, "w") as rewritten:
+        for member in archive.namelist():
+            content = archive.read(member)
+            rewritten.writestr(
+                member,
                 content[: len(content) // 2]
-                if one == entry and lose
+                if member == entry and lose
                 else content[:-8] + b"\1" * 8
-                if one == entry
+                if member == entry
                 else content,
             )
     return out.getvalue()
@@ -243,9 +243,14 @@ def without_array(data, array, lose):
 
 def test_progress_notes_and_refusals():
     project, name = WORLD
-    damaged, told, notes = without_cache(project, name), [], []
-    solve_again(damaged, name, told.append, notes)
-    assert told == sorted(told) and told[0] >= 0.0 and told[-1] == pytest.approx(1.0) and not notes
+    damaged, progress, notes = without_cache(project, name), [], []
+    solve_again(damaged, name, progress.append, notes)
+    assert (
+        progress == sorted(progress)
+        and progress[0] >= 0.0
+        and progress[-1] == pytest.approx(1.0)
+        and not notes
+    )
     shape = damaged.graph(name)
     how = shape.parts[0].possession
     holds = (HoldChange(0.1), HoldChange(0.3, performer=9), HoldChange(0.5, mode="release"))
@@ -274,12 +279,12 @@ def test_painted_softness_affects_the_next_solve():
     soft = paint_character(project, name, middle, wide, "softer")
     assert not is_stale(project, name) and is_stale(soft, name)
     times = np.linspace(0.2, 1.2, 6)
-    before, after = ([vertices_of(one, name, float(t)) for t in times] for one in (project, soft))
+    before, after = ([vertices_of(each, name, float(t)) for t in times] for each in (project, soft))
     assert same(np.array(before), np.array(after)), "nothing moves otherwise until it is solved"
     solved = solve_again(soft, name)
     assert not is_stale(solved, name)
     after = [vertices_of(solved, name, float(t)) for t in times]
     assert np.abs(np.array(after) - np.array(before)).max() > 0.005
     back = solve_again(unpaint_character(solved, name), name)
-    again = [vertices_of(back, name, float(t)) for t in times]
-    np.testing.assert_allclose(again, before, atol=SETTLED)
+    reread = [vertices_of(back, name, float(t)) for t in times]
+    np.testing.assert_allclose(reread, before, atol=SETTLED)

@@ -14,10 +14,10 @@ def test_the_page_runs(capsys):
     names = {}
     for block in blocks:
         exec(compile(block, str(PAGE), "exec"), names)
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for comment in ("{'elbow': 'elbow 2', 'hand': 'hand 2'}", "('Insert a node', 'Turn')"):
-        assert comment in said
+        assert comment in output
     # The elbow at 45 degrees, half a metre away; the hand another half straight up from there.
     half = np.sqrt(0.5) / 2
-    assert f"{half:.3f}" in said
-    assert f"{half + 0.5:.3f}" in said
+    assert f"{half:.3f}" in output
+    assert f"{half + 0.5:.3f}" in output

@@ -150,7 +150,7 @@ def test_shoulders_turn_the_chest():
 
 
 def bodies_of(rng, frames=10, oriented=False):
-    made = []
+    bodies = []
     for i in range(frames):
         joints = STANDING.copy()
         swing = from_rotation_vector([-0.3 * i, 0, 0])
@@ -159,8 +159,8 @@ def bodies_of(rng, frames=10, oriented=False):
         turns = np.tile(EYE, (20, 1))
         turns[5] = swing
         turns[6:8] = multiply(swing, from_rotation_vector([0, 0.1 * i, 0]))
-        made.append(Body(1, joints, np.ones(20), turns if oriented else None))
-    return made
+        bodies.append(Body(1, joints, np.ones(20), turns if oriented else None))
+    return bodies
 
 
 @pytest.mark.parametrize("oriented", [False, True])

@@ -29,9 +29,9 @@ def check(tmp_path, wanted, same_turns=True, **how):
     path.write_text(bvh(*moved(), **how))
     clip, notes = read_take(path)
     assert clip.skeleton.names[-20:] == wanted.skeleton.names[-20:]
-    made, twin = joints_of(clip), joints_of(wanted)
+    actual, twin = joints_of(clip), joints_of(wanted)
     for name, at in twin.items():
-        np.testing.assert_allclose(made[name], at, atol=2e-4)
+        np.testing.assert_allclose(actual[name], at, atol=2e-4)
     if same_turns:
         np.testing.assert_allclose(clip.skeleton.positions, wanted.skeleton.positions, atol=2e-4)
     return notes

@@ -59,12 +59,12 @@ def test_single_frame_is_a_contact():
 
 
 def plain_touching(height, speed, low, slow, release):
-    made = []
+    is_touching = []
     for h, v in zip(height, speed, strict=True):
-        before = bool(made and made[-1])
+        before = bool(is_touching and is_touching[-1])
         limit = release if before else 1.0
-        made.append(bool(h <= low * limit and v <= slow * limit))
-    return made
+        is_touching.append(bool(h <= low * limit and v <= slow * limit))
+    return is_touching
 
 
 @laws

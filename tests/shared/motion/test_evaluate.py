@@ -71,13 +71,13 @@ def plain_pose(project, shape, seconds):
 def any_spans(rng, names):
     """Up to three spans of any shares, refs and fixed turns."""
     shares = rng.dirichlet(np.ones(rng.integers(1, 4)))
-    made = []
+    spans = []
     for share in shares / shares.sum():
         refs = tuple(Ref(str(n), *rng.uniform(size=2)) for n in rng.choice(names, rng.integers(0, 3)))
-        made.append(
+        spans.append(
             Span(float(share), refs, tuple(random_turn(rng)) if rng.random() < 0.3 else (1.0, 0, 0, 0))
         )
-    return tuple(made)
+    return tuple(spans)
 
 
 def any_project(rng):
@@ -261,7 +261,7 @@ def test_without_legs_the_whole_extent_is_the_size():
     assert scale == pytest.approx(1.0)
     c, s = np.cos(0.7), np.sin(0.7)
     aside = type(snake)(snake.names, snake.parents, flat.positions @ [[c, 0, -s], [0, 1, 0], [s, 0, c]])
-    both = [travel_scale(still_shape("snake", one), clip) for one in (flat, aside)]
+    both = [travel_scale(still_shape("snake", each), clip) for each in (flat, aside)]
     assert both[1] == pytest.approx(both[0]), "however it is turned"
 
 

@@ -89,8 +89,10 @@ def test_each_clip_has_its_own_way(slide, first, second):
     half = (Segment(0.0, 1.5), Segment(1.6, 3.0, 1.6))
     project = change_layers(project, "walker", range(2), segments=half[:1], hold=False, feet=first)
     late = [
-        type(one)(f"{one.id} late", one.take, one.chain, one.basis, offset=1.6, hold=False, feet=second)
-        for one in shape.layers
+        type(layer)(
+            f"{layer.id} late", layer.take, layer.chain, layer.basis, offset=1.6, hold=False, feet=second
+        )
+        for layer in shape.layers
     ]
     spans = [
         tuple(
@@ -107,8 +109,8 @@ def test_each_clip_has_its_own_way(slide, first, second):
     shape = project.shape("walker")
     modes = foot_modes(project, shape, held_pins(shape))
     assert modes is not None
-    found = modes(np.array([0.5, 1.0, 2.0, 2.5]))
-    assert (found[:, :2] == FEET.index(first)).all() and (found[:, 2:] == FEET.index(second)).all()
+    modes_at = modes(np.array([0.5, 1.0, 2.0, 2.5]))
+    assert (modes_at[:, :2] == FEET.index(first)).all() and (modes_at[:, 2:] == FEET.index(second)).all()
     assert same(project_of(project_bytes(project)), project), "kept in the file"
 
 
@@ -120,8 +122,8 @@ def test_without_a_word_feet_stand_as_they_did():
 
 def test_feet_are_found_and_unknown_modes_are_refused():
     project = walking(walk())
-    made = lock_feet(project, "walker", [0, 1], "always")
-    assert {pin.joint for pin in made.shape("walker").pins} == set(ANKLES)
+    locked = lock_feet(project, "walker", [0, 1], "always")
+    assert {pin.joint for pin in locked.shape("walker").pins} == set(ANKLES)
     assert not lock_feet(project, "walker", [0], "auto").shape("walker").pins
     with pytest.raises(InputError, match="feet cannot stand 'sometimes'"):
         lock_feet(project, "walker", [0], "sometimes")

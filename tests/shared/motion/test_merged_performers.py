@@ -18,8 +18,8 @@ STEP = 33_333_333
 
 
 def body(who: int, number: int, x: float = 0.0):
-    made = swaying(1, number)
-    return replace(made, id=who, joints=made.joints + np.array([x, 0.0, 0.0]))
+    swayed = swaying(1, number)
+    return replace(swayed, id=who, joints=swayed.joints + np.array([x, 0.0, 0.0]))
 
 
 def frames(count: int, who) -> list[BodyFrame]:

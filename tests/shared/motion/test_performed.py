@@ -24,8 +24,8 @@ BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size
 @settings(max_examples=25)
 def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     own = waving(bends)
-    made, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
-    shape = made.shape("arm")
+    merged, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
+    shape = merged.shape("arm")
     assert names == ("arm",) and {layer.take for layer in shape.layers} == {"take 1 on arm"}
     played = {bone for bone, spans in enumerate(shape.spans) if any(span.refs for span in spans)}
     assert played == set(bends), "bones that did not move have no layer"
@@ -33,22 +33,24 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     assert len(shape.layers) == len(limbs), "the bones of a limb have one together"
     alone = performed(own).poses["arm", 3]
     for frame in (0, 4, FRAMES - 1):
-        seen = pose_from(shape, pose_of(made, "arm", start + frame * STEP * 1e-9), 0.0)
-        np.testing.assert_allclose(seen.linear, alone[frame].linear, atol=2e-3)
-        aside = seen.positions - alone[frame].positions
+        shown = pose_from(shape, pose_of(merged, "arm", start + frame * STEP * 1e-9), 0.0)
+        np.testing.assert_allclose(shown.linear, alone[frame].linear, atol=2e-3)
+        aside = shown.positions - alone[frame].positions
         np.testing.assert_allclose(aside, np.tile(aside[0], (BONES, 1)), atol=2e-3, err_msg="it stays there")
 
 
 def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_take_stays() -> None:
-    one, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
-    two, _ = with_performed(one, performed(waving({2: 0.8}), "take 2"), BEGIN)
-    whole = pose_of(one, "arm", 0.2).turns[1]
-    np.testing.assert_allclose(pose_of(two, "arm", 0.2).turns[1], whole, atol=1e-6)
-    assert np.abs(pose_of(two, "arm", 0.2).turns[2] - pose_of(one, "arm", 0.2).turns[2]).max() > 0.05
-    again, _ = with_performed(one, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
+    first, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
+    second, _ = with_performed(first, performed(waving({2: 0.8}), "take 2"), BEGIN)
+    turn_before = pose_of(first, "arm", 0.2).turns[1]
+    np.testing.assert_allclose(pose_of(second, "arm", 0.2).turns[1], turn_before, atol=1e-6)
+    assert np.abs(pose_of(second, "arm", 0.2).turns[2] - pose_of(first, "arm", 0.2).turns[2]).max() > 0.05
+    replaced, _ = with_performed(first, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
     alone, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
-    np.testing.assert_allclose(pose_of(again, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6)
-    assert same(again.takes["take 1 on arm"], one.takes["take 1 on arm"]), "nothing recorded is lost"
+    np.testing.assert_allclose(
+        pose_of(replaced, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6
+    )
+    assert same(replaced.takes["take 1 on arm"], first.takes["take 1 on arm"]), "nothing recorded is lost"
 
 
 @given(BENDS, BENDS, st.booleans())
@@ -72,10 +74,10 @@ def test_live_display_matches_later_playback(first, second, replaces: bool) -> N
 
 
 def test_moving_root_carries_shape_from_its_position() -> None:
-    made, _ = with_performed(
+    merged, _ = with_performed(
         Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
     )
-    went = [pose_of(made, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
+    went = [pose_of(merged, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
     np.testing.assert_allclose(went[0], ARM.skeleton.positions[0], atol=1e-6)
     np.testing.assert_allclose(went[1] - went[0], [0.5, 0.0, 0.0], atol=1e-3)
 
@@ -88,8 +90,8 @@ def test_visible_performers_become_takes_and_still_parts_add_nothing() -> None:
         body = Body(4, joints + 0.01 * frame, np.ones(20))
         still.frames.append(BodyFrame([body], BEGIN + frame * STEP, "edge"))
     still.events.append(HoldMessage("arm", BEGIN, "alone", body=4, holders=[4]))
-    made, names = with_performed(Project().with_characters(ARM), still, BEGIN)
-    assert names == ("take 1",) and made.shape("arm").layers == ()
-    assert made.takes["take 1"].duration > 1.0
+    merged, names = with_performed(Project().with_characters(ARM), still, BEGIN)
+    assert names == ("take 1",) and merged.shape("arm").layers == ()
+    assert merged.takes["take 1"].duration > 1.0
     early = replace(still, since_ns=BEGIN + 60 * STEP)
     assert with_performed(Project(), early, BEGIN)[1] == ()

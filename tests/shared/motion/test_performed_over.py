@@ -62,25 +62,27 @@ def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Perfor
 
 def test_overdub_changes_only_attached_parts(chair: Project) -> None:
     before = chair.graph("chair")
-    made, names = with_performed(chair, lifted(before), BEGIN)
-    after = made.graph("chair")
+    merged, names = with_performed(chair, lifted(before), BEGIN)
+    after = merged.graph("chair")
     assert names == ("chair",) and after.parts == before.parts and len(after.over) == 1
     low = before.positions[:, 1] < np.quantile(before.positions[:, 1], 0.65)
     for second in (0.3, 0.8):
-        was, now = (graph_pose(one, one.graph("chair"), second) for one in (chair, made))
-        np.testing.assert_allclose(now[1][low], was[1][low], atol=2e-3, err_msg="its legs walk on")
-        apart = np.linalg.norm(now[1] - was[1], axis=1)
-        assert apart[~low].max() > 0.05, "its back bows"
+        before_pose, after_pose = (graph_pose(each, each.graph("chair"), second) for each in (chair, merged))
+        np.testing.assert_allclose(
+            after_pose[1][low], before_pose[1][low], atol=2e-3, err_msg="its legs walk on"
+        )
+        moved = np.linalg.norm(after_pose[1] - before_pose[1], axis=1)
+        assert moved[~low].max() > 0.05, "its back bows"
 
 
 def test_live_display_matches_later_playback(chair: Project) -> None:
     done = lifted(chair.graph("chair"))
-    made, _ = with_performed(chair, done, BEGIN)
+    merged, _ = with_performed(chair, done, BEGIN)
     live = LiveOver(chair, "chair", done.characters["chair", 2])
     for frame in (5, 15, 25):
         base = pose_of_character(chair, "chair", frame * STEP * 1e-9)
         pose = live.pose(done.poses["chair", 2][frame], base)
-        _, positions = graph_pose(made, made.graph("chair"), frame * STEP * 1e-9)
+        _, positions = graph_pose(merged, merged.graph("chair"), frame * STEP * 1e-9)
         np.testing.assert_allclose(pose.positions, positions, atol=2e-3)
 
 
@@ -154,35 +156,37 @@ def seen(project: Project, name: str, second: float) -> np.ndarray:
 @given(st.floats(0.2, 0.9))
 @settings(max_examples=5)
 def test_global_edits_keep_overdub(chair: Project, second: float) -> None:
-    made, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
-    was = seen(made, "chair", second)
-    moved = move_character(made, "chair", [1.0, 0.5, 0.0])
-    np.testing.assert_allclose(seen(moved, "chair", second), was + np.array([1.0, 0.5, 0.0]), atol=1e-9)
-    turned = turn_character(made, "chair", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
-    size = np.linalg.norm(np.ptp(was, axis=0))
-    assert same(made.graph("chair").over, turned.graph("chair").over) and size > 0.5
-    centre = made.graph("chair").positions[0]
-    larger = scale_character(made, "chair", 1.7)
-    np.testing.assert_allclose(seen(larger, "chair", second), centre + 1.7 * (was - centre), atol=1e-6)
-    flipped = mirror_character(made, "chair", [1.0, 0.0, 0.0])
+    merged, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
+    before = seen(merged, "chair", second)
+    moved = move_character(merged, "chair", [1.0, 0.5, 0.0])
+    np.testing.assert_allclose(seen(moved, "chair", second), before + np.array([1.0, 0.5, 0.0]), atol=1e-9)
+    turned = turn_character(merged, "chair", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
+    size = np.linalg.norm(np.ptp(before, axis=0))
+    assert same(merged.graph("chair").over, turned.graph("chair").over) and size > 0.5
+    centre = merged.graph("chair").positions[0]
+    larger = scale_character(merged, "chair", 1.7)
+    np.testing.assert_allclose(seen(larger, "chair", second), centre + 1.7 * (before - centre), atol=1e-6)
+    flipped = mirror_character(merged, "chair", [1.0, 0.0, 0.0])
     np.testing.assert_allclose(
-        seen(flipped, "chair", second) - centre, (was - centre) * [-1.0, 1.0, 1.0], atol=1e-6
+        seen(flipped, "chair", second) - centre, (before - centre) * [-1.0, 1.0, 1.0], atol=1e-6
     )
 
 
 def test_cut_and_merge_keep_overdub(chair: Project) -> None:
-    made, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
-    middle = seen(made, "chair", 0.6).mean(0)
-    cut, (near, far) = cut_character(made, "chair", PlaneCut(middle, np.array([0.0, 1.0, 0.0])), 0.6)
+    overdubbed, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
+    middle = seen(overdubbed, "chair", 0.6).mean(0)
+    cut, (near, far) = cut_character(overdubbed, "chair", PlaneCut(middle, np.array([0.0, 1.0, 0.0])), 0.6)
     for name in (near, far):
         positions = graph_pose(cut, cut.graph(name), 0.8)[1]
-        whole = graph_pose(made, made.graph("chair"), 0.8)[1]
-        nearest = np.linalg.norm(positions[:, None] - whole[None], axis=2).min(1)
+        whole_pose = graph_pose(overdubbed, overdubbed.graph("chair"), 0.8)[1]
+        nearest = np.linalg.norm(positions[:, None] - whole_pose[None], axis=2).min(1)
         assert nearest.max() < 1e-9, "every node is where it was"
     aside = move_character(cut, far, [0.02, 0.0, 0.0])
     merged = merge_characters(aside, near, far, 0.6, loose=True)
-    was = [graph_pose(aside, aside.graph(name), 0.6)[1] for name in (near, far)]
-    np.testing.assert_allclose(graph_pose(merged, merged.graph(near), 0.6)[1], np.concatenate(was), atol=1e-9)
+    parts_before = [graph_pose(aside, aside.graph(name), 0.6)[1] for name in (near, far)]
+    np.testing.assert_allclose(
+        graph_pose(merged, merged.graph(near), 0.6)[1], np.concatenate(parts_before), atol=1e-9
+    )
 
 
 SPANS = st.tuples(st.floats(0.0, 1.5), st.floats(0.3, 1.0))
@@ -208,26 +212,26 @@ def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: boo
 
 
 def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair: Project) -> None:
-    whole, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5, 2: 0.5})), BEGIN)
+    longer, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5, 2: 0.5})), BEGIN)
     short = performed(waving({1: 0.9})[:8], "take 2")
     begin = BEGIN - 100_000_000
-    made, _ = with_performed(whole, short, begin, replaces=True)
+    merged, _ = with_performed(longer, short, begin, replaces=True)
     for second in (0.02, 0.09, 0.345, 0.36):
-        was, now = (pose_of(one, "arm", second).turns for one in (whole, made))
-        np.testing.assert_allclose(now, was, atol=1e-6)
+        before, after = (pose_of(each, "arm", second).turns for each in (longer, merged))
+        np.testing.assert_allclose(after, before, atol=1e-6)
     alone, _ = with_performed(Project().with_characters(ARM), short, begin)
     middle = 0.1 + 3.5 * STEP * 1e-9
-    bone = [pose_of(one, "arm", middle).turns[1] for one in (made, alone)]
+    bone = [pose_of(each, "arm", middle).turns[1] for each in (merged, alone)]
     np.testing.assert_allclose(bone[0], bone[1], atol=1e-6)
-    assert same(made.takes["take 1 on arm"], whole.takes["take 1 on arm"])
+    assert same(merged.takes["take 1 on arm"], longer.takes["take 1 on arm"])
 
     done = lifted(chair.graph("chair"), frames=12)
     punched, _ = with_performed(chair, done, BEGIN - 300_000_000, replaces=True)
     for second in (0.1, 0.29, 0.7, 0.95):
         np.testing.assert_allclose(seen(punched, "chair", second), seen(chair, "chair", second), atol=1e-6)
     assert np.abs(seen(punched, "chair", 0.48) - seen(chair, "chair", 0.48)).max() > 0.01
-    again, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN, replaces=True)
-    assert again.graph("chair").over == (), "what replaces everything is a performance of its own"
+    replaced, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN, replaces=True)
+    assert replaced.graph("chair").over == (), "what replaces everything is a performance of its own"
 
 
 def test_clips_that_were_blended_are_punched_too() -> None:

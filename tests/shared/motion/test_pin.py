@@ -77,10 +77,10 @@ def test_feet_that_slid_stand():
     player = Player(pinned, "walker")
     contacts = player.contacts()
     assert set(contacts) == {"ankle L", "ankle R"}
-    for name, found in contacts.items():
-        assert 3 <= len(found.starts) <= 5
-        assert max(slides(Player(project, "walker"), found, name)) > 0.03
-        assert max(slides(player, found, name)) < 1e-6
+    for name, contact in contacts.items():
+        assert 3 <= len(contact.starts) <= 5
+        assert max(slides(Player(project, "walker"), contact, name)) > 0.03
+        assert max(slides(player, contact, name)) < 1e-6
     # Bones keep their length, the toes their turn, and the trunk and the free feet their way.
     (turns, joints), (old, before) = player.sample(TIMES), Player(project, "walker").sample(TIMES)
     for j in range(1, 9):
@@ -88,9 +88,13 @@ def test_feet_that_slid_stand():
         np.testing.assert_allclose(joints[:, j] - joints[:, PARENTS[j]], link, atol=1e-9)
     assert alike(joints[:, 0], before[:, 0]) and angle(turns[:, 4], old[:, 4]) < 1e-9
     blend = ContactSettings().blend
-    found = contacts["ankle L"]
+    contact = contacts["ankle L"]
     free = np.all(
-        [(a - blend > TIMES) | (b + blend < TIMES) for a, b in zip(found.starts, found.ends, strict=True)], 0
+        [
+            (a - blend > TIMES) | (b + blend < TIMES)
+            for a, b in zip(contact.starts, contact.ends, strict=True)
+        ],
+        0,
     )
     assert free.any() and np.abs(joints[free, 3] - before[free, 3]).max() < 1e-9
 
@@ -99,9 +103,9 @@ def test_a_heel_rises_where_the_foot_stands_but_does_not_slide_or_sink():
     project = walking(walk())
     player = Player(pin_feet(project, "walker", FEET), "walker")
     after, before = player.sample(TIMES)[1], Player(project, "walker").sample(TIMES)[1]
-    for name, found in player.contacts().items():
+    for name, contact in player.contacts().items():
         joint = NAMES.index(name)
-        for a, b, place in zip(found.starts, found.ends, found.places, strict=True):
+        for a, b, place in zip(contact.starts, contact.ends, contact.places, strict=True):
             inside = (a <= TIMES) & (b >= TIMES)
             assert np.abs((after[inside, joint] - place)[:, [0, 2]]).max(initial=0) < 1e-6
             expected = np.maximum(before[inside, joint, 1], place[1])
@@ -112,9 +116,9 @@ def test_a_foot_that_may_sink_keeps_its_height_and_is_held_along_the_floor_only(
     project = walking(walk())
     player = Player(pin_feet(project, "walker", FEET, settings=ContactSettings(sink=1.0)), "walker")
     after, before = player.sample(TIMES)[1], Player(project, "walker").sample(TIMES)[1]
-    for name, found in player.contacts().items():
+    for name, contact in player.contacts().items():
         joint = NAMES.index(name)
-        for a, b, place in zip(found.starts, found.ends, found.places, strict=True):
+        for a, b, place in zip(contact.starts, contact.ends, contact.places, strict=True):
             inside = (a <= TIMES) & (b >= TIMES)
             assert np.abs((after[inside, joint] - place)[:, [0, 2]]).max(initial=0) < 1e-6
             np.testing.assert_allclose(after[inside, joint, 1], before[inside, joint, 1], atol=1e-6)
@@ -183,9 +187,9 @@ def test_a_node_more_in_the_thigh_changes_nothing_of_the_foot():
     project = set_travel(project, "walker", "(6, 7, 8, 9)")
     with_hip = pin_feet(project, "walker", ["ankle L"], start="hip L", settings=FIRM)
     player = Player(with_hip, "walker")
-    found = player.contacts()["ankle L"]
+    contact = player.contacts()["ankle L"]
     at = player.sample(TIMES)[1][:, 4]
-    for a, b, place in zip(found.starts, found.ends, found.places, strict=True):
+    for a, b, place in zip(contact.starts, contact.ends, contact.places, strict=True):
         inside = (a <= TIMES) & (b >= TIMES)
         assert np.abs(at[inside] - place).max(initial=0) < 1e-6
 

@@ -57,10 +57,16 @@ def test_the_kernel_is_the_definition(seed, oriented):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 9)
     positions = skeleton.positions + rng.normal(size=(3, 9, 3)) * 0.3
-    known = np.array([[random_turn(rng) for _ in range(9)] for _ in range(3)]) if oriented else None
-    ours = turns_of(skeleton, positions, known)
+    orientations = np.array([[random_turn(rng) for _ in range(9)] for _ in range(3)]) if oriented else None
+    ours = turns_of(skeleton, positions, orientations)
     for f in range(3):
-        assert angle(ours[f], plain_turns(skeleton, positions[f], None if known is None else known[f])) < 1e-6
+        assert (
+            angle(
+                ours[f],
+                plain_turns(skeleton, positions[f], None if orientations is None else orientations[f]),
+            )
+            < 1e-6
+        )
 
 
 def test_coincident_joints_keep_parent_rotation():
@@ -80,9 +86,9 @@ def test_bones_at_rest_are_as_long_as_they_mostly_are(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 7)
     frames = skeleton.positions + rng.normal(size=(9, 7, 3)) * 0.05
-    made = rest_of(skeleton.parents, skeleton.positions, frames)
+    rest = rest_of(skeleton.parents, skeleton.positions, frames)
     for j, parent in enumerate(skeleton.parents[1:], 1):
-        link = made[j] - made[parent]
+        link = rest[j] - rest[parent]
         wanted = np.median(np.linalg.norm(frames[:, j] - frames[:, parent], axis=1))
         np.testing.assert_allclose(link, wanted * direction(skeleton.vectors[j]), atol=1e-9)
 

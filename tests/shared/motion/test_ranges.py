@@ -28,8 +28,8 @@ DOWN = np.array([0.0, -1.0, 0.0])
 def made(random, frames=12):
     """A bone, turns of it that are known, and its range."""
     bone = random.normal(size=3)
-    known = from_rotation_vector(random.normal(size=(frames, 3)) * random.uniform(0.0, 0.5, size=3))
-    return bone / np.linalg.norm(bone), known, joint_range(bone, known)
+    turns = from_rotation_vector(random.normal(size=(frames, 3)) * random.uniform(0.0, 0.5, size=3))
+    return bone / np.linalg.norm(bone), turns, joint_range(bone, turns)
 
 
 def any_turns(random, count=200):
@@ -59,7 +59,7 @@ def gives_way(swing, twist):
 
 def slow_limit(bone, known, turn):
     """One limited turn: the nearest of all mixtures of the known swings and rest, and from there outwards."""
-    swings, twists = zip(*(parts(bone, one) for one in known), strict=True)
+    swings, twists = zip(*(parts(bone, each) for each in known), strict=True)
     swing, twist = parts(bone, turn)
     corners = np.array([np.zeros(3), *swings]).T
     # Weights of a mixture are at least 0 and add up to 1.
@@ -80,10 +80,10 @@ def is_far_from_half_a_turn(bone, turn):
 @given(SEEDS)
 def test_limits_equal_those_of_the_slow_twin(seed):
     random = np.random.default_rng(seed)
-    bone, known, joint = made(random)
+    bone, samples, joint = made(random)
     turns = from_rotation_vector(random.normal(size=(20, 3)) * 0.7)
     turns = turns[[is_far_from_half_a_turn(bone, turn) for turn in turns]]
-    wanted = np.array([slow_limit(bone, known, turn) for turn in turns])
+    wanted = np.array([slow_limit(bone, samples, turn) for turn in turns])
     assert len(turns) > 5
     assert degrees_apart(limit_turns_towards(joint, turns, np.zeros(2)), wanted).max() < 0.01
 
@@ -92,8 +92,8 @@ def test_limits_equal_those_of_the_slow_twin(seed):
 @given(SEEDS)
 def test_turns_within_the_range_are_returned_unchanged(seed):
     random = np.random.default_rng(seed)
-    bone, known, joint = made(random)
-    np.testing.assert_array_equal(limit_turns(joint, known), known)
+    bone, samples, joint = made(random)
+    np.testing.assert_array_equal(limit_turns(joint, samples), samples)
     small = from_rotation_vector(random.normal(size=(50, 3)) * 0.15)
     np.testing.assert_array_equal(limit_turns(joint_range(bone), small), small)
 
@@ -102,17 +102,17 @@ def test_turns_within_the_range_are_returned_unchanged(seed):
 @given(SEEDS)
 def test_every_turn_ends_within_the_range_and_its_margin(seed):
     random = np.random.default_rng(seed)
-    bone, known, joint = made(random)
-    swings, twists = zip(*(parts(bone, one) for one in known), strict=True)
+    bone, samples, joint = made(random)
+    swings, twists = zip(*(parts(bone, part) for part in samples), strict=True)
     for rest, swing, twist in (
         (joint, max(map(np.linalg.norm, swings)) + FREE_SWING, max(map(abs, twists)) + FREE_TWIST),
         (joint_range(bone), UNKNOWN_SWING, UNKNOWN_TWIST),
     ):
         limited = limit_turns(rest, any_turns(random))
         np.testing.assert_allclose(np.linalg.norm(limited, axis=1), 1.0, atol=1e-9)
-        got = [parts(bone, turn) for turn in limited]
-        assert max(np.linalg.norm(one[0]) for one in got) < swing + SOFT + 1e-9
-        assert max(abs(one[1]) for one in got) < twist + SOFT + 1e-9
+        limits = [parts(bone, turn) for turn in limited]
+        assert max(np.linalg.norm(part[0]) for part in limits) < swing + SOFT + 1e-9
+        assert max(abs(part[1]) for part in limits) < twist + SOFT + 1e-9
 
 
 @settings(max_examples=30, deadline=None)
@@ -169,11 +169,11 @@ def test_a_bone_that_is_twisted_far_swings_less_far():
 @given(SEEDS)
 def test_in_the_mirror_limits_are_alike(seed):
     random = np.random.default_rng(seed)
-    bone, known, joint = made(random)
+    bone, samples, joint = made(random)
     turns = any_turns(random)
-    seen = joint_range(bone * [-1.0, 1.0, 1.0], known * MIRROR)
-    got = limit_turns(seen, turns * MIRROR)
-    assert degrees_apart(got, limit_turns(joint, turns) * MIRROR).max() < 1e-5
+    mirrored_joint = joint_range(bone * [-1.0, 1.0, 1.0], samples * MIRROR)
+    mirrored_limits = limit_turns(mirrored_joint, turns * MIRROR)
+    assert degrees_apart(mirrored_limits, limit_turns(joint, turns) * MIRROR).max() < 1e-5
 
 
 def test_the_bones_of_a_spine_share_the_limits_of_one():

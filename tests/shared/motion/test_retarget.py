@@ -181,18 +181,18 @@ def test_clearing_a_chain_leaves_the_rest_alone():
     source = chain_to(clip.skeleton, 7)
     project = project.with_characters(polyline(rng, 6))
     bare = project.shape("line").spans
-    one = bind_chain(project, "line", range(6), "take", source, layer_id="a")
-    two = bind_chain(one, "line", (2, 3, 4), "take", source, layer_id="b")
+    bound = bind_chain(project, "line", range(6), "take", source, layer_id="a")
+    two = bind_chain(bound, "line", (2, 3, 4), "take", source, layer_id="b")
     less = clear_chain(two, "line", (2, 3, 4), "b")
-    assert less.shape("line").spans == one.shape("line").spans and set(less.layer_names) == {"a"}
+    assert less.shape("line").spans == bound.shape("line").spans and set(less.layer_names) == {"a"}
     half = clear_chain(two, "line", (3, 4, 5))
     assert [bool(s[0].refs) for s in half.shape("line").spans] == [False, True, True, True, False, False]
     assert set(half.layer_names) == {"a", "b"} and set(half.takes) == {"take"}
     none = clear_chain(two, "line", range(6))
     assert none.shape("line").spans == bare and not none.layer_names
     # A layer that carries the root stays.
-    kept = clear_chain(set_travel(one, "line", "a"), "line", range(6))
-    assert set(kept.layer_names) == {"a"}
+    cleared = clear_chain(set_travel(bound, "line", "a"), "line", range(6))
+    assert set(cleared.layer_names) == {"a"}
 
 
 @laws
@@ -208,11 +208,11 @@ def test_a_copy_of_motion_keeps_the_total_turn_and_every_layer(seed, first, seco
     copied = copy_motion(project, "one", range(first), "other", range(second), basis=basis)
     assert len(copied.layer_names) == 4 and copied.shape("other").layer("a 2").take == "take"
     times = times_of(clip)
-    one, other = (Player(copied, name).sample(times)[0] for name in ("one", "other"))
-    assert angle(multiply(multiply(basis, one[:, -1]), conjugate(basis)), other[:, -1]) < 1e-9
+    one_turns, other_turns = (Player(copied, name).sample(times)[0] for name in ("one", "other"))
+    assert angle(multiply(multiply(basis, one_turns[:, -1]), conjugate(basis)), other_turns[:, -1]) < 1e-9
     # Retargeting a take onto itself, in place of the existing layer, changes nothing.
-    again = copy_motion(project, "one", range(first), "one", range(first), basis=EYE, replaced=True)
-    assert angle(Player(again, "one").sample(times)[0], one) < 1e-9
+    replaced = copy_motion(project, "one", range(first), "one", range(first), basis=EYE, replaced=True)
+    assert angle(Player(replaced, "one").sample(times)[0], one_turns) < 1e-9
 
 
 @laws
@@ -225,8 +225,8 @@ def test_a_delayed_copy_is_the_same_later(seed, delay):
     twin = project.shape("one").with_changes(id="twin", spans=polyline(rng, 5).spans)
     project = copy_motion(project.with_characters(twin), "one", range(5), "twin", range(5), delay=delay)
     times = times_of(clip)
-    one, other = Player(project, "one").sample(times)[0], Player(project, "twin").sample(times + delay)[0]
-    assert angle(one, other) < 1e-6
+    first, second = Player(project, "one").sample(times)[0], Player(project, "twin").sample(times + delay)[0]
+    assert angle(first, second) < 1e-6
 
 
 def test_the_longest_way_down():
@@ -258,8 +258,8 @@ def test_an_edit_that_cannot_be_changes_nothing():
         (lambda: set_layer(project, "tree", "ghost", muted=True), "layer 'ghost' does not exist"),
         (lambda: set_travel(project, "tree", "ghost"), "layer 'ghost' does not exist"),
     ]
-    for edit, said in bad:
-        with pytest.raises(InputError, match=said):
+    for edit, words in bad:
+        with pytest.raises(InputError, match=words):
             edit()
     bound = bind_chain(project, "tree", (0, 1), "take", chain, layer_id="once")
     with pytest.raises(InputError, match="already"):
@@ -316,13 +316,13 @@ def test_a_mirrored_layer_is_a_layer_of_the_mirrored_take(seed, mode):
     project, clip, _ = scene(rng)
     shape, source = polyline(rng, 5), chain_to(clip.skeleton, 7)
     old, view = clip.skeleton, rng.normal(size=3)
-    seen = Skeleton(old.names, old.parents, old.positions * [-1, 1, 1])
-    glass = Clip("glass", seen, clip.turns * [1, 1, -1, -1], clip.root * [-1, 1, 1], clip.step)
+    mirrored_skeleton = Skeleton(old.names, old.parents, old.positions * [-1, 1, 1])
+    glass = Clip("glass", mirrored_skeleton, clip.turns * [1, 1, -1, -1], clip.root * [-1, 1, 1], clip.step)
     project = project.with_takes(glass).with_characters(shape)
     how = {"mode": mode, "layer_id": "layer", "view": view}
-    one = bind_chain(project, "line", range(5), "take", source, mirrored=True, **how)
+    mirrored = bind_chain(project, "line", range(5), "take", source, mirrored=True, **how)
     other = bind_chain(project, "line", range(5), "glass", source, **how)
     times = times_of(clip)
-    (a, x), (b, y) = (Player(set_travel(p, "line", "layer"), "line").sample(times) for p in (one, other))
+    (a, x), (b, y) = (Player(set_travel(p, "line", "layer"), "line").sample(times) for p in (mirrored, other))
     np.testing.assert_allclose(x, y, atol=1e-7)
     assert angle(a, b) < 1e-6

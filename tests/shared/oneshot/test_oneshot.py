@@ -91,9 +91,9 @@ def test_the_matches_are_the_matchers():
     skeleton = _skeleton()
     body = standing(0.7)
     expected = Matcher(skeleton).rank(body_source(body, "arms").source.points(body.joints), ScreenView())
-    found = match(body, skeleton, "arms")
-    assert [one.key for one in found] == [one.key for one in expected]
-    assert (found.scores == expected.scores).all()
+    matches = match(body, skeleton, "arms")
+    assert [each.key for each in matches] == [each.key for each in expected]
+    assert (matches.scores == expected.scores).all()
 
 
 def _skeleton():
@@ -106,7 +106,7 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
     project, chair = performed
     far = standing()
     far = replace(far, joints=far.joints + 9.0)
-    for refused, said in (
+    for refused, advice in (
         (lambda: possess(load_sample("chair"), [standing()]), "two or more"),
         (lambda: possess(load_sample("chair"), [far, far]), "fit_height"),
         (lambda: mesh_at(project, "table", 0.0), chair),
@@ -118,5 +118,5 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
     ):
         with pytest.raises(InputError) as refusal:
             refused()
-        assert said in refusal.value.mend
+        assert advice in refusal.value.mend
     assert list(tmp_path.iterdir()) == []

@@ -82,25 +82,25 @@ def slow_attachment(graph, joints, reach=0.10):
     points, normals = bone_samples(joints)
     points = np.concatenate([points.reshape(-1, 3), joints])
     normals = np.concatenate([normals.reshape(-1, 3), np.zeros((J, 3))])
-    found = []
+    attachment = []
     for p, n in zip(points, normals, strict=True):
         lengths = np.linalg.norm(graph.positions - p, axis=1)
         valid = (lengths < reach) & ((graph.normals @ n > 1e-9) | (not n.any()))
         nearest = sorted(np.flatnonzero(valid), key=lengths.__getitem__)[:4]
         if nearest:
             weights = 1 - lengths[nearest] / reach
-            found.append((p, nearest, weights / weights.sum()))
-    return found
+            attachment.append((p, nearest, weights / weights.sum()))
+    return attachment
 
 
 def test_the_right_samples_take_hold_of_the_right_nodes(graph, held):
     expected = slow_attachment(graph, standing())
     assert len(held) == len(expected) > 100
-    found = sorted(
+    actual = sorted(
         zip(held.points.tolist(), held.node_indices, held.node_weights, strict=True), key=lambda c: c[0]
     )
     for (point, indices, weights), (p, nodes, w) in zip(
-        found, sorted(expected, key=lambda e: e[0].tolist()), strict=True
+        actual, sorted(expected, key=lambda e: e[0].tolist()), strict=True
     ):
         np.testing.assert_allclose(point, p)
         assert indices[: len(nodes)].tolist() == nodes
@@ -361,9 +361,9 @@ def test_each_limb_reaches_until_enough_of_it_holds(graph, enough, farthest):
             if len(set(plain.bone) & looked_at) >= enough * len(looked_at) or reach >= farthest:
                 break
             reach = min(1.5 * reach + 0.01, farthest)
-        expected, found = np.isin(plain.bone, limb), np.isin(grown.bone, limb)
-        np.testing.assert_array_equal(grown.bone[found], plain.bone[expected])
-        np.testing.assert_allclose(grown.node_weights[found], plain.node_weights[expected], atol=1e-12)
+        expected, is_held = np.isin(plain.bone, limb), np.isin(grown.bone, limb)
+        np.testing.assert_array_equal(grown.bone[is_held], plain.bone[expected])
+        np.testing.assert_allclose(grown.node_weights[is_held], plain.node_weights[expected], atol=1e-12)
 
 
 def test_named_arm_is_attached_at_any_distance(graph):

@@ -67,15 +67,15 @@ def test_follow_through_is_linear_in_motion_exaggeration_and_softness(seed, size
 def test_another_exaggeration_counts_from_its_frame_on(seed, first, then, at):
     """The swing itself does not depend on it; what did not swing begins without any offset."""
     way, stiffness = way_of(seed), np.geomspace(0.01, 2.0, 5)
-    swing, found = FollowThrough(stiffness, first), []
+    swing, followed = FollowThrough(stiffness, first), []
     for k, places in enumerate(way):
         if k == at:
             swing.exaggerate(then)
-        found.append(swing(places, k * FRAME))
-    np.testing.assert_array_equal(found[:at], shown(way, stiffness, first)[:at])
+        followed.append(swing(places, k * FRAME))
+    np.testing.assert_array_equal(followed[:at], shown(way, stiffness, first)[:at])
     after = FollowThrough(stiffness, then)
     begun = [after(places, k * FRAME) for k, places in enumerate(way) if first or k >= at]
-    np.testing.assert_array_equal(found[at:], begun[-(len(way) - at) :])
+    np.testing.assert_array_equal(followed[at:], begun[-(len(way) - at) :])
 
 
 def test_a_stop_is_overshot_as_a_damped_spring_does_and_never_far():

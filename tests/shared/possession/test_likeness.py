@@ -74,8 +74,8 @@ def test_limbs_are_found_by_how_far_they_stand_out():
 
 
 def test_a_pole_is_spine_and_arm_and_has_no_legs():
-    made = built([((0, 0.1, 0), (0, 1.4, 0)), ((0, 1.4, 0), (0, 1.5, 0.5))], [0.08, 0.08])
-    like = find_body_in_mesh(*made)
+    pole = built([((0, 0.1, 0), (0, 1.4, 0)), ((0, 1.4, 0), (0, 1.5, 0.5))], [0.08, 0.08])
+    like = find_body_in_mesh(*pole)
     assert not like.human and np.isnan(like.joints[Joint.KNEE_LEFT]).all() and np.isnan(like.leg)
     assert np.isfinite(like.joints[[Joint.HIP_CENTER, Joint.HEAD, Joint.HAND_RIGHT]]).all()
     assert like.joints[Joint.HIP_CENTER, 1] < 0.4 and like.joints[Joint.HAND_RIGHT, 1] > 1.1
@@ -90,15 +90,15 @@ def test_few_nodes_and_a_ball_do_no_harm(nodes):
 def test_ends_that_the_artist_names_are_taken_as_they_are():
     """Hands and feet exchanged: the arms are where it was said."""
     mesh, graph = built(BIPED, GIRTH)
-    found = find_body_in_mesh(mesh, graph)
-    head, *others = found.ends
-    same = find_body_in_mesh(mesh, graph, found.ends)
-    np.testing.assert_allclose(same.joints, found.joints, atol=0.03)
+    like = find_body_in_mesh(mesh, graph)
+    head, *others = like.ends
+    same = find_body_in_mesh(mesh, graph, like.ends)
+    np.testing.assert_allclose(same.joints, like.joints, atol=0.03)
     swapped = find_body_in_mesh(mesh, graph, np.array([head, *others[2:], *others[:2]]))
     hands = swapped.joints[[Joint.HAND_LEFT, Joint.HAND_RIGHT]]
-    assert hands[:, 1].max() < 0.2 < found.joints[Joint.HAND_LEFT, 1]
+    assert hands[:, 1].max() < 0.2 < like.joints[Joint.HAND_LEFT, 1]
     with pytest.raises(InputError, match="expected 5"):
-        find_body_in_mesh(mesh, graph, found.ends[:3])
+        find_body_in_mesh(mesh, graph, like.ends[:3])
 
 
 def test_ambiguity_is_reported():
@@ -115,12 +115,12 @@ def test_ways_of_a_tree_of_limbs_give_its_lengths(seed):
     dice = np.random.default_rng(seed)
     head, arm, trunk, leg = lengths = dice.uniform(0.2, 1.0, 4)
     ends = [("chest", head), ("chest", arm), ("chest", arm), ("pelvis", leg), ("pelvis", leg)]
-    apart = [
+    distances = [
         a[1] + b[1] + (trunk if a[0] != b[0] else 0.0) for i, a in enumerate(ends) for b in ends[i + 1 :]
     ]
-    cost, found = ways_misfit(np.array([apart]))
-    np.testing.assert_allclose(found[0], lengths, rtol=1e-9)
+    cost, solved = ways_misfit(np.array([distances]))
+    np.testing.assert_allclose(solved[0], lengths, rtol=1e-9)
     usual = [(head / arm / 0.5, 0.5), (leg / arm / 1.15, 0.4), (trunk / arm / 0.55, 0.5)]
     assert cost[0] == pytest.approx(sum((np.log(ratio) / spread) ** 2 for ratio, spread in usual))
-    worse, _ = ways_misfit(np.array([apart]) + dice.uniform(0.2, 0.5, 10) * dice.choice([-1, 1], 10))
+    worse, _ = ways_misfit(np.array([distances]) + dice.uniform(0.2, 0.5, 10) * dice.choice([-1, 1], 10))
     assert worse[0] > 0

@@ -93,12 +93,12 @@ def test_a_point_is_as_near_as_the_cell_that_it_is_in(seed) -> None:
     near = _Nearness(dice.uniform(-1, 1, (20, 3)), 0.2, 0.1)
     points, shifts = dice.uniform(-2, 2, (9, 3)), dice.uniform(-2, 2, (7, 3)) * [1, 0, 1]
     grid = near._values[1:-1, 1:-1, 1:-1]
-    found = near.over(points, shifts)
+    nearness = near.over(points, shifts)
     for s, shift in enumerate(shifts):
         for p, point in enumerate(points):
             cell = np.round((point + shift - near._low) / near.cell).astype(int)
             inside = (cell >= 0).all() and (cell < grid.shape).all()
-            assert found[s, p] == (grid[tuple(cell)] if inside else 0.0)
+            assert nearness[s, p] == (grid[tuple(cell)] if inside else 0.0)
 
 
 def test_only_the_meshs_position_changes(chair) -> None:

@@ -102,7 +102,7 @@ def test_codec_is_smaller_than_zstd_and_archive_mode_smaller_still():
 def slow_residuals(image: np.ndarray, ranks: np.ndarray, count: int) -> np.ndarray:
     """The residuals s of packing 0, straight from the text of the layout."""
     levels = ranks[image].astype(int)
-    made = np.zeros(image.shape, int)
+    residuals = np.zeros(image.shape, int)
     last = (count + 1) // 2
     padded = np.pad(levels, ((1, 0), (1, 1)))
     for y, x in np.ndindex(image.shape):
@@ -116,9 +116,9 @@ def slow_residuals(image: np.ndarray, ranks: np.ndarray, count: int) -> np.ndarr
             p = w or n or ne or last
         r = v - p
         r += count * ((r < -((count - 1) // 2)) - int(r > count // 2))
-        made[y, x] = 2 * r if r > 0 else 1 - 2 * r
+        residuals[y, x] = 2 * r if r > 0 else 1 - 2 * r
         last = v
-    return made
+    return residuals
 
 
 @given(image=images())

@@ -49,18 +49,18 @@ def body_frame(number: int, people: int = 1, sensor: str = "test") -> BodyFrame:
 def same_depth(a: DepthFrame, b: DepthFrame) -> bool:
     arrays = ((a.depth, b.depth), (a.colour, b.colour), (a.world_from_camera, b.world_from_camera))
     equal = all((x is None) == (y is None) and (x is None or np.array_equal(x, y)) for x, y in arrays)
-    said = [(x.intrinsics, x.time_ns, x.sensor, x.sequence) for x in (a, b)]
-    return equal and said[0] == said[1]
+    headers = [(x.intrinsics, x.time_ns, x.sensor, x.sequence) for x in (a, b)]
+    return equal and headers[0] == headers[1]
 
 
 def same_bodies(a: BodyFrame, b: BodyFrame) -> bool:
     def equal(x: Body, y: Body) -> bool:
-        known = all(
+        same_options = all(
             (a is None) == (b is None) and (a is None or np.array_equal(a, b))
             for a, b in ((x.orientations, y.orientations), (x.contacts, y.contacts))
         )
         return (
-            known
+            same_options
             and x.stature == y.stature
             and x.id == y.id
             and np.array_equal(x.joints, y.joints, True)

@@ -54,9 +54,9 @@ def chunks(path):
 
 
 def test_a_whole_recording_is_copied_whole(tmp_path):
-    found = recover(write(tmp_path / "a.mcap"), tmp_path / "b.mcap")
+    recovery = recover(write(tmp_path / "a.mcap"), tmp_path / "b.mcap")
     assert messages(tmp_path / "b.mcap") == expected(range(COUNT))
-    assert found.spans == [] and not found.lost and not found.cut and found.first_ns == START
+    assert recovery.spans == [] and not recovery.lost and not recovery.cut and recovery.first_ns == START
     recording = Recording(tmp_path / "b.mcap")
     assert recording.info.metadata["performer"] == {"name": "Ada"}
     assert recording.info.sensors == ("even", "odd")
@@ -67,9 +67,9 @@ def test_a_cut_recording_keeps_every_whole_message_and_has_an_index_again(tmp_pa
     refs = chunks(tmp_path / "a.mcap")
     for k in (1, 7, COUNT - 1):
         (tmp_path / "cut.mcap").write_bytes(data[: refs[k].offset + refs[k].length - 3])
-        found = recover(tmp_path / "cut.mcap", tmp_path / f"b{k}.mcap")
+        recovery = recover(tmp_path / "cut.mcap", tmp_path / f"b{k}.mcap")
         assert messages(tmp_path / f"b{k}.mcap") == expected(range(k))
-        assert found.cut and found.spans == [LostSpan(START + (k - 1) * STEP, None)]
+        assert recovery.cut and recovery.spans == [LostSpan(START + (k - 1) * STEP, None)]
 
 
 @pytest.mark.parametrize("cut", [False, True], ids=["with its index", "without"])
@@ -79,14 +79,14 @@ def test_damaged_chunks_are_skipped_and_reported(tmp_path, cut):
     for k in (0, 5, 6, 20):
         data[refs[k].offset + 60] ^= 0x55
     path.write_bytes(data[: refs[-1].offset + refs[-1].length] if cut else data)
-    found = recover(path, tmp_path / "b.mcap")
-    kept = [i for i in range(COUNT) if i not in (0, 5, 6, 20)]
-    assert messages(tmp_path / "b.mcap") == expected(kept)
+    recovery = recover(path, tmp_path / "b.mcap")
+    readable = [i for i in range(COUNT) if i not in (0, 5, 6, 20)]
+    assert messages(tmp_path / "b.mcap") == expected(readable)
     spans = [(None, 1), (4, 7), (19, 21)] + ([(COUNT - 1, None)] if cut else [])
     at = lambda i: None if i is None else START + i * STEP  # noqa: E731
-    assert found.spans == [LostSpan(at(a), at(b)) for a, b in spans]
-    assert found.nameless == 0
-    assert dict(found.lost) == ({} if cut else {"/even": 3, "/odd": 1})
+    assert recovery.spans == [LostSpan(at(a), at(b)) for a, b in spans]
+    assert recovery.nameless == 0
+    assert dict(recovery.lost) == ({} if cut else {"/even": 3, "/odd": 1})
 
 
 def test_chunks_behind_a_record_of_a_wrong_length_are_found(tmp_path):
@@ -96,10 +96,10 @@ def test_chunks_behind_a_record_of_a_wrong_length_are_found(tmp_path):
     data[refs[10].offset + 1 : refs[10].offset + 9] = (1 << 50).to_bytes(8, "little")
     data[refs[25].offset : refs[25].offset + refs[25].length] = bytes(refs[25].length)
     path.write_bytes(data[:-30])
-    found = recover(path, tmp_path / "b.mcap")
+    recovery = recover(path, tmp_path / "b.mcap")
     assert messages(tmp_path / "b.mcap") == expected(i for i in range(COUNT) if i not in (10, 25))
     at = [START + i * STEP for i in range(COUNT)]
-    assert found.spans[:2] == [LostSpan(at[9], at[11]), LostSpan(at[24], at[26])]
+    assert recovery.spans[:2] == [LostSpan(at[9], at[11]), LostSpan(at[24], at[26])]
     with pytest.warns(UserWarning, match="cut off"):
         assert Recording(path).info.topics["/even"].count == 5
 

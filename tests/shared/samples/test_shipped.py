@@ -29,10 +29,10 @@ def assert_the_same_surface(shown: Mesh, made: Mesh) -> None:
     """Every vertex of each has one of the other within two steps: processors round a sine differently."""
     assert abs(len(shown.vertices) - len(made.vertices)) <= 8
     assert abs(len(shown.faces) - len(made.faces)) <= 16
-    for one, other in ((shown, made), (made, shown)):
-        away, at = cKDTree(other.vertices).query(one.vertices)
+    for first, second in ((shown, made), (made, shown)):
+        away, at = cKDTree(second.vertices).query(first.vertices)
         assert np.quantile(away, 0.999) <= 2 * STEP and away.max() < 0.01
-        assert np.quantile(np.abs(one.colours.astype(int) - other.colours[at]), 0.999) <= 1
+        assert np.quantile(np.abs(first.colours.astype(int) - second.colours[at]), 0.999) <= 1
 
 
 @pytest.mark.parametrize("name", ["chair", "lamp"])

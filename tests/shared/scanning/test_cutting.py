@@ -56,14 +56,14 @@ def test_box_keeps_only_its_content(low, high, tall, lean, turn):
     """The kept surface is that of the clipped box, whose area is known, in any frame of the scan."""
     # A side of the thing that lies in a side of the box may count as in it, or not.
     assume(all(abs(abs(side) - 0.15) > 1e-6 for side in (*low, *high)))
-    whole = Mesh(*standing((0.0, 0.0)))
+    standing_mesh = Mesh(*standing((0.0, 0.0)))
     move = rotation.to_matrix(rotation.from_rotation_vector([lean, 0.0, 0.0]))
     move = move @ rotation.to_matrix(rotation.from_rotation_vector([0.0, turn, 0.0]))
     place = np.array([0.4, 0.3, -0.2])
-    world = Mesh(whole.vertices @ move.T + place, whole.faces)
+    world = Mesh(standing_mesh.vertices @ move.T + place, standing_mesh.faces)
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = move.T, -move.T @ place
-    found = cut_by_box(world, box((low[0], tall[0], low[1]), (high[0], tall[1], high[1]), frame))
+    cut = cut_by_box(world, box((low[0], tall[0], low[1]), (high[0], tall[1], high[1]), frame))
     # The thing is 0.3 x 0.6 x 0.3 m and stands 1 mm in the floor.
     x = max(low[0], -0.15), min(high[0], 0.15)
     z = max(low[1], -0.15), min(high[1], 0.15)
@@ -72,28 +72,28 @@ def test_box_keeps_only_its_content(low, high, tall, lean, turn):
     sides = (low[0] < -0.15) + (high[0] > 0.15), (low[1] < -0.15) + (high[1] > 0.15)
     area = (top - bottom) * (sides[0] * (z[1] - z[0]) + sides[1] * (x[1] - x[0]))
     area += (x[1] - x[0]) * (z[1] - z[0]) * (tall[1] > 0.599)
-    assert found.area == pytest.approx(area, abs=1e-6)
-    size = found.mesh.bounds[1] - found.mesh.bounds[0]
-    assert found.mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-9)
+    assert cut.area == pytest.approx(area, abs=1e-6)
+    size = cut.mesh.bounds[1] - cut.mesh.bounds[0]
+    assert cut.mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-9)
     given_back = bottom if tall[0] < 0.012 + 1e-9 else 0.0
     assert size[1] == pytest.approx(top - bottom + given_back, abs=1e-6)
-    np.testing.assert_allclose(found.mesh.bounds.sum(0)[[0, 2]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(cut.mesh.bounds.sum(0)[[0, 2]], 0.0, atol=1e-9)
 
 
 def test_box_keeps_several_objects_without_floor_and_closes_below():
     mesh = scene()
-    found = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
-    assert found.parts == 2 and parts_of(found.mesh) == 2
-    assert not rims_of(found.mesh), "both have soles"
-    assert (found.mesh.colours == (200, 120, 40)).all()
+    cut = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
+    assert cut.parts == 2 and parts_of(cut.mesh) == 2
+    assert not rims_of(cut.mesh), "both have soles"
+    assert (cut.mesh.colours == (200, 120, 40)).all()
     # From 2 cm under the floor on, the floor is meant, too.
     floor = cut_by_box(mesh, box((-0.4, -0.03, -0.4), (1.0, 0.9, 0.9)))
-    assert floor.area > found.area + 1.0 and floor.mesh.bounds[0, 1] == pytest.approx(0.0, abs=2e-3)
+    assert floor.area > cut.area + 1.0 and floor.mesh.bounds[0, 1] == pytest.approx(0.0, abs=2e-3)
 
 
 def test_box_cut_is_closed_only_below():
-    found = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
-    assert not rims_of(found.mesh) and found.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
+    cut = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
+    assert not rims_of(cut.mesh) and cut.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
     half = cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.0, 0.9, 0.4)))
     (rim,) = rims_of(half.mesh)
     assert (half.mesh.vertices[rim][:, 0] > 0.074).mean() > 0.55, "it stays open at its upright side"
@@ -127,14 +127,14 @@ def test_upright_frame_has_floor_at_zero_under_target(lean, offset, at):
 
 def images_of(vertices, faces, count=10, noise=0.0):
     """Depth images of a place from all around, in millimetres."""
-    found, random = [], np.random.default_rng(0)
+    images, random = [], np.random.default_rng(0)
     for n in range(count):
         pose = looking(2 * np.pi * n / count, 1.6, tilt=0.5)
         depth = draw_mesh(Mesh(vertices, faces), CAMERA, pose).depth
         depth = depth + random.normal(0, noise, depth.shape)
         millimetres = np.where(np.isfinite(depth), depth * 1000.0, 0.0).astype(np.float32)
-        found.append(KnownImage(millimetres, CAMERA, pose))
-    return found
+        images.append(KnownImage(millimetres, CAMERA, pose))
+    return images
 
 
 BEFORE = images_of(*ROOM, noise=0.002)
@@ -150,11 +150,11 @@ BEFORE = images_of(*ROOM, noise=0.002)
 def test_new_object_is_found_anywhere(at, tall, seed):
     vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
     vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)
-    found = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
-    assert found.parts == 1 and not rims_of(found.mesh)
-    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.25, tall, 0.2], atol=0.012)
+    cut = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
+    assert cut.parts == 1 and not rims_of(cut.mesh)
+    np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.25, tall, 0.2], atol=0.012)
     sides = 2 * (0.25 + 0.2) * (tall - 0.012) + 0.25 * 0.2
-    assert found.area == pytest.approx(sides, rel=0.06)
+    assert cut.area == pytest.approx(sides, rel=0.06)
 
 
 def test_object_on_table_stands_on_table():
@@ -162,17 +162,17 @@ def test_object_on_table_stands_on_table():
     before = images_of(*table)
     thing, at = standing((0.1, 0.0), (0.2, 0.25, 0.2), FINE), np.array([0.0, 0.3, 0.0])
     vertices, faces = joined(table, (thing[0] + at, thing[1]))
-    found = cut_what_is_new(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
-    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.25, 0.2], atol=0.005)
-    assert not rims_of(found.mesh)
+    cut = cut_what_is_new(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
+    np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.2, 0.25, 0.2], atol=0.005)
+    assert not rims_of(cut.mesh)
 
 
 def test_moved_object_is_kept_at_its_new_position():
-    there = joined(ROOM, standing((-0.3, 0.1), (0.2, 0.4, 0.2), FINE))
-    now = Mesh(*joined(ROOM, standing((0.25, 0.0), (0.2, 0.4, 0.2), FINE)))
-    found = cut_what_is_new(now, images_of(*there), FLOOR)
-    assert found.parts == 1
-    np.testing.assert_allclose(np.ptp(found.mesh.vertices, axis=0), [0.2, 0.4, 0.2], atol=0.01)
+    before = joined(ROOM, standing((-0.3, 0.1), (0.2, 0.4, 0.2), FINE))
+    after = Mesh(*joined(ROOM, standing((0.25, 0.0), (0.2, 0.4, 0.2), FINE)))
+    cut = cut_what_is_new(after, images_of(*before), FLOOR)
+    assert cut.parts == 1
+    np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.2, 0.4, 0.2], atol=0.01)
 
 
 def test_missing_new_object_is_reported():
@@ -193,7 +193,7 @@ def test_background_matches_slow_reference(seed):
     points = random.uniform([-1.2, -0.2, -1.2], [1.2, 1.2, 1.2], (40, 3))
     slow = []
     for point in points:
-        seen = through = 0
+        visible = through = 0
         for image in BEFORE:
             local = (np.linalg.inv(image.world_from_camera) @ [*point, 1.0])[:3]
             if local[2] < 0.05:
@@ -204,12 +204,12 @@ def test_background_matches_slow_reference(seed):
             deep = image.depth[v, u] / 1000.0
             # 12 mm for a camera that is found off, and three deviations of the depth.
             near = 0.012 + 3 * noise.sigma(deep)
-            seen += bool(local[2] <= deep + near)
+            visible += bool(local[2] <= deep + near)
             through += bool(local[2] < deep - near)
-        slow.append(-1 if through < 0.7 * seen else 1 if through >= 2 else 0)
-    found = compared(points, BEFORE)
+        slow.append(-1 if through < 0.7 * visible else 1 if through >= 2 else 0)
+    compared_signs = compared(points, BEFORE)
     # Rounding may put a point on the other side of a pixel's edge.
-    assert (found != np.array(slow)).sum() <= 1
+    assert (compared_signs != np.array(slow)).sum() <= 1
     assert not compared(points, []).any()
 
 

@@ -12,10 +12,12 @@ from enliven.scanning.decimation import distances
 
 def ball(wobble=0.0, detail=4):
     """A closed ball of 5,120 faces, dented in waves, red above and blue below."""
-    made = trimesh.creation.icosphere(detail, 0.3)
-    vertices = made.vertices * (1 + wobble * np.sin(9 * made.vertices[:, :1] + 5 * made.vertices[:, 1:2]))
+    sphere = trimesh.creation.icosphere(detail, 0.3)
+    vertices = sphere.vertices * (
+        1 + wobble * np.sin(9 * sphere.vertices[:, :1] + 5 * sphere.vertices[:, 1:2])
+    )
     colours = np.where(vertices[:, 1:2] > 0, (220, 20, 20), (20, 20, 220)).astype(np.uint8)
-    return Mesh(np.asarray(vertices), np.asarray(made.faces, np.int32), "ball", colours)
+    return Mesh(np.asarray(vertices), np.asarray(sphere.faces, np.int32), "ball", colours)
 
 
 def slow_distance(mesh, point):
@@ -29,38 +31,38 @@ def slow_distance(mesh, point):
 @given(faces=st.integers(60, 4000), wobble=st.floats(0.0, 0.15))
 def test_decimation_keeps_budget_and_reported_error(faces, wobble):
     mesh = ball(wobble)
-    made = decimated(mesh, faces)
-    assert 0.8 * faces <= len(made.mesh.faces) <= faces
-    apart = np.abs(distances(made.mesh, mesh.vertices))
-    assert np.quantile(apart, 0.99) <= 1.1 * made.most and 0 < made.mean <= made.most
+    result = decimated(mesh, faces)
+    assert 0.8 * faces <= len(result.mesh.faces) <= faces
+    errors = np.abs(distances(result.mesh, mesh.vertices))
+    assert np.quantile(errors, 0.99) <= 1.1 * result.most and 0 < result.mean <= result.most
     low, high = mesh.bounds
-    assert np.abs(np.subtract(made.mesh.bounds, (low, high))).max() <= 0.03 + 3 * made.most
+    assert np.abs(np.subtract(result.mesh.bounds, (low, high))).max() <= 0.03 + 3 * result.most
     # Each edge between two faces, once from either side: it is as closed as before.
-    f = made.mesh.faces
+    f = result.mesh.faces
     sides = np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]])
     assert len(np.unique(np.sort(sides, 1), axis=0)) * 2 == len(sides) == len(np.unique(sides, axis=0))
-    assert len(np.unique(f)) == len(made.mesh.vertices)
-    high = made.mesh.vertices[:, 1]
-    assert (made.mesh.colours[high > 0.05] == (220, 20, 20)).all()
-    assert (made.mesh.colours[high < -0.05] == (20, 20, 220)).all()
+    assert len(np.unique(f)) == len(result.mesh.vertices)
+    high = result.mesh.vertices[:, 1]
+    assert (result.mesh.colours[high > 0.05] == (220, 20, 20)).all()
+    assert (result.mesh.colours[high < -0.05] == (20, 20, 220)).all()
 
 
 def test_flat_areas_need_few_faces():
     box = trimesh.creation.box((0.4, 0.3, 0.2)).subdivide_to_size(0.02)
-    made = decimated(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
-    assert made.most < 1e-5 and len(made.mesh.faces) <= 100
+    result = decimated(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
+    assert result.most < 1e-5 and len(result.mesh.faces) <= 100
 
 
 @settings(max_examples=20)
 @given(place=st.tuples(*[st.floats(-0.5, 0.5)] * 3))
 def test_the_distance_is_the_slow_one(place):
     mesh = ball(detail=1)
-    found, slow = distances(mesh, np.array([place]))[0], slow_distance(mesh, np.array(place))
+    distance, slow = distances(mesh, np.array([place]))[0], slow_distance(mesh, np.array(place))
     # The net's points lie 3 mm apart, and the middle of the ball is as near to all faces.
-    assert abs(found - slow) < 0.004
+    assert abs(distance - slow) < 0.004
 
 
 def test_small_mesh_is_unchanged():
     mesh = ball(detail=1)
-    made = decimated(mesh, len(mesh.faces))
-    assert made.mesh is mesh and made.mean == made.most == 0.0
+    result = decimated(mesh, len(mesh.faces))
+    assert result.mesh is mesh and result.mean == result.most == 0.0

@@ -53,9 +53,9 @@ def ray(camera, v, u):
 
 def slow_tile(depth):
     """Nearest and farthest depth of a tile, and the share of a whole tile's pixels that have none."""
-    known = (depth >= 1e3 * NEAR) & (depth <= 1e3 * FAR)
-    some = depth[known] * 1e-3
-    return min(some, default=np.inf), max(some, default=0.0), (~known).sum() / TILE**2
+    is_known = (depth >= 1e3 * NEAR) & (depth <= 1e3 * FAR)
+    some = depth[is_known] * 1e-3
+    return min(some, default=np.inf), max(some, default=0.0), (~is_known).sum() / TILE**2
 
 
 @settings(max_examples=20)

@@ -85,13 +85,13 @@ def test_only_visible_removed_objects_count_as_vacated(angle):
 @given(angle=angles, out=st.floats(-0.03, 0.03))
 def test_distance_of_offset_point_is_its_offset(sphere, angle, out):
     pose = looking(angle)
-    found = distances_in(sphere, prepared(sphere_depth((0, 0, 0), RADIUS + out, pose)), pose)
+    distances = distances_in(sphere, prepared(sphere_depth((0, 0, 0), RADIUS + out, pose)), pose)
     view = prepared(sphere_depth((0, 0, 0), RADIUS + out, pose))
-    known = np.isfinite(found)
+    is_known = np.isfinite(distances)
     truth = np.linalg.norm(view.points @ pose[:3, :3].T + pose[:3, 3], axis=-1) - RADIUS
     # Half a voxel of 2 cm: what is fused is planes along a pixel's ray, of a curved surface.
-    assert known.sum() > 100 and np.abs(found[known] - truth[known]).mean() < 0.01
-    assert np.isnan(found[view.worth == 0]).all(), "a pixel without depth has no distance"
+    assert is_known.sum() > 100 and np.abs(distances[is_known] - truth[is_known]).mean() < 0.01
+    assert np.isnan(distances[view.worth == 0]).all(), "a pixel without depth has no distance"
 
 
 def test_distance_next_to_surface_is_unknown(sphere):

@@ -74,9 +74,9 @@ def seen_from(mesh, side, pose):
 def test_a_part_is_found_in_any_pose(turn, move):
     pose = pose_of(3.0 * np.array(turn), move)
     part = Scanned(seen_from(CRANE, (0.3, 0.5, 1.0), pose), [])
-    found = registered(Scanned(sampled(CRANE, 6000), []), part)
-    assert found is not None and found.agreeing > 0.8
-    metres, radians = apart(found.model_from_part, inverse(pose))
+    match = registered(Scanned(sampled(CRANE, 6000), []), part)
+    assert match is not None and match.agreeing > 0.8
+    metres, radians = apart(match.model_from_part, inverse(pose))
     # Points lie five millimetres apart.
     assert metres < 0.005 and radians < 0.01
 
@@ -108,9 +108,9 @@ def test_the_grid_knows_the_nearest_point(at):
     grid = nearest_grid(points, cell, 0.2)
     place = np.array(at) * 0.3 + [0.2, 0.3, 0.2]
     x, y, z = np.clip(np.floor((place - grid.origin) / cell).astype(int), 0, np.array(grid.nearest.shape) - 1)
-    found = np.linalg.norm(points.points[grid.nearest[x, y, z]] - place)
+    distance = np.linalg.norm(points.points[grid.nearest[x, y, z]] - place)
     # The slow twin looks at all; a cell stands for the places in it, on both ends.
-    assert found <= np.linalg.norm(points.points - place, axis=1).min() + 2 * np.sqrt(3) * cell
+    assert distance <= np.linalg.norm(points.points - place, axis=1).min() + 2 * np.sqrt(3) * cell
 
 
 @settings(max_examples=10)
@@ -118,8 +118,8 @@ def test_the_grid_knows_the_nearest_point(at):
 def test_point_is_seen_through_if_two_images_see_behind_it(points):
     poses = [looking(0.0), looking(0.3), looking(0.6)]
     views = [seen_depth(prepared(sphere_depth((0, 0, 0), 0.3, pose)), pose) for pose in poses]
-    found = seen_through(np.array(points), views, 0.05)
-    for point, through in zip(np.array(points), found, strict=True):
+    is_through = seen_through(np.array(points), views, 0.05)
+    for point, through in zip(np.array(points), is_through, strict=True):
         clear = [_clear(view, inverse(view.frame_from_camera) @ [*point, 1.0]) for view in views]
         assert through == (sum(clear) >= 2)
 

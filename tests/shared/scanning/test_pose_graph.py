@@ -41,8 +41,8 @@ def shaken(poses, random, size):
 @given(seed=SEEDS)
 def test_links_without_error_bring_all_poses_back(seed):
     poses, links, random = made(seed)
-    found, belief = settled(shaken(poses, random, 0.1), links)
-    assert max(max(apart(a, b)) for a, b in zip(found, poses, strict=True)) < 1e-6
+    poses_found, belief = settled(shaken(poses, random, 0.1), links)
+    assert max(max(apart(a, b)) for a, b in zip(poses_found, poses, strict=True)) < 1e-6
     np.testing.assert_allclose(belief, 1.0, atol=1e-6)
 
 
@@ -54,7 +54,7 @@ def test_the_sparse_solution_is_the_slow_one(seed):
     links = [PoseLink(k.first, k.second, k.first_from_second, k.information) for k in links]
     ups = [rotation.unit(pose[:3, :3].T @ [0.0, 1.0, 0.0] + random.normal(0, LEVEL, 3)) for pose in poses]
     start = shaken(poses, random, 0.05)
-    found, belief = settled(start, links, ups, LEVEL)
+    poses_found, belief = settled(start, links, ups, LEVEL)
     aim = start[0][:3, :3] @ ups[0]
     roots = [np.linalg.cholesky(link.information).T for link in links]
 
@@ -72,8 +72,10 @@ def test_the_sparse_solution_is_the_slow_one(seed):
 
     slow = placed(least_squares(errors, np.zeros(6 * len(start) - 6), xtol=1e-12, ftol=1e-12).x)
     # Both stop where no step gains; least squares are flat there to the root of the rounding.
-    assert max(max(apart(a, b)) for a, b in zip(found, slow, strict=True)) < 2e-4
-    assert cost_of(found, links, belief, ups, LEVEL) <= cost_of(slow, links, belief, ups, LEVEL) * (1 + 1e-5)
+    assert max(max(apart(a, b)) for a, b in zip(poses_found, slow, strict=True)) < 2e-4
+    assert cost_of(poses_found, links, belief, ups, LEVEL) <= cost_of(slow, links, belief, ups, LEVEL) * (
+        1 + 1e-5
+    )
 
 
 @settings(max_examples=10)
@@ -81,9 +83,9 @@ def test_the_sparse_solution_is_the_slow_one(seed):
 def test_a_loop_that_is_wrong_is_found_out(seed):
     poses, links, random = made(seed, count=8, noise=0.3, loops=3)
     wrong = moved(inverse(poses[1]) @ poses[6], np.concatenate([random.choice([-1, 1], 3), np.zeros(3)]))
-    found, belief = settled(poses, [*links, PoseLink(1, 6, wrong, links[0].information, sure=False)])
+    poses_found, belief = settled(poses, [*links, PoseLink(1, 6, wrong, links[0].information, sure=False)])
     assert belief[-1] < 0.05 and belief[:-1].min() > 0.5
-    assert max(apart(a, b)[0] for a, b in zip(found, poses, strict=True)) < 0.1
+    assert max(apart(a, b)[0] for a, b in zip(poses_found, poses, strict=True)) < 0.1
 
 
 @settings(max_examples=10)
@@ -121,13 +123,13 @@ def test_the_slopes_are_those_of_small_differences(seed):
     np.testing.assert_allclose(error, residual_of(link, first, second))
     step = 1e-6
     for slopes, at in ((of_first, 0), (of_second, 1)):
-        found = np.empty((6, 6))
+        differences = np.empty((6, 6))
         for k in range(6):
             ends = []
             for way in (step, -step):
                 poses = [first, second]
                 poses[at] = moved(poses[at], way * np.eye(6)[k])
                 ends.append(residual_of(link, *poses))
-            found[:, k] = (ends[0] - ends[1]) / (2 * step)
+            differences[:, k] = (ends[0] - ends[1]) / (2 * step)
         # Central differences are off by the square of the step, and by the rounding over the step.
-        np.testing.assert_allclose(slopes, found, atol=1e-6)
+        np.testing.assert_allclose(slopes, differences, atol=1e-6)

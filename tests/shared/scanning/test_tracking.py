@@ -103,10 +103,10 @@ def test_a_pose_that_is_off_is_brought_back(vector):
     move, turn = np.array(vector[:3]) * 0.04, np.array(vector[3:]) * 0.04
     start[:3, 3] += move
     start[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(turn)) @ start[:3, :3]
-    found = scanner.tracker.align(view, start)
-    metres, radians = apart(found.world_from_camera, carried(0.5))
+    alignment = scanner.tracker.align(view, start)
+    metres, radians = apart(alignment.world_from_camera, carried(0.5))
     assert metres < 0.006 and radians < 0.005
-    assert found.agreeing > 0.9 and found.overlap > 0.8
+    assert alignment.agreeing > 0.9 and alignment.overlap > 0.8
 
 
 def test_a_blank_wall_is_unsure_and_not_fused():
@@ -126,8 +126,8 @@ def test_a_blank_wall_is_unsure_and_not_fused():
 def noisy(depth, seed):
     """Depth with the noise that the settings expect of a camera, another one for each seed."""
     noise = DepthNoiseModel()
-    known = np.isfinite(depth) & (depth < 5.0)
-    sigma = np.where(known, noise.constant + noise.quadratic * np.square(depth - noise.start), 0.0)
+    is_known = np.isfinite(depth) & (depth < 5.0)
+    sigma = np.where(is_known, noise.constant + noise.quadratic * np.square(depth - noise.start), 0.0)
     return depth + sigma * np.random.default_rng(seed).standard_normal(depth.shape)
 
 
@@ -149,11 +149,11 @@ def test_of_any_plane_only_the_distance_and_the_tilt_are_known(tilt, distance, v
         scanner.place(frame_of(noisy(plane_depth(*plane, pose, CAMERA), n), n), pose)
     pose[:2, 3] = 0.12, -0.08
     view = scanner.prepared(frame_of(noisy(plane_depth(*plane, pose, CAMERA), 9), 9))
-    found = scanner.tracker.judged(view, pose)
+    estimate = scanner.tracker.judged(view, pose)
     along = [np.r_[1.0, np.zeros(5)], np.r_[0.0, 1.0, np.zeros(4)]]
-    assert found.deviation > TrackingSettings().unsure
-    assert all(way @ found.covariance @ way > 0.05**2 for way in along)
-    assert found.information[2, 2] > 0.02**-2, "how far it is from the plane is known"
+    assert estimate.deviation > TrackingSettings().unsure
+    assert all(way @ estimate.covariance @ way > 0.05**2 for way in along)
+    assert estimate.information[2, 2] > 0.02**-2, "how far it is from the plane is known"
 
 
 def test_slope_noise_correction_matches_slow_sum():
@@ -165,18 +165,18 @@ def test_slope_noise_correction_matches_slow_sum():
     sums = scanner.tracker._normal_equations(view, pose, 0, closely=True)
     matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
     extra, angles, weights = np.zeros((6, 6)), [], []
-    found, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
+    sample, last = np.empty(4), np.array([-1, 1 << 40, 0, 0])
     stride, soft = scanner.settings.tracking.fine_stride, scanner.settings.tracking.soft * field.band.voxel
     for row in range(0, view.worth.shape[0], stride):
         for column in range((row // stride % 2) * (stride // 2), view.worth.shape[1], stride):
             q = pose[:3, :3] @ view.points[row, column].astype(float)
-            if view.worth[row, column] == 0 or not look_up(field, *(q + pose[:3, 3]), found, last):
+            if view.worth[row, column] == 0 or not look_up(field, *(q + pose[:3, 3]), sample, last):
                 continue
-            g, normal = found[1:], pose[:3, :3] @ view.normals[row, column].astype(float)
+            g, normal = sample[1:], pose[:3, :3] @ view.normals[row, column].astype(float)
             cosine = g @ normal / np.linalg.norm(g)
-            if not -0.98 * field.band.behind < found[0] < 0.98 * field.band.front or cosine < 0.5:
+            if not -0.98 * field.band.behind < sample[0] < 0.98 * field.band.front or cosine < 0.5:
                 continue
-            w = view.worth[row, column] * (soft**2 / (soft**2 + found[0] ** 2)) ** 2
+            w = view.worth[row, column] * (soft**2 / (soft**2 + sample[0] ** 2)) ** 2
             a = np.vstack([np.eye(3), cross_matrix(q)])
             matrix, extra = matrix + w * np.outer(a @ g, a @ g), extra + w * a @ a.T
             both = np.outer(a @ g, a @ normal * np.linalg.norm(g))
@@ -186,9 +186,9 @@ def test_slope_noise_correction_matches_slow_sum():
     share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
     median = np.array(angles)[order][np.searchsorted(share, 0.5)]
     expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
-    told = camera_tracker._told(sums)
+    corrected = camera_tracker._told(sums)
     # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
-    assert np.abs(told - expected).max() < 0.3 * np.abs(matrix - expected).max()
+    assert np.abs(corrected - expected).max() < 0.3 * np.abs(matrix - expected).max()
     # Corrected for noise: products of slopes and normals, and a fraction of the rest for the number of
     # points.
     independent = scanner.settings.tracking.independent

@@ -47,13 +47,15 @@ def test_the_compiled_fusion_is_the_slow_one():
     for b in random.choice(volume.blocks.count, 12, replace=False):
         for i in random.choice(VOXELS, 40, replace=False):
             place = volume.blocks.places[b] * SIDE + [i % SIDE, i // SIDE % SIDE, i // SIDE**2]
-            told = [slow_distance(volume, view, pose, place) for view, pose in zip(views, poses, strict=True)]
-            told = [pair for pair in told if pair is not None]
-            total = sum(weight for _, weight in told)
+            samples = [
+                slow_distance(volume, view, pose, place) for view, pose in zip(views, poses, strict=True)
+            ]
+            samples = [pair for pair in samples if pair is not None]
+            total = sum(weight for _, weight in samples)
             # A voxel at the edge of two pixels may be rounded into either.
             if total == 0 or not np.isclose(volume.weight[b, i], total, rtol=1e-3):
                 continue
-            mean = sum(distance * weight for distance, weight in told) / total
+            mean = sum(distance * weight for distance, weight in samples) / total
             assert volume.distance[b, i] == pytest.approx(mean, abs=2e-4)
             compared += 1
     assert compared > 100
@@ -180,8 +182,8 @@ def test_memory_follows_the_surface_and_keeps_to_its_limit():
     small = DistanceVolume(replace(SETTINGS, voxel=0.004, memory=16))
     pose = looking(0.0, 1.5)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose))
-    told = [small.integrate(view, pose) for _ in range(4)]
-    assert not told[-1].room and small.megabytes <= 16
+    results = [small.integrate(view, pose) for _ in range(4)]
+    assert not results[-1].room and small.megabytes <= 16
     assert len(surface_of(small).faces) > 100  # what is there is kept
 
 

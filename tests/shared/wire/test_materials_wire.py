@@ -25,14 +25,14 @@ def texture(size: int = 40, sampler: str = "") -> Texture:
 
 def painted(faces: int, sets: int = 1, tinted: bool = False, textures: int = 1) -> Character:
     dice = np.random.default_rng(faces)
-    told = [json.dumps({"emissiveTexture": {"index": k}}) for k in range(textures)] or ["{}"]
+    definitions = [json.dumps({"emissiveTexture": {"index": k}}) for k in range(textures)] or ["{}"]
     uvs = dice.random((faces, 3, sets, 2)).astype(np.float32)
     tints = dice.random((faces, 3, 4)).astype(np.float32) if tinted else None
-    of = dice.integers(-1, len(told), faces).astype(np.int32)
+    of = dice.integers(-1, len(definitions), faces).astype(np.int32)
     pictures = tuple(texture(40 + k, '{"wrapS": 33071}') for k in range(textures))
     skin = SkinWeights(np.zeros((5, 4), np.uint16), np.eye(4, dtype=np.float32)[np.zeros(5, int)])
     where = dice.random((5, 3)).astype(np.float32)
-    own = MeshMaterials(tuple(told), pictures, of, uvs, tints)
+    own = MeshMaterials(tuple(definitions), pictures, of, uvs, tints)
     none, pivots = np.zeros((0, 2), np.int32), np.zeros((1, 3), np.float32)
     corners = dice.integers(0, 5, (faces, 3)).astype(np.int32)
     return Character("made up", where, corners, skin, pivots, none, materials=own)
@@ -46,14 +46,14 @@ def sent(character: Character) -> Character:
 @given(st.integers(1, 9), st.integers(0, 3), st.booleans(), st.integers(0, 3))
 @settings(deadline=None, max_examples=40)
 def test_materials_arrive_as_they_were_sent(faces: int, sets: int, tinted: bool, textures: int) -> None:
-    one = painted(faces, sets, tinted, textures)
-    before, after = one.materials, sent(one).materials
+    character = painted(faces, sets, tinted, textures)
+    before, after = character.materials, sent(character).materials
     assert before is not None and after is not None
     assert after.definitions == before.definitions
     for name in ("of", "uvs", "tints"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
-    told = [[(t.image.tobytes(), t.sampler) for t in each.textures] for each in (before, after)]
-    assert told[0] == told[1]
+    pictures = [[(t.image.tobytes(), t.sampler) for t in each.textures] for each in (before, after)]
+    assert pictures[0] == pictures[1]
 
 
 def test_message_without_materials_is_unchanged() -> None:
@@ -61,9 +61,9 @@ def test_message_without_materials_is_unchanged() -> None:
 
 
 def test_textures_that_are_too_large_stay_at_home_and_the_character_goes() -> None:
-    one = painted(2)
-    large = replace(one.materials, textures=(texture(1 << 24),))
-    assert sent(replace(one, materials=large)).materials is None
+    character = painted(2)
+    large = replace(character.materials, textures=(texture(1 << 24),))
+    assert sent(replace(character, materials=large)).materials is None
 
 
 WRONG = {

@@ -151,17 +151,17 @@ def test_a_newer_program_may_append_fields() -> None:
 
 @pytest.mark.parametrize("colours", [False, True])
 def test_a_character_survives(colours: bool) -> None:
-    made = chair(colours)
-    reply = requests.Reply(1, convert_characters.character_to_message(made, 4))
+    original = chair(colours)
+    reply = requests.Reply(1, convert_characters.character_to_message(original, 4))
     back = envelope.unpack_control(envelope.pack_control(reply), topics.REPLY).body
     assert back.revision == 4
     read = convert_characters.message_to_character(back)
     for name in ("vertices", "faces", "pivots", "edges", "colours"):
-        assert np.array_equal(getattr(read, name), getattr(made, name)), name
-    assert np.array_equal(read.skin.indices, made.skin.indices)
-    assert np.array_equal(read.skin.weights, made.skin.weights)
-    assert (read.id, read.kind) == (made.id, made.kind)
-    assert PoseCodec(read).decode(PoseCodec(made).encode(made.rest_pose()).data)[0].shape == (3, 3, 3)
+        assert np.array_equal(getattr(read, name), getattr(original, name)), name
+    assert np.array_equal(read.skin.indices, original.skin.indices)
+    assert np.array_equal(read.skin.weights, original.skin.weights)
+    assert (read.id, read.kind) == (original.id, original.kind)
+    assert PoseCodec(read).decode(PoseCodec(original).encode(original.rest_pose()).data)[0].shape == (3, 3, 3)
 
 
 def test_bodies_survive_within_half_a_millimetre() -> None:
@@ -312,10 +312,10 @@ def test_malformed_streams_are_refused(data: bytes) -> None:
 def test_noise_is_refused_or_is_a_message(topic: str, noise: bytes) -> None:
     for data in (noise, HEADS[topic] + noise):
         try:
-            found, message = envelope.unpack_stream(data)
+            topic_found, message = envelope.unpack_stream(data)
         except Malformed:
             continue
-        assert isinstance(message, found.type)
+        assert isinstance(message, topic_found.type)
 
 
 @few
@@ -408,10 +408,12 @@ def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int
     joints[random.integers(20)], confidence[random.integers(20)] = np.nan, np.nan
     sent = convert.as_sent([Body(3, joints, confidence, stature=float(random.uniform(0.5, 2.2)))])
     (arrived,) = convert.message_to_bodies(convert.bodies_to_message(sent, 1))
-    known = np.isfinite(joints).all(1)
-    assert (arrived.joints[known] == sent[0].joints[known]).all() and np.isnan(sent[0].joints[~known]).all()
-    assert (arrived.confidence[known] == sent[0].confidence[known]).all() and arrived.stature == sent[
+    is_known = np.isfinite(joints).all(1)
+    assert (arrived.joints[is_known] == sent[0].joints[is_known]).all() and np.isnan(
+        sent[0].joints[~is_known]
+    ).all()
+    assert (arrived.confidence[is_known] == sent[0].confidence[is_known]).all() and arrived.stature == sent[
         0
     ].stature
-    again = convert.as_sent([arrived])[0]
-    assert (again.joints == arrived.joints).all() and (again.confidence == arrived.confidence).all()
+    resent = convert.as_sent([arrived])[0]
+    assert (resent.joints == arrived.joints).all() and (resent.confidence == arrived.confidence).all()

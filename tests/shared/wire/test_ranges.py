@@ -33,23 +33,23 @@ def strategy(kind: type) -> st.SearchStrategy:
 @given(st.data())
 def test_accepted_values_survive_encoding(name: str, data: st.DataObject) -> None:
     kind = KINDS[name]
-    made = data.draw(strategy(kind))
-    back = msgspec.msgpack.decode(msgspec.msgpack.encode(made), type=kind)
-    assert back == made and msgspec.msgpack.encode(back) == msgspec.msgpack.encode(made)
+    message = data.draw(strategy(kind))
+    back = msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=kind)
+    assert back == message and msgspec.msgpack.encode(back) == msgspec.msgpack.encode(message)
     if kind in STREAM_KINDS:
         try:
-            packed = pack_checked(made)
+            packed = pack_checked(message)
         except Malformed as error:
             assert "bytes are more than" in error.why
         else:
-            assert envelope.unpack_stream(packed)[1] == made
+            assert envelope.unpack_stream(packed)[1] == message
     elif kind in REQUESTS:
-        check_request(made)
-        asked = envelope.pack_control(requests.Request(1, made))
-        assert envelope.unpack_control(asked, topics.REQUEST).body == made
+        check_request(message)
+        asked = envelope.pack_control(requests.Request(1, message))
+        assert envelope.unpack_control(asked, topics.REQUEST).body == message
     elif kind in ANSWERS:
-        answer = envelope.pack_control(requests.Reply(1, made))
-        assert envelope.unpack_control(answer, topics.REPLY).body == made
+        answer = envelope.pack_control(requests.Reply(1, message))
+        assert envelope.unpack_control(answer, topics.REPLY).body == message
         assert envelope.reply_number(answer) == 1
 
 
@@ -167,6 +167,6 @@ def test_ranges_between_fields_hold_too() -> None:
 
 def _scan(box: list[float]) -> requests.Scan:
     """A request with a box that its class refuses: as a program without these checks sends it."""
-    made = requests.Scan("done", box=[0.0] * 6, stage_from_scan=[0.0] * 12)
-    made.box[:] = box
-    return made
+    scan = requests.Scan("done", box=[0.0] * 6, stage_from_scan=[0.0] * 12)
+    scan.box[:] = box
+    return scan

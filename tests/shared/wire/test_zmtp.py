@@ -16,13 +16,13 @@ PUB_TALK = framed(b"\x09SUBSCRIBEpose", 4) + framed(b"\x01cues") + framed(b"\x06
 
 def heard(session: ZmtpSession, chunks: list[bytes]) -> list[list[bytes]]:
     """The messages in the bytes, however they come."""
-    found = []
+    messages = []
     for chunk in chunks:
         session.feed(chunk)
         while (parts := session.take()) is not None:
             if parts:
-                found.append(parts)
-    return found
+                messages.append(parts)
+    return messages
 
 
 def cut(data: bytes, places: list[int]) -> list[bytes]:
@@ -34,8 +34,8 @@ def cut(data: bytes, places: list[int]) -> list[bytes]:
 def test_bytes_say_the_same_however_they_are_cut(places):
     session = ZmtpSession("ROUTER", 1000)
     assert heard(session, cut(GREETING + READY + TALK, places)) == [[b"one"], [b"two", b"parts" * 100]]
-    said = bytes(session.answers)
-    assert said.startswith(GREETING) and b"ROUTER" in said and said.endswith(framed(b"\x04PONGhere", 4))
+    answer = bytes(session.answers)
+    assert answer.startswith(GREETING) and b"ROUTER" in answer and answer.endswith(framed(b"\x04PONGhere", 4))
 
 
 @given(st.lists(st.integers(0, 10_000), max_size=20))

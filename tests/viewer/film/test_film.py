@@ -88,22 +88,22 @@ def decoded(path: Path) -> list[np.ndarray]:
 
 
 def test_a_film_has_a_picture_for_every_thirtieth_second(gl, box, tmp_path) -> None:
-    made = filmed(Walk(box, 25), tmp_path / "deep" / "film.mp4", tmp_path / "sheet.png")
+    film = filmed(Walk(box, 25), tmp_path / "deep" / "film.mp4", tmp_path / "sheet.png")
     pictures = decoded(tmp_path / "deep" / "film.mp4")
-    assert made.pictures == len(pictures) == 25
+    assert film.pictures == len(pictures) == 25
     assert all(p.shape == (90, 160, 3) for p in pictures)
     assert np.mean([p.std() for p in pictures]) > 30
     with av.open(str(tmp_path / "deep" / "film.mp4")) as file:
         stream = file.streams.video[0]
         assert stream.average_rate == 30 and stream.codec_context.pix_fmt == "yuv420p"
-        assert made.codec == "mpeg4" or stream.codec_context.name == "h264"
+        assert film.codec == "mpeg4" or stream.codec_context.name == "h264"
     assert Image.open(tmp_path / "sheet.png").width == 3 * 80 + 4 * 10
 
 
 @pytest.mark.parametrize("rate", [12.0, 30.0, 90.0])
 def test_a_film_is_as_long_as_its_sensor_time(gl, box, tmp_path, rate) -> None:
-    made = filmed(Walk(box, round(rate) + 1, rate), tmp_path / "film.mp4")
-    assert abs(made.pictures - 31) <= 1
+    film = filmed(Walk(box, round(rate) + 1, rate), tmp_path / "film.mp4")
+    assert abs(film.pictures - 31) <= 1
 
 
 def test_film_stops_at_the_requested_time(gl, box, tmp_path) -> None:
@@ -154,7 +154,7 @@ def test_an_odd_size_becomes_even(tmp_path) -> None:
 
 @pytest.mark.parametrize("name", ["libvpx-vp9", "mpeg4"])
 def test_film_without_h264_uses_another_codec_and_reports_it(name, tmp_path, monkeypatch, caplog) -> None:
-    only = tuple(one for one in ENCODERS if one.name == name)
+    only = tuple(encoder for encoder in ENCODERS if encoder.name == name)
     monkeypatch.setattr("enliven.film.encoders.ENCODERS", only)
     with FilmWriter(tmp_path / "old.mp4", (64, 32), 30, 1) as writer:
         writer.add(np.full((32, 64, 3), 200, np.uint8))
@@ -186,16 +186,16 @@ def test_the_profile_of_an_image_films_without_gpl(gl, box, tmp_path, caplog) ->
     profile = load_settings(ViewerSettings, PROFILES / "viewers" / "image.toml")
     settings = replace(SMALL, film=replace(SMALL.film, encoder=profile.film.encoder))
     document = Document(Timeline(bounded=False))
-    made = make_film(
+    film = make_film(
         Walk(box, 5), document, tmp_path / "film.mp4", None, settings, console=Console(quiet=True)
     )
-    licences = {one.name: one.licence for one in ENCODERS}
-    assert not licences[made.codec].startswith("GPL") and len(decoded(tmp_path / "film.mp4")) == 5
+    licences = {encoder.name: encoder.licence for encoder in ENCODERS}
+    assert not licences[film.codec].startswith("GPL") and len(decoded(tmp_path / "film.mp4")) == 5
     assert not caplog.text
 
 
 def test_the_setting_knows_every_encoder() -> None:
-    assert set(get_args(Encoder)) == {AUTO} | {one.name for one in ENCODERS}
+    assert set(get_args(Encoder)) == {AUTO} | {encoder.name for encoder in ENCODERS}
     with pytest.raises(InputError, match="encoder"):
         load_settings(ViewerSettings, {"film": {"encoder": "libx265"}})
 

@@ -56,9 +56,9 @@ def test_the_film_of_a_project_has_its_sound_from_its_first_picture_on(start, cl
     shape = still_shape("arm", clip.skeleton)
     project = Project().with_takes(clip).with_characters(shape).with_sounds(Sound("beat", samples, 0.2))
     write_project(tmp_path / "show.enliven", project)
-    made = tmp_path / "show.mp4"
-    export(tmp_path / "show.enliven", made, ["arm"], start=start, size="160x90")
-    assert click_at(made) == pytest.approx(clicks, abs=CODED)
+    film_path = tmp_path / "show.mp4"
+    export(tmp_path / "show.enliven", film_path, ["arm"], start=start, size="160x90")
+    assert click_at(film_path) == pytest.approx(clicks, abs=CODED)
 
 
 def test_missing_sound_encoder_gives_silent_film_and_warning(tmp_path, monkeypatch, caplog) -> None:

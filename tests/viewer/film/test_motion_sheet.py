@@ -19,9 +19,9 @@ SIZE = 160
 @pytest.mark.usefixtures("gl")
 def test_both_rows_move_and_are_whole(tmp_path):
     clip = random_motion(np.random.default_rng(1), man(), size=0.5)
-    made = retarget(stick_shape("horse", horse()), clip)
+    result = retarget(stick_shape("horse", horse()), clip)
     path = tmp_path / "new" / "sheet.png"
-    write_motion_sheet(path, made, "a man on a horse", frames=3, size=(SIZE, SIZE))
+    write_motion_sheet(path, result, "a man on a horse", frames=3, size=(SIZE, SIZE))
     sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)
     tiles = [
         [sheet[64 + r * (SIZE + 10) :, 10 + c * (SIZE + 10) :][: SIZE - 34, :SIZE] for c in range(3)]

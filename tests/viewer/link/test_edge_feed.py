@@ -23,9 +23,9 @@ from enliven_viewer.playback.timeline import NS
 
 @pytest.fixture
 def publisher():
-    made = Publisher(name="test-feed", host="127.0.0.1", pose_port=0, control_port=0)
-    yield made
-    made.close()
+    opened = Publisher(name="test-feed", host="127.0.0.1", pose_port=0, control_port=0)
+    yield opened
+    opened.close()
 
 
 def until(condition, *steps, seconds: float = PATIENCE) -> None:

@@ -19,9 +19,9 @@ AUDIENCE = Path(__file__).parents[1] / "audience_session.py"
 
 
 def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["frames"] >= 15 and said["spread"] > 5 and said["errors"] == []
-    assert said["asked"] == [
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["frames"] >= 15 and report["spread"] > 5 and report["errors"] == []
+    assert report["asked"] == [
         ["possess", "box", None, "all", "alone"],
         ["possess", "box", None, "legs", "preview"],
         ["possess", "box", 7, "legs", "preview"],
@@ -29,34 +29,38 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
         ["possess", "box", 7, "legs", "extend"],
         ["release", "box", 7],
     ]
-    assert said["help"] == "help"
-    assert said["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0, "held": 1.0}
-    assert not said["live"] and said["paused"] and said["speed"] == 2.0
-    assert said["notice"] == "" and said["size"][2] == 640
-    assert said["full"][2] > 640 and said["again"] == said["size"], "F11 fills the screen, and goes back"
-    assert said["over"], "Escape ends a window that was opened to watch"
+    assert report["help"] == "help"
+    assert report["look"] == {"body": 0.0, "reveal": 0.0, "cues": 0.0, "graph": 1.0, "held": 1.0}
+    assert not report["live"] and report["paused"] and report["speed"] == 2.0
+    assert report["notice"] == "" and report["size"][2] == 640
+    assert report["full"][2] > 640 and report["again"] == report["size"], (
+        "F11 fills the screen, and goes back"
+    )
+    assert report["over"], "Escape ends a window that was opened to watch"
 
 
 def test_window_without_an_edge_names_the_address(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path), "empty")
-    assert said["notice"] == "Waiting for a stage at 127.0.0.1:5580"
-    assert said["spread"] > 3 and said["errors"] == []
+    report = in_a_window(SESSION, str(tmp_path), "empty")
+    assert report["notice"] == "Waiting for a stage at 127.0.0.1:5580"
+    assert report["spread"] > 3 and report["errors"] == []
 
 
 def test_a_bare_window_is_the_picture_alone(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path), "bare")
-    assert said["size"] == [0, 0, 640, 480] and said["spread"] > 5 and said["over"]
+    report = in_a_window(SESSION, str(tmp_path), "bare")
+    assert report["size"] == [0, 0, 640, 480] and report["spread"] > 5 and report["over"]
 
 
 def test_an_audience_sees_the_performance_alone_and_no_frozen_picture(tmp_path: Path) -> None:
-    said = in_a_window(AUDIENCE, str(tmp_path))
-    assert said["done"], said
-    assert said["widgets"] == [] and said["area"] == [[0.0, 0.0], True], "no menu, no panel, no timeline"
-    assert said["live"] == ["", True]
-    assert said["words"] == "The stage is away. It comes back by itself."
-    assert said["replays"] == [True, True] and said["moves"] > 0.05, "what was performed last goes on"
-    assert said["back"] == ["", True], "the edge is followed again"
-    assert said["windowed"] == [False, True] and said["again"] == [True, False], "F11 is the way to the menus"
+    report = in_a_window(AUDIENCE, str(tmp_path))
+    assert report["done"], report
+    assert report["widgets"] == [] and report["area"] == [[0.0, 0.0], True], "no menu, no panel, no timeline"
+    assert report["live"] == ["", True]
+    assert report["words"] == "The stage is away. It comes back by itself."
+    assert report["replays"] == [True, True] and report["moves"] > 0.05, "what was performed last goes on"
+    assert report["back"] == ["", True], "the edge is followed again"
+    assert report["windowed"] == [False, True] and report["again"] == [True, False], (
+        "F11 is the way to the menus"
+    )
 
 
 def command() -> typer.Typer:
@@ -100,6 +104,6 @@ def test_sizes_and_addresses() -> None:
 
 
 def test_the_doctor_looks_at_what_the_viewer_needs() -> None:
-    found = {check.name: check for check in checks()}
-    assert set(found) == {"OpenGL off-screen", "window", "film encoder"}
-    assert all(check.ok or check.mend for check in found.values())
+    by_name = {check.name: check for check in checks()}
+    assert set(by_name) == {"OpenGL off-screen", "window", "film encoder"}
+    assert all(check.ok or check.mend for check in by_name.values())

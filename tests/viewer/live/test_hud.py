@@ -67,7 +67,7 @@ def test_text_is_what_the_typeface_draws(gl) -> None:
     expected = np.asarray(plain) / 255
     assert abs(drawn.sum() / expected.sum() - 1) < 0.12
     for axis in (0, 1):
-        ink, other = (np.nonzero(one.max(axis) > 0.3)[0] for one in (drawn, expected))
+        ink, other = (np.nonzero(image.max(axis) > 0.3)[0] for image in (drawn, expected))
         assert abs(ink.min() - other.min()) <= 2 and abs(ink.max() - other.max()) <= 4
     assert width == pytest.approx(font.getlength("Hold: 3.5 ms"), abs=4)
     assert np.nonzero(drawn.max(1))[0].max() < 20 + height
@@ -161,11 +161,11 @@ def test_problems_are_shown_in_the_colour_of_their_severity(gl, size) -> None:
 
 def test_problems_without_space_never_cover_the_timeline(gl) -> None:
     size = (640, 300)
-    one, many = canvas_of(gl, *size), canvas_of(gl, *size)
-    for target, count in ((one, 1), (many, 8)):
+    single, several = canvas_of(gl, *size), canvas_of(gl, *size)
+    for target, count in ((single, 1), (several, 8)):
         draw(gl, target, HudState(edge=ailing(*[Severity.WARNING] * count), length_s=3))
-    assert np.abs(pixels(one) - pixels(many))[: size[1] - 62].max() > 50
-    np.testing.assert_array_equal(pixels(one)[size[1] - 56 :], pixels(many)[size[1] - 56 :])
+    assert np.abs(pixels(single) - pixels(several))[: size[1] - 62].max() > 50
+    np.testing.assert_array_equal(pixels(single)[size[1] - 56 :], pixels(several)[size[1] - 56 :])
 
 
 def test_silent_edge_shows_no_health(gl) -> None:

@@ -98,7 +98,7 @@ def test_cards_show_each_match_as_it_is_seen() -> None:
 
 def test_each_character_that_chooses_has_its_row() -> None:
     other = replace(CHARACTER, id="spider")
-    actors = tuple(SceneCharacter(one, one.rest_pose()) for one in (CHARACTER, other))
+    actors = tuple(SceneCharacter(character, character.rest_pose()) for character in (CHARACTER, other))
     both = {"cross": BOARD, "spider": replace(BOARD, character="spider", shown=1)}
     cards = cards_of(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
     assert [(card.row, card.title) for card in cards] == [
@@ -123,11 +123,11 @@ def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> 
         picture = np.frombuffer(target.read(components=3, alignment=1), np.uint8).reshape(360, 640, 3)[::-1]
         return np.abs(picture.astype(int) - 51).sum(-1) > 12
 
-    both, one = ink((640, 360)), ink((200, 360))
+    both, narrow = ink((640, 360)), ink((200, 360))
     rows, columns = np.nonzero(both)
     assert rows.min() > 180 and rows.max() < 360 - 54
     assert abs((columns.min() + columns.max()) / 2 - 320) < 4
-    assert 0 < one.sum() < 0.7 * both.sum()
+    assert 0 < narrow.sum() < 0.7 * both.sum()
     assert not ink((100, 360)).any()
     bare = replace(BOARD, rows=tuple(replace(row, lines=(row.lines[0], RIGHT[:0])) for row in ROWS))
     cards = cards_of(scene(bare), front().view(1.5))

@@ -68,9 +68,9 @@ def test_bodies_are_blended_with_all_that_is_known_of_them() -> None:
         Body(1, np.full((20, 3), x), np.ones(20), np.tile(turn, (20, 1)), np.array([x, 0.0]), 1.7 + x)
         for x, turn in zip((0.0, 1.0), turns, strict=True)
     )
-    (made,) = blend_bodies((before,), (after,), 0.25)
-    assert made.joints[3, 1] == 0.25 and made.contacts[0] == 0.25 and made.stature == 1.7
-    angle = Rotation.from_quat(made.orientations, scalar_first=True).magnitude()
+    (blended,) = blend_bodies((before,), (after,), 0.25)
+    assert blended.joints[3, 1] == 0.25 and blended.contacts[0] == 0.25 and blended.stature == 1.7
+    angle = Rotation.from_quat(blended.orientations, scalar_first=True).magnitude()
     assert np.allclose(angle, 0.2)
     bare = Body(1, np.ones((20, 3)), np.ones(20))
     (mixed,) = blend_bodies((before,), (bare,), 0.75)

@@ -73,10 +73,10 @@ def test_a_film_shows_what_the_solver_makes_of_each_pose() -> None:
 
 
 def test_control_points_are_on_the_surface_wherever_the_puppet_stands() -> None:
-    made = pose(bent(), turn=2.0, at=(3.0, 0.1, -2.0))
-    seen = SolvedSurfaces(wait=True).vertices(CHARACTER, made)
-    assert seen is not None
-    np.testing.assert_allclose(seen[list(HELD)], made.positions[1:], atol=1e-4)
+    moved = pose(bent(), turn=2.0, at=(3.0, 0.1, -2.0))
+    vertices = SolvedSurfaces(wait=True).vertices(CHARACTER, moved)
+    assert vertices is not None
+    np.testing.assert_allclose(vertices[list(HELD)], moved.positions[1:], atol=1e-4)
 
 
 def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
@@ -84,10 +84,10 @@ def test_a_puppet_that_is_carried_about_keeps_its_shape() -> None:
     first = surfaces.vertices(CHARACTER, pose(bent()))
     for _ in range(20):
         first = surfaces.vertices(CHARACTER, pose(bent()))
-    made = pose(bent(), turn=-1.2, at=(0.5, 0.0, 4.0))
-    seen = surfaces.vertices(CHARACTER, made)
+    moved = pose(bent(), turn=-1.2, at=(0.5, 0.0, 4.0))
+    vertices = surfaces.vertices(CHARACTER, moved)
     assert first is not None
-    np.testing.assert_allclose(seen, first @ made.linear[0].T + made.positions[0], atol=2e-3)
+    np.testing.assert_allclose(vertices, first @ moved.linear[0].T + moved.positions[0], atol=2e-3)
 
 
 def test_no_picture_waits_and_the_surface_comes() -> None:
@@ -133,31 +133,31 @@ def test_undeformable_mesh_is_rigid_and_reported_once(caplog) -> None:
     loose = Mesh(np.vstack([CHAIR.vertices, [[0.0, 3.0, 0.0]]]), CHAIR.faces)
     points = (ControlPoint("nowhere", len(CHAIR.vertices)),)
     lost = character_of_puppet(Puppet("chair", loose, points))
-    surfaces, made = SolvedSurfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
+    surfaces, moved = SolvedSurfaces(wait=True), pose(np.array([[0.0, 3.0, 0.0]]))
     for _ in range(3):
-        assert surfaces.vertices(lost, made) is None
-    told = [record.getMessage() for record in caplog.records]
-    assert len(told) == 1
-    assert "as one piece" in told[0]
-    assert "loose" in told[0]
+        assert surfaces.vertices(lost, moved) is None
+    messages = [record.getMessage() for record in caplog.records]
+    assert len(messages) == 1
+    assert "as one piece" in messages[0]
+    assert "loose" in messages[0]
 
 
 def test_the_solver_has_the_puppets_own_settings() -> None:
     plain = character_of_puppet(puppet(settings=ArapSettings(squash_and_stretch=False)))
     long = bent(0.0)
     long[0, 1] += 0.5
-    made = [SolvedSurfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]
-    assert made[0] is not None
-    assert made[1] is not None
-    assert np.abs(made[0] - made[1]).max() > 0.01
+    solved = [SolvedSurfaces(wait=True).vertices(c, pose(long)) for c in (CHARACTER, plain)]
+    assert solved[0] is not None
+    assert solved[1] is not None
+    assert np.abs(solved[0] - solved[1]).max() > 0.01
 
 
 def test_soft_points_do_not_get_where_they_pull() -> None:
     pulls = np.array([0.05, 0, 0, 0], np.float32)
-    made = pose(bent())
-    seen = SolvedSurfaces(wait=True).vertices(replace(CHARACTER, pulls=pulls), made)
-    assert seen is not None
-    away = np.linalg.norm(seen[list(HELD)] - made.positions[1:], axis=1)
+    moved = pose(bent())
+    vertices = SolvedSurfaces(wait=True).vertices(replace(CHARACTER, pulls=pulls), moved)
+    assert vertices is not None
+    away = np.linalg.norm(vertices[list(HELD)] - moved.positions[1:], axis=1)
     assert away[0] > 0.02
     assert away[1:].max() < 1e-4
 
@@ -185,9 +185,9 @@ def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:
 
 
 def test_only_control_points_are_marked() -> None:
-    made = pose(bent(), at=(1.0, 0.0, 0.0))
-    rows = node_rows(SceneCharacter(CHARACTER, made), 1.0)
-    np.testing.assert_array_equal(rows[:, :3], made.positions[1:])
+    moved = pose(bent(), at=(1.0, 0.0, 0.0))
+    rows = node_rows(SceneCharacter(CHARACTER, moved), 1.0)
+    np.testing.assert_array_equal(rows[:, :3], moved.positions[1:])
 
 
 def test_unchanged_scene_costs_nothing() -> None:

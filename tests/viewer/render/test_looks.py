@@ -21,7 +21,7 @@ SMALL = RenderSettings(shadow_size=64, contact_size=32, samples=1)
 def shown(gl, of: RenderSettings, *boxes, eye=(0.0, 1.5, 5.0)) -> np.ndarray:
     renderer = Renderer(gl, (80, 60), of)
     camera = look_at(np.array(eye), np.array([0.0, 0.8, 0.0]))
-    actors = tuple(SceneCharacter(one, one.rest_pose()) for one in boxes)
+    actors = tuple(SceneCharacter(character, character.rest_pose()) for character in boxes)
     extent = (np.array([-0.3, 0.0, -0.3]), np.array([0.3, 1.0, 0.3]))
     view = CameraView(np.array(eye), camera, perspective(0.9, 4 / 3, 0.1, 90.0))
     renderer.draw(Scene(actors, (), PLAIN, extent=extent), view)
@@ -31,8 +31,8 @@ def shown(gl, of: RenderSettings, *boxes, eye=(0.0, 1.5, 5.0)) -> np.ndarray:
 def test_every_look_has_a_name_and_is_unlike_the_others(gl, box) -> None:
     assert set(LOOKS) == set(get_args(LookName))
     pictures = [shown(gl, replace(SMALL, look=look), box) for look in LOOKS]
-    for k, one in enumerate(pictures):
-        assert all(abs(one - other).mean() > 5 for other in pictures[:k])
+    for k, image in enumerate(pictures):
+        assert all(abs(image - other).mean() > 5 for other in pictures[:k])
 
 
 def test_the_character_stands_out_from_every_look(gl, box) -> None:

@@ -60,7 +60,7 @@ def view(eye: np.ndarray = EYE) -> CameraView:
 
 def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: RenderSettings = SMALL):
     renderer = Renderer(gl, SIZE, of)
-    actors = tuple(SceneCharacter(one, one.rest_pose()) for one in boards)
+    actors = tuple(SceneCharacter(character, character.rest_pose()) for character in boards)
     renderer.draw(Scene(actors, (), PLAIN), view(eye))
     return renderer.pixels() / 255
 
@@ -82,9 +82,9 @@ def ray_to(column: int, row: int, lean: float) -> np.ndarray:
 @pytest.mark.parametrize("look", ["studio", "night", "white"])
 @pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 0.9), (1.0, 0.3), (0.4, 0.55)])
 def test_textured_board_matches_the_slow_reference(gl, look: str, metallic: float, roughness: float) -> None:
-    told = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic, "roughnessFactor": roughness}
+    definition = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic, "roughnessFactor": roughness}
     lean, own = 0.6, replace(SMALL, look=look)
-    shown = drawn(gl, board({"pbrMetallicRoughness": told}, picture(PATCHES), lean=lean), of=own)
+    shown = drawn(gl, board({"pbrMetallicRoughness": definition}, picture(PATCHES), lean=lean), of=own)
     n = np.array([0.0, math.sin(lean), math.cos(lean)])
     for (row, column), colour in zip(np.ndindex(2, 2), PATCHES.reshape(-1, 3), strict=True):
         across, up = column / 2 - 0.25, 0.25 - row / 2
@@ -97,12 +97,12 @@ def test_textured_board_matches_the_slow_reference(gl, look: str, metallic: floa
 
 def test_metal_roughness_and_occlusion_come_from_their_textures(gl) -> None:
     numbers = np.full((1, 1, 3), (51, 128, 204), np.uint8)  # occlusion, roughness, metallic
-    one = {"index": 0}
-    told = {"pbrMetallicRoughness": {"metallicRoughnessTexture": one, "metallicFactor": 0.5}}
-    shown = drawn(gl, board({**told, "alphaMode": "OPAQUE"}, picture(numbers)))[32, 32]
+    texture = {"index": 0}
+    definition = {"pbrMetallicRoughness": {"metallicRoughnessTexture": texture, "metallicFactor": 0.5}}
+    shown = drawn(gl, board({**definition, "alphaMode": "OPAQUE"}, picture(numbers)))[32, 32]
     plain = {"pbrMetallicRoughness": {"metallicFactor": 0.4, "roughnessFactor": 128 / 255}}
     np.testing.assert_allclose(shown, drawn(gl, board(plain))[32, 32], atol=CLOSE)
-    darker = drawn(gl, board({**told, "occlusionTexture": one}, picture(numbers)))[32, 32]
+    darker = drawn(gl, board({**definition, "occlusionTexture": texture}, picture(numbers)))[32, 32]
     assert (darker < shown - 0.01).all()
 
 
@@ -121,13 +121,13 @@ def test_a_normal_map_lights_as_a_board_that_leans(gl) -> None:
 def test_holes_show_what_is_behind_and_throw_no_shadow(gl) -> None:
     half = np.zeros((2, 2, 4), np.uint8)
     half[:, 0] = 255
-    told = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK"}
+    definition = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK"}
     wall = board({"pbrMetallicRoughness": {"metallicFactor": 0.0}}, at=-1.0)
-    whole, nothing = drawn(gl, board(told, picture(half)), wall), drawn(gl, wall)
+    both, nothing = drawn(gl, board(definition, picture(half)), wall), drawn(gl, wall)
     left, right = (pixel_of(np.array([x, 1.0, 0.0])) for x in (-0.3, 0.3))
-    assert abs(whole[32, left[0]] - nothing[32, left[0]]).max() > 0.02
-    np.testing.assert_allclose(whole[32, right[0]], nothing[32, right[0]], atol=CLOSE)
-    dark = [shadow_of(gl, each) for each in (board(told, picture(half)), board({}))]
+    assert abs(both[32, left[0]] - nothing[32, left[0]]).max() > 0.02
+    np.testing.assert_allclose(both[32, right[0]], nothing[32, right[0]], atol=CLOSE)
+    dark = [shadow_of(gl, each) for each in (board(definition, picture(half)), board({}))]
     assert 0.35 * dark[1] < dark[0] < 0.65 * dark[1]
 
 
@@ -151,9 +151,9 @@ def test_glass_lets_the_wall_through_and_the_order_of_the_boards_does_not_matter
 
 
 def test_a_one_sided_board_is_not_seen_from_behind(gl) -> None:
-    behind, told = EYE * [1, 1, -1], {"pbrMetallicRoughness": {}}
+    behind, definition = EYE * [1, 1, -1], {"pbrMetallicRoughness": {}}
     empty = drawn(gl, eye=behind)
-    single, double = (drawn(gl, board({**told, "doubleSided": d}), eye=behind) for d in (False, True))
+    single, double = (drawn(gl, board({**definition, "doubleSided": d}), eye=behind) for d in (False, True))
     assert abs(single[32, 32] - empty[32, 32]).max() < 0.15  # its shadow may be there
     assert abs(double[32, 32] - empty[32, 32]).max() > abs(single[32, 32] - empty[32, 32]).max() + 0.05
 
@@ -189,17 +189,17 @@ def test_a_texture_transform_and_a_mirrored_texture_move_the_picture(gl) -> None
 
 def test_textures_are_shared_and_leave_with_their_last_character(gl) -> None:
     renderer, shared = Renderer(gl, SIZE, SMALL), picture(PATCHES)
-    told = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-    boards = [board(told, shared, at=z) for z in (0.0, 0.5)]
-    for some in (boards, boards[:1], [board(told, shared)], []):
+    definition = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    boards = [board(definition, shared, at=z) for z in (0.0, 0.5)]
+    for some in (boards, boards[:1], [board(definition, shared)], []):
         renderer.draw(Scene(tuple(SceneCharacter(b, b.rest_pose()) for b in some), (), PLAIN), view())
         assert len(renderer.textures) == bool(some)
 
 
 def test_broken_texture_is_white_and_reported(gl, caplog) -> None:
     broken = Texture(np.frombuffer(b"\x89PNG\r\n\x1a\n and no more", np.uint8))
-    told = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}}
-    shown = drawn(gl, board(told, broken))[32, 32]
+    definition = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0.0}}
+    shown = drawn(gl, board(definition, broken))[32, 32]
     assert "cannot be read" in caplog.text
     np.testing.assert_allclose(
         shown, drawn(gl, board({"pbrMetallicRoughness": {"metallicFactor": 0.0}}))[32, 32]
@@ -215,24 +215,24 @@ def test_a_seam_of_texture_coordinates_is_not_seen_in_the_light() -> None:
     faces = np.concatenate([np.stack([a, a + 16, b], 1), np.stack([b, a + 16, b + 16], 1)]).astype(np.int32)
     u = np.concatenate([np.stack([k, k, k + 1], 1), np.stack([k + 1, k, k + 1], 1)]) / 16
     uvs = np.stack([u, np.zeros_like(u)], -1)[:, :, None].astype(np.float32)
-    told = json.dumps({"emissiveTexture": {"index": 0}})
-    materials = MeshMaterials((told,), (picture(PATCHES),), np.zeros(32, np.int32), uvs)
+    definition = json.dumps({"emissiveTexture": {"index": 0}})
+    materials = MeshMaterials((definition,), (picture(PATCHES),), np.zeros(32, np.int32), uvs)
     skin = SkinWeights(np.zeros((32, 4), np.uint16), np.eye(4, dtype=np.float32)[np.zeros(32, int)])
     none, pivots = np.zeros((0, 2), np.int32), np.zeros((1, 3), np.float32)
     tube = Character("tube", vertices, faces, skin, pivots, none, materials=materials)
     cut = split_creases(vertices, faces, keys=paint_keys(tube))
-    whole = split_creases(vertices, faces)
-    assert len(cut.source) == len(whole.source) + 2
-    normal_of = dict(zip(whole.source.tolist(), whole.normals, strict=True))
+    uncut = split_creases(vertices, faces)
+    assert len(cut.source) == len(uncut.source) + 2
+    normal_of = dict(zip(uncut.source.tolist(), uncut.normals, strict=True))
     np.testing.assert_allclose(cut.normals, [normal_of[v] for v in cut.source.tolist()], atol=1e-6)
     np.testing.assert_allclose(painted(tube, cut).rows[cut.faces][:, :, 0], u, atol=1e-6)
 
 
 def test_materials_that_differ_in_numbers_are_drawn_in_one_call() -> None:
-    one = board({})
-    told = tuple(json.dumps({"pbrMetallicRoughness": {"roughnessFactor": k / 9}}) for k in range(9))
+    plain_board = board({})
+    definitions = tuple(json.dumps({"pbrMetallicRoughness": {"roughnessFactor": k / 9}}) for k in range(9))
     of = np.array([3, -1], np.int32)
-    both = replace(one, materials=replace(one.materials, definitions=told, of=of))
+    both = replace(plain_board, materials=replace(plain_board.materials, definitions=definitions, of=of))
     paint = painted(both, split_creases(both.vertices, both.faces, keys=paint_keys(both)))
     assert sorted((start, count) for _, start, count in paint.parts) == [(0, 1), (1, 1)]
     all_named = replace(both, materials=replace(both.materials, of=np.array([3, 7], np.int32)))
@@ -257,13 +257,15 @@ INNER = ("baseColorFactor", "metallicFactor", "roughnessFactor", "KHR_materials_
 @settings(max_examples=150, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), JUNK | st.dictionaries(st.sampled_from(INNER), JUNK)))
 def test_whatever_a_stranger_writes_becomes_a_material(definition: dict) -> None:
-    made = material_of(json.dumps(definition))
-    numbers = np.array([*made.base, made.metallic, made.roughness, *made.emissive, made.cutoff])
+    material = material_of(json.dumps(definition))
+    numbers = np.array(
+        [*material.base, material.metallic, material.roughness, *material.emissive, material.cutoff]
+    )
     assert np.isfinite(numbers).all() and (numbers >= 0).all()
-    assert made.alpha in ("OPAQUE", "MASK", "BLEND")
+    assert material.alpha in ("OPAQUE", "MASK", "BLEND")
 
 
 def test_a_character_refuses_materials_of_other_faces() -> None:
-    one = board({})
+    plain_board = board({})
     with pytest.raises(InputError, match="faces have materials"):
-        replace(one, faces=one.faces[:1])
+        replace(plain_board, faces=plain_board.faces[:1])

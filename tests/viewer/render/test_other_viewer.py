@@ -61,10 +61,10 @@ def test_colours_of_a_scan_are_the_same(tmp_path: Path) -> None:
     for number, own in enumerate((mesh, load_mesh(tmp_path / "scan.glb").mesh)):
         character = still_character(own)
         poses = [character.rest_pose()]
-        ((one,),), picture = compare(character, poses, file, tmp_path / f"browser {number}")
+        ((comparison,),), picture = compare(character, poses, file, tmp_path / f"browser {number}")
         keep(picture, f"scan {number}")
-        assert one.overlap > LEAST
-        assert len(one.colours) > 40 and one.colours.max() < CLOSE
+        assert comparison.overlap > LEAST
+        assert len(comparison.colours) > 40 and comparison.colours.max() < CLOSE
 
 
 def chequered() -> bytes:
@@ -78,16 +78,16 @@ def chequered() -> bytes:
 
 def rigged(path: Path) -> Path:
     """Writes two textured spheres: one jumps, is rotated by cubic keys and mirrored; one is skinned to it."""
-    made, (vertices, faces, uv) = Made(), sphere(20, 30)
-    picture = made.view(chequered())
-    made.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]
-    made.json["samplers"] = [{"wrapS": 33648, "wrapT": 10497}]
-    made.json["textures"] = [{"source": 0, "sampler": 0}]
+    gltf, (vertices, faces, uv) = Made(), sphere(20, 30)
+    picture = gltf.view(chequered())
+    gltf.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]
+    gltf.json["samplers"] = [{"wrapS": 33648, "wrapT": 10497}]
+    gltf.json["textures"] = [{"source": 0, "sampler": 0}]
     moved = {"offset": [0.1, -0.2], "rotation": 0.6, "scale": [2.5, 1.5]}
     texture = {"index": 0, "extensions": {"KHR_texture_transform": moved}}
-    made.json["extensionsUsed"] = ["KHR_texture_transform"]
+    gltf.json["extensionsUsed"] = ["KHR_texture_transform"]
     base = {"baseColorFactor": [0.9, 0.8, 1.0, 1.0], "metallicFactor": 0.0}
-    made.json["materials"] = [
+    gltf.json["materials"] = [
         {"pbrMetallicRoughness": {**base, "baseColorTexture": texture}, "doubleSided": True},
         {
             "pbrMetallicRoughness": {**base, "baseColorTexture": {"index": 0}},
@@ -101,37 +101,37 @@ def rigged(path: Path) -> Path:
     weights = np.stack([1 - lower, lower, 0 * lower, 0 * lower], 1).astype(np.float32)
     joints = np.tile(np.uint8([0, 1, 0, 0]), (len(vertices), 1))
     shared = {
-        "POSITION": made.accessor(vertices.astype(np.float32)),
-        "NORMAL": made.accessor(normals.astype(np.float32)),
-        "TEXCOORD_0": made.accessor(uv.astype(np.float32)),
+        "POSITION": gltf.accessor(vertices.astype(np.float32)),
+        "NORMAL": gltf.accessor(normals.astype(np.float32)),
+        "TEXCOORD_0": gltf.accessor(uv.astype(np.float32)),
     }
-    corner = {"indices": made.accessor(faces.reshape(-1).astype(np.uint16))}
+    corner = {"indices": gltf.accessor(faces.reshape(-1).astype(np.uint16))}
     tint = np.column_stack([0.3 + 0.7 * uv, np.ones((len(uv), 2))]).astype(np.float32)
-    stiff = {"attributes": {**shared, "COLOR_0": made.accessor(tint)}, "material": 0, **corner}
-    soft = {**shared, "JOINTS_0": made.accessor(joints), "WEIGHTS_0": made.accessor(weights)}
-    made.add("meshes", {"primitives": [stiff]})
-    made.add("meshes", {"primitives": [{"attributes": soft, "material": 1, **corner}]})
-    hips = made.node(name="hips", translation=[0.0, 1.2, 0.0])
-    arm = made.node(hips, name="arm", translation=[0.0, -0.6, 0.0])
-    made.node(hips, name="head", mesh=0, translation=[0.4, 0.2, 0.0], scale=[-0.7, 0.7, 0.7])
+    stiff = {"attributes": {**shared, "COLOR_0": gltf.accessor(tint)}, "material": 0, **corner}
+    soft = {**shared, "JOINTS_0": gltf.accessor(joints), "WEIGHTS_0": gltf.accessor(weights)}
+    gltf.add("meshes", {"primitives": [stiff]})
+    gltf.add("meshes", {"primitives": [{"attributes": soft, "material": 1, **corner}]})
+    hips = gltf.node(name="hips", translation=[0.0, 1.2, 0.0])
+    arm = gltf.node(hips, name="arm", translation=[0.0, -0.6, 0.0])
+    gltf.node(hips, name="head", mesh=0, translation=[0.4, 0.2, 0.0], scale=[-0.7, 0.7, 0.7])
     bind = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
     bind[:, 3, 1] = -1.2, -0.6
-    made.add("skins", {"joints": [hips, arm], "inverseBindMatrices": made.accessor(bind.reshape(2, 16))})
-    made.node(name="body", mesh=1, skin=0, translation=[0.0, 0.0, 0.0])
+    gltf.add("skins", {"joints": [hips, arm], "inverseBindMatrices": gltf.accessor(bind.reshape(2, 16))})
+    gltf.node(name="body", mesh=1, skin=0, translation=[0.0, 0.0, 0.0])
     channels = [
         (hips, "translation", "STEP", [[0, 1.2, 0], [0.5, 1.5, 0], [-0.4, 1.1, 0.2]]),
         (arm, "rotation", "CUBICSPLINE", cubic()),
         (hips, "rotation", "LINEAR", [[0, 0, 0, 1], [0, 0.6, 0, 0.8], [0, 0, 0.3826834, 0.9238795]]),
     ]
-    times = made.accessor(np.array([0.0, 0.5, 1.3], np.float32))
+    times = gltf.accessor(np.array([0.0, 0.5, 1.3], np.float32))
     animation = {"channels": [], "samplers": []}
     for node, way, how, values in channels:
-        output = made.accessor(np.array(values, np.float32))
+        output = gltf.accessor(np.array(values, np.float32))
         animation["samplers"].append({"input": times, "output": output, "interpolation": how})
         sampler = len(animation["samplers"]) - 1
         animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": way}})
-    made.add("animations", animation)
-    return made.write(path)
+    gltf.add("animations", animation)
+    return gltf.write(path)
 
 
 def cubic() -> list[list[float]]:
@@ -152,6 +152,8 @@ def test_a_textured_rig_is_the_same_in_motion(tmp_path: Path) -> None:
     compared, picture = compare(character_of(shape), poses, files, tmp_path / "browser")
     keep(picture, "rigged")
     assert picture.shape == (3 * SIZE, len(times) * SIZE, 3)
-    for one in [one for row in compared for one in row]:
-        assert one.overlap > LEAST
-        assert len(one.colours) > 8 and one.colours.max() < 2 * CLOSE, "fields of a texture meet in a region"
+    for comparison in [comparison for row in compared for comparison in row]:
+        assert comparison.overlap > LEAST
+        assert len(comparison.colours) > 8 and comparison.colours.max() < 2 * CLOSE, (
+            "fields of a texture meet in a region"
+        )

@@ -82,9 +82,9 @@ def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
     while take.poll(document):
         pass
     assert take.unreadable == 0 and len(document.timeline) == 5
-    found = document.timeline.at(3 * NS).props
-    np.testing.assert_allclose(found.positions, loose(0, 0.3).positions, atol=3e-4)
-    assert found.note == "x"
+    props = document.timeline.at(3 * NS).props
+    np.testing.assert_allclose(props.positions, loose(0, 0.3).positions, atol=3e-4)
+    assert props.note == "x"
 
 
 @pytest.mark.parametrize("fineness", [2, 3, 6])
@@ -131,12 +131,12 @@ def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
     camera.frame((low, high), 4 / 3, at_once=True)
     view = camera.view(4 / 3)
     floor = drawn(renderer, Scene(), view)
-    found = drawn(renderer, Scene(props=loose()), view)
-    reddish = (found[..., 0] > 1.6 * found[..., 1]).sum()
-    greenish = (found[..., 1] > 1.6 * found[..., 0]).sum()
+    image = drawn(renderer, Scene(props=loose()), view)
+    reddish = (image[..., 0] > 1.6 * image[..., 1]).sum()
+    greenish = (image[..., 1] > 1.6 * image[..., 0]).sum()
     assert 200 < reddish < 6000 and 150 < greenish < reddish * 1.5
-    grey = np.abs(found - found.mean(-1, keepdims=True)).max(-1) < 12
-    assert ((floor.mean(-1) - found.mean(-1) > 12) & grey).sum() > 60, "there is no shadow on the floor"
+    grey = np.abs(image - image.mean(-1, keepdims=True)).max(-1) < 12
+    assert ((floor.mean(-1) - image.mean(-1) > 12) & grey).sum() > 60, "there is no shadow on the floor"
 
 
 def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:

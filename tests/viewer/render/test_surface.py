@@ -127,10 +127,10 @@ def test_shared_corner_normals_match_the_slow_reference(
     if not len(faces):
         return
     surface = split_creases(vertices, faces, crease)
-    found = defaultdict(set)
+    groups = defaultdict(set)
     for k, group in enumerate(surface.groups.reshape(-1)):
-        found[int(group)].add(k)
-    assert {frozenset(corners) for corners in found.values()} == slow_groups(vertices, faces, crease)
+        groups[int(group)].add(k)
+    assert {frozenset(corners) for corners in groups.values()} == slow_groups(vertices, faces, crease)
     np.testing.assert_array_equal(surface.source[surface.faces], faces)
     np.testing.assert_array_equal(surface.group[surface.faces], surface.groups)
 

@@ -29,7 +29,7 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
     assert search.searching, "the window does not wait"
     until(lambda: (search.poll(), search.cameras is not None)[1])
     assert not search.problem and not search.searching
-    assert all(one.title for one in search.cameras or ())
+    assert all(camera.title for camera in search.cameras or ())
     search.close()
 
 
@@ -47,8 +47,8 @@ def test_preview_shows_the_cameras_image() -> None:
 
 
 def test_a_camera_starts_by_its_words_unless_something_is_missing() -> None:
-    one = Camera("OAK-D S1", "oak", {"device": "S1"})
-    assert one.words == ("--sensor", "oak", "--set", "device=S1") and one.can_start
+    camera = Camera("OAK-D S1", "oak", {"device": "S1"})
+    assert camera.words == ("--sensor", "oak", "--set", "device=S1") and camera.can_start
     assert not Camera("Kinect", "", {}, "no driver ships for it", "Add one.").can_start
     assert not Camera("OAK", "oak", {}, "depthai is not installed", "Type: pip install").can_start
 

@@ -68,8 +68,8 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     assert {actor.character.id for actor in shown.actors} == {"chair", f"{guest.name}/chair"}
     assert f"Performer 1 at {guest.name}" in session.present
     views = views_of(session)
-    assert [one.name for one in views] == ["Performer", guest.name]
-    assert all(one.bodies for one in views), "each edge's performers are seen in a view of their own"
+    assert [view.name for view in views] == ["Performer", guest.name]
+    assert all(view.bodies for view in views), "each edge's performers are seen in a view of their own"
     session.recording.record()
     until(session, lambda: session.recording.seconds > 0.3)
     edges[0][0].kill()
@@ -80,7 +80,7 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session.recording.stop()
     project = session.editor.project
     assert set(project.graphs) == {"chair", f"{guest.name}/chair"}
-    lasts = [project.end_of(one) for one in project.graphs.values()]
+    lasts = [project.end_of(graph) for graph in project.graphs.values()]
     assert lasts[1] > lasts[0] + 0.5, "the second one was recorded to the end"
     assert len(session.editor.history.names) == 1, "one edit"
     session.part(guest)

@@ -25,9 +25,13 @@ def moved(body: Body, right: float, away: float) -> Body:
 @given(st.floats(0.0, 17.0), st.floats(-0.4, 0.4), st.floats(0.3, 3.0))
 def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second, right, away):
     near, far = (seen([moved(performer(second), right, more)])[0] for more in (0.0, away))
-    for one in (near, far):
-        assert np.isfinite(one.places).all()
-        assert one.places[Joint.HEAD, 1] < one.places[Joint.HIP_CENTER, 1] < one.places[Joint.ANKLE_LEFT, 1]
+    for skeleton in (near, far):
+        assert np.isfinite(skeleton.places).all()
+        assert (
+            skeleton.places[Joint.HEAD, 1]
+            < skeleton.places[Joint.HIP_CENTER, 1]
+            < skeleton.places[Joint.ANKLE_LEFT, 1]
+        )
     assert np.ptp(far.places[:, 1]) < np.ptp(near.places[:, 1])
     assert far.pixels(0.1, int(Joint.HEAD)) < near.pixels(0.1, int(Joint.HEAD))
     depths = [near.depth[list(bone)].sum() for bone in near.bones]
@@ -35,8 +39,8 @@ def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second,
 
 
 def test_performer_behind_the_world_camera_is_seen_from_the_front():
-    (one,) = seen([moved(performer(1.0), 3.0, -4.0)])
-    inside = (one.places > 0.0) & (one.places < [WIDER, 1.0])
+    (skeleton,) = seen([moved(performer(1.0), 3.0, -4.0)])
+    inside = (skeleton.places > 0.0) & (skeleton.places < [WIDER, 1.0])
     assert inside.all() and seen([]) == ()
 
 

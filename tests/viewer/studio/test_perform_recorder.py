@@ -33,9 +33,9 @@ def test_a_recording_begun_right_after_a_restart_counts_by_the_new_clock(later: 
     assert recorder.seconds == 0.0, "one frame is no second, whatever the old clock said"
     hear(recorder, *range(later + 1, later + 33))
     assert recorder.seconds == pytest.approx(30 / 30, abs=1e-6)
-    kept = recorder.end()
-    assert kept.since_ns == (later + 2) * STEP
-    assert [one.time_ns // STEP for one in kept.frames] == list(range(later, later + 33))
+    recorded = recorder.end()
+    assert recorded.since_ns == (later + 2) * STEP
+    assert [taken.time_ns // STEP for taken in recorded.frames] == list(range(later, later + 33))
 
 
 def test_restart_while_recording_keeps_only_the_earlier_part() -> None:
@@ -46,7 +46,7 @@ def test_restart_while_recording_keeps_only_the_earlier_part() -> None:
     recorder.restarted()
     assert recorder.cut
     hear(recorder, 10, 11)
-    assert [one.time_ns // STEP for one in recorder.end().frames] == [7, 8, 9]
+    assert [taken.time_ns // STEP for taken in recorder.end().frames] == [7, 8, 9]
 
 
 def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> None:
@@ -56,9 +56,9 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
     hear(recorder, 2, 3)
     recorder.begin("take 1")
     hear(recorder, 4)
-    kept = recorder.end()
-    assert kept.since_ns == 3 * STEP and [said.mode for said in kept.events] == ["alone"]
-    assert [one.time_ns // STEP for one in kept.frames] == [1, 2, 3, 4]
+    recorded = recorder.end()
+    assert recorded.since_ns == 3 * STEP and [event.mode for event in recorded.events] == ["alone"]
+    assert [taken.time_ns // STEP for taken in recorded.frames] == [1, 2, 3, 4]
 
 
 def test_topic_bursts_after_a_slow_frame_do_not_end_the_recording(box) -> None:

@@ -52,11 +52,11 @@ def test_still_counts_from_where_the_last_performer_came_to_rest(moving: int, st
     last = swaying(2, 4 * (moving - 1))
     rests = [[standing(1, 0.02, n), last] for n in range(still)]
     frames = [*moves, *rests]
-    found = seen(frames)
+    stillness = seen(frames)
     now = (len(frames) - 1) * STEP
-    assert found.since_ns is not None
-    assert abs(found.since_ns - moving * STEP) <= 2 * STEP
-    assert found.seconds(now) == pytest.approx(still / 30, abs=0.1)
+    assert stillness.since_ns is not None
+    assert abs(stillness.since_ns - moving * STEP) <= 2 * STEP
+    assert stillness.seconds(now) == pytest.approx(still / 30, abs=0.1)
 
 
 def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
@@ -89,12 +89,12 @@ def session(tmp_path: Path):
         text=True,
     )
     assert edge.stdout is not None
-    made = PerformSession(Editor(), tmp_path)
-    made.room, made.count_in = "Perform", False
-    made.connect(":".join(["127.0.0.1", *edge.stdout.readline().split()]))
-    until(made, lambda: made.holders)
-    yield made
-    made.disconnect()
+    connected = PerformSession(Editor(), tmp_path)
+    connected.room, connected.count_in = "Perform", False
+    connected.connect(":".join(["127.0.0.1", *edge.stdout.readline().split()]))
+    until(connected, lambda: connected.holders)
+    yield connected
+    connected.disconnect()
     edge.kill()
     edge.wait()
 
@@ -153,8 +153,8 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
     mesh, editor = load_sample("chair"), session.editor
 
     def scanned(project: Project) -> Project:
-        made = project_of_mesh(mesh, "chair")
-        return project.with_streams(*made.streams.values()).with_characters(made.graph("chair"))
+        chair = project_of_mesh(mesh, "chair")
+        return project.with_streams(*chair.streams.values()).with_characters(chair.graph("chair"))
 
     for kind, add in (("puppet", lambda project: make_puppet(project, mesh, "chair")), ("graph", scanned)):
         editor.begin(Project())

@@ -78,9 +78,9 @@ class House:
 @pytest.fixture
 def house(tmp_path) -> Iterator[House]:
     with Outlet(WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0), "person") as outlet:
-        made = House(outlet, tmp_path)
-        yield made
-        made.session.disconnect()
+        opened = House(outlet, tmp_path)
+        yield opened
+        opened.session.disconnect()
 
 
 def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:

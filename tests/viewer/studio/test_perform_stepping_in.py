@@ -62,12 +62,12 @@ class Sitting:
     @property
     def held(self) -> set[str]:
         """Returns the characters with a performer attached."""
-        return {one.character for one in self.perform.holders}
+        return {holder.character for holder in self.perform.holders}
 
     @property
     def toasts(self) -> list[tuple[str, str]]:
         """Returns the notifications and their advice."""
-        return [(one.text, one.mend) for one in self.editor.toasts.shown]
+        return [(toast.text, toast.mend) for toast in self.editor.toasts.shown]
 
 
 def person(x: float = 0.0, z: float = -2.5) -> Body:
@@ -83,135 +83,135 @@ def actor(name: str = "chair", **options: object) -> EmbeddedActor:
 @pytest.fixture
 def sitting(tmp_path: Path, monkeypatch) -> Iterator:
     monkeypatch.setattr(stepping_in, "SEEN_S", 0.1)
-    made: list[Sitting] = []
+    opened: list[Sitting] = []
 
     def make(*actors: EmbeddedActor) -> Sitting:
-        made.append(Sitting(tmp_path, *actors))
-        return made[-1]
+        opened.append(Sitting(tmp_path, *actors))
+        return opened[-1]
 
     yield make
-    for one in made:
-        one.perform.disconnect()
-        one.house.close()
+    for session in opened:
+        session.perform.disconnect()
+        session.house.close()
 
 
 def test_person_in_view_steps_in_at_once(sitting) -> None:
-    one = sitting(actor())
-    one.connect()
-    one.present = [person()]
-    one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
-    assert not one.perform.stepping_in.words
-    one.until(lambda: one.held == {"chair"})
-    assert not one.toasts
+    session = sitting(actor())
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.perform.stepping_in.press()
+    assert not session.perform.stepping_in.words
+    session.until(lambda: session.held == {"chair"})
+    assert not session.toasts
 
 
 def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
-    one = sitting(actor())
-    one.connect()
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words.startswith("No one is in view"), "it is said at once"
-    one.pictures(5)
-    assert not one.held and one.perform.stepping_in.waits
-    one.present = [person()]
-    one.until(lambda: one.held == {"chair"})
-    assert not one.perform.stepping_in.waits and not one.toasts
+    session = sitting(actor())
+    session.connect()
+    session.perform.stepping_in.press()
+    assert session.perform.stepping_in.words.startswith("No one is in view"), "it is said at once"
+    session.pictures(5)
+    assert not session.held and session.perform.stepping_in.waits
+    session.present = [person()]
+    session.until(lambda: session.held == {"chair"})
+    assert not session.perform.stepping_in.waits and not session.toasts
 
 
 def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
-    one = sitting(actor())
-    one.connect()
-    one.perform.stepping_in.press()
-    one.perform.stepping_in.press()
-    one.present = [person()]
-    one.until(lambda: one.perform.performers)
-    one.pictures(10)
-    assert not one.held and not one.perform.stepping_in.waits
+    session = sitting(actor())
+    session.connect()
+    session.perform.stepping_in.press()
+    session.perform.stepping_in.press()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.pictures(10)
+    assert not session.held and not session.perform.stepping_in.waits
 
 
 def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
     monkeypatch.setattr(stepping_in, "PATIENCE_S", 0.1)
-    one = sitting(actor())
-    one.connect()
-    one.perform.stepping_in.press()
-    one.until(lambda: not one.perform.stepping_in.waits)
-    assert one.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
+    session = sitting(actor())
+    session.connect()
+    session.perform.stepping_in.press()
+    session.until(lambda: not session.perform.stepping_in.waits)
+    assert session.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
 
 
 def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
-    one = sitting(actor(place="fixed"))
-    one.connect()
-    one.present = [person(z=-9.0)]
-    one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
-    one.until(lambda: one.toasts)
-    ((what, mend),) = one.toasts
-    assert what.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
-    assert not one.perform.stepping_in.waits
+    session = sitting(actor(place="fixed"))
+    session.connect()
+    session.present = [person(z=-9.0)]
+    session.until(lambda: session.perform.performers)
+    session.perform.stepping_in.press()
+    session.until(lambda: session.toasts)
+    ((message, mend),) = session.toasts
+    assert message.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
+    assert not session.perform.stepping_in.waits
 
 
 def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
-    one = sitting(actor("bench"))
-    one.connect()
-    one.present = [person()]
-    add_sample(one.editor, "chair")
-    one.editor.choose("chair")
-    one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == "chair is being made ready for the stage"
-    one.until(lambda: one.held == {"chair"}, "the chair, and not the bench that stood there")
+    session = sitting(actor("bench"))
+    session.connect()
+    session.present = [person()]
+    add_sample(session.editor, "chair")
+    session.editor.choose("chair")
+    session.until(lambda: session.perform.performers)
+    session.perform.stepping_in.press()
+    assert session.perform.stepping_in.words == "chair is being made ready for the stage"
+    session.until(lambda: session.held == {"chair"}, "the chair, and not the bench that stood there")
 
 
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
-    one = sitting(actor())
-    one.perform.connect(str(one.house.outlet.publisher.endpoint))
-    one.perform.live.near = True  # a stage that was started by this window
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == one.perform.live.making
-    one.present = [person()]
-    one.until(lambda: one.held == {"chair"})
+    session = sitting(actor())
+    session.perform.connect(str(session.house.outlet.publisher.endpoint))
+    session.perform.live.near = True  # a stage that was started by this window
+    session.perform.stepping_in.press()
+    assert session.perform.stepping_in.words == session.perform.live.making
+    session.present = [person()]
+    session.until(lambda: session.held == {"chair"})
 
 
 def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
-    one = sitting(actor(), actor("scan"))
-    one.connect()
-    one.present = [person()]
-    one.until(lambda: one.perform.performers and len(one.perform.standing) == 2)
-    one.house.outlet.send(ScanMessage(1, "scanning"), 0)
-    one.until(lambda: one.perform.stepping_in._scan.phase == "scanning")
-    one.perform.stepping_in.press()
-    assert one.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
-    one.house.outlet.send(ScanMessage(1, "finishing"), 0)
-    one.until(lambda: one.perform.stepping_in._scan.phase == "finishing")
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == "The scan becomes a character"
-    one.pictures(5)
-    assert not one.held
-    one.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
-    one.until(lambda: one.held == {"scan"})
+    session = sitting(actor(), actor("scan"))
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers and len(session.perform.standing) == 2)
+    session.house.outlet.send(ScanMessage(1, "scanning"), 0)
+    session.until(lambda: session.perform.stepping_in._scan.phase == "scanning")
+    session.perform.stepping_in.press()
+    assert session.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
+    session.house.outlet.send(ScanMessage(1, "finishing"), 0)
+    session.until(lambda: session.perform.stepping_in._scan.phase == "finishing")
+    session.perform.stepping_in.press()
+    assert session.perform.stepping_in.words == "The scan becomes a character"
+    session.pictures(5)
+    assert not session.held
+    session.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
+    session.until(lambda: session.held == {"scan"})
 
 
 def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
-    one = sitting(actor())
-    one.connect()
-    one.present = [person()]
-    one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
+    session = sitting(actor())
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.perform.stepping_in.press()
     end = time.monotonic() + PATIENCE
-    while not one.perform.stepping_in.words and time.monotonic() < end:
-        one.poll()  # the edge compiles meanwhile, and is otherwise idle
+    while not session.perform.stepping_in.words and time.monotonic() < end:
+        session.poll()  # the edge compiles meanwhile, and is otherwise idle
         time.sleep(0.01)
-    assert one.perform.stepping_in.words.startswith("The stage is busy")
-    one.until(lambda: one.held == {"chair"})
+    assert session.perform.stepping_in.words.startswith("The stage is busy")
+    session.until(lambda: session.held == {"chair"})
 
 
 def test_empty_and_missing_stage_are_reported(sitting) -> None:
-    one = sitting()
-    one.connect()
-    one.until(lambda: one.perform.connected)
-    one.perform.stepping_in.press()
-    assert one.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
-    one.perform.disconnect()
-    one.perform.stepping_in.press()
-    assert not one.perform.stepping_in.waits
+    session = sitting()
+    session.connect()
+    session.until(lambda: session.perform.connected)
+    session.perform.stepping_in.press()
+    assert session.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
+    session.perform.disconnect()
+    session.perform.stepping_in.press()
+    assert not session.perform.stepping_in.waits

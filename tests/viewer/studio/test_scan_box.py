@@ -27,8 +27,8 @@ def lens_from(turn=0.0, up=0.0):
 
 
 def pixel(lens, point):
-    (found,) = lens.pixels_of(np.array([point]))
-    return found
+    (place,) = lens.pixels_of(np.array([point]))
+    return place
 
 
 def middle_of(box, side):
@@ -105,8 +105,8 @@ def test_initial_box_encloses_the_central_object():
     thing = random.uniform([-0.3, 0.0, 0.1], [0.2, 0.9, 0.4], (4000, 3))
     floor = random.uniform([-3, -0.01, -3], [3, 0.01, 3], (4000, 3))
     cupboard = random.uniform([1.5, 0.0, 1.5], [2.0, 2.0, 2.0], (4000, 3))
-    found = box_about(np.concatenate([thing, floor, cupboard]))
-    np.testing.assert_allclose(found, [[-0.32, 0.0, 0.08], [0.22, 0.92, 0.42]], atol=0.02)
+    box = box_about(np.concatenate([thing, floor, cupboard]))
+    np.testing.assert_allclose(box, [[-0.32, 0.0, 0.08], [0.22, 0.92, 0.42]], atol=0.02)
     assert (np.diff(box_about(floor), axis=0) > 0.5).all(), "where nothing stands, one of a chair's size"
 
 

@@ -31,25 +31,25 @@ def carried(tmp_path_factory):
 
 
 def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path), str(carried), seconds=600.0)
-    assert said["done"], said.get("missing", said)
-    assert said["lacks"].startswith("No stage is connected")
-    assert said["size"] == "room"
-    assert said["grown"][1] > 1.3 * said["grown"][0] > 0
-    assert said["words"].startswith(("Walk", "Hold it", "Good"))
-    assert said["undone"][1] < said["undone"][0]
-    (low, high), (lower, dragged) = np.array(said["dragged"])
-    assert said["view kept"], said["dragged"]
+    report = in_a_window(SESSION, str(tmp_path), str(carried), seconds=600.0)
+    assert report["done"], report.get("missing", report)
+    assert report["lacks"].startswith("No stage is connected")
+    assert report["size"] == "room"
+    assert report["grown"][1] > 1.3 * report["grown"][0] > 0
+    assert report["words"].startswith(("Walk", "Hold it", "Good"))
+    assert report["undone"][1] < report["undone"][0]
+    (low, high), (lower, dragged) = np.array(report["dragged"])
+    assert report["view kept"], report["dragged"]
     assert 0.5 * high[1] < dragged[1] < high[1] - 0.05, "the top came down, and was taken again there"
     assert (lower == low).all() and (dragged[[0, 2]] == high[[0, 2]]).all()
-    faces, (wide, tall, deep) = said["scanned"]
+    faces, (wide, tall, deep) = report["scanned"]
     # At a centimetre, from a third of a round, or less on a busy machine; only inside the box.
     assert 1000 < faces <= 50_000
     assert (np.array([wide, tall, deep]) < dragged - lower + 0.02).all() and tall > 0.6 * dragged[1]
-    assert said["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
-    assert len(said["places"]) == 1, "no button moves as advice comes and goes"
-    assert said["undone edit"] == []
-    assert said["again"] == [["scan"], True], "the same character, of more pictures"
+    assert report["chosen"] == ["scan", "scan scan", True], "one edit, chosen, with its colours"
+    assert len(report["places"]) == 1, "no button moves as advice comes and goes"
+    assert report["undone edit"] == []
+    assert report["again"] == [["scan"], True], "the same character, of more pictures"
 
 
 def message(**given: object) -> ScanMessage:
@@ -99,8 +99,8 @@ def test_the_arrow_leads_from_the_camera_to_where_it_is_wanted() -> None:
     camera = OrbitCamera()
     camera.frame((np.array([-1.5, 0.0, -1.5]), np.array([1.5, 1.5, 1.5])), 1.6, at_once=True)
     lens = Lens(camera.view(1.6), (800.0, 500.0))
-    told = scan_marks(message(view=view(1.2)), lens)
-    assert any(isinstance(mark, Fill) for mark in told), "the head of the arrow"
+    marks = scan_marks(message(view=view(1.2)), lens)
+    assert any(isinstance(mark, Fill) for mark in marks), "the head of the arrow"
     lost = scan_marks(message(view=view(1.2), tracking="lost"), lens)
-    assert 0 < len(lost) < len(told) and not any(isinstance(mark, Fill) for mark in lost)
+    assert 0 < len(lost) < len(marks) and not any(isinstance(mark, Fill) for mark in lost)
     assert scan_marks(message(phase="done"), lens) == ()

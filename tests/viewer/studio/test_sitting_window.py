@@ -89,15 +89,15 @@ def test_one_sitting_scans_speaks_possesses_plays_and_records(needs: tuple[str, 
     rehearsal(tmp_path / "say.wav")
     (tmp_path / "edge.toml").write_text(SETTINGS)
     words = [str(tmp_path), str(tmp_path / "depth.mcap"), str(tmp_path / "edge.toml")]
-    said = in_a_window(SESSION, *words, seconds=1000.0)
-    assert said["done"], said.get("missing", said)
-    assert said["heard"].startswith("Heard: puppet follow my pose")
-    assert said["not understood"].startswith("Not understood: ")
-    assert said["phrases"] == 2
+    report = in_a_window(SESSION, *words, seconds=1000.0)
+    assert report["done"], report.get("missing", report)
+    assert report["heard"].startswith("Heard: puppet follow my pose")
+    assert report["not understood"].startswith("Not understood: ")
+    assert report["phrases"] == 2
     # The performer may return while the pointer moves to the button.
-    assert said["waits"].startswith(("No one is in view", "Stand still")), "a press is answered at once"
-    assert said["held"] == ["Performer 1 is in the scan: the whole body"], "and done without another press"
-    assert said["recorded"][0] > 0 and said["recorded"][1]
-    assert said["moves"] > 0.02, "what was recorded plays"
-    assert said["boxes"] == 48, "the towers, of which a box fell"
-    assert len(said["possess moved"]) == 1, "the primary button never moves"
+    assert report["waits"].startswith(("No one is in view", "Stand still")), "a press is answered at once"
+    assert report["held"] == ["Performer 1 is in the scan: the whole body"], "and done without another press"
+    assert report["recorded"][0] > 0 and report["recorded"][1]
+    assert report["moves"] > 0.02, "what was recorded plays"
+    assert report["boxes"] == 48, "the towers, of which a box fell"
+    assert len(report["possess moved"]) == 1, "the primary button never moves"

@@ -12,12 +12,14 @@ BELOW = ("look for cameras", "voice wanted", "address", "connect", "recorded per
 
 
 def test_widgets_stay_in_place_as_cameras_are_found_and_previewed(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
+    report = in_a_window(SESSION, str(tmp_path))
     for shown, least in (("start page", 20), ("no stage", 30), ("a scan", 5)):
-        assert said[shown]["frames"] >= least, shown
-        assert said[shown]["moved"] == {}, shown
-    assert set(BELOW) <= set(said["no stage"]["widgets"])
-    assert "do Armchair" in said["start page"]["widgets"] and "scan start" in said["a scan"]["widgets"]
-    assert said["no stage"]["seen"] == ["camera 0", "camera 1", "camera 2", "look 0"], "all lists were shown"
-    assert said["looked"] == ["near is bright", True], "a look has a place of its own"
-    assert said["the edge's own list"][1] == "", "the edge's own program filled the list"
+        assert report[shown]["frames"] >= least, shown
+        assert report[shown]["moved"] == {}, shown
+    assert set(BELOW) <= set(report["no stage"]["widgets"])
+    assert "do Armchair" in report["start page"]["widgets"] and "scan start" in report["a scan"]["widgets"]
+    assert report["no stage"]["seen"] == ["camera 0", "camera 1", "camera 2", "look 0"], (
+        "all lists were shown"
+    )
+    assert report["looked"] == ["near is bright", True], "a look has a place of its own"
+    assert report["the edge's own list"][1] == "", "the edge's own program filled the list"

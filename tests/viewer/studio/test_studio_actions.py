@@ -23,18 +23,18 @@ SESSION = Path(__file__).parents[1] / "studio_actions_session.py"
 
 
 def test_every_action_is_done_from_its_menu_and_by_its_key(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["refused"] == {} and said["complaints"] == []
-    assert said["menu"] == [name for name, _ in said["all"]]
-    assert said["keys"] == [name for name, has_key in said["all"] if has_key]
-    assert said["found"][0] == "tool.puppet" and said["palette does"] == "puppet"
-    assert said["stays open"] == "palette", "what cannot be done stays to be read"
-    assert said["palette"] == ["", False]
-    assert said["free key"] == [["j"], ""]
-    assert said["asked"] == ["f", ["j"]], "a key of another action is asked about"
-    assert said["taken"] == [["f"], []] and said["by the new key"] is False
-    assert said["freed"] == [], "a button in sight takes a key away"
-    assert said["went to"] == [2, True]
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"] and report["refused"] == {} and report["complaints"] == []
+    assert report["menu"] == [name for name, _ in report["all"]]
+    assert report["keys"] == [name for name, has_key in report["all"] if has_key]
+    assert report["found"][0] == "tool.puppet" and report["palette does"] == "puppet"
+    assert report["stays open"] == "palette", "what cannot be done stays to be read"
+    assert report["palette"] == ["", False]
+    assert report["free key"] == [["j"], ""]
+    assert report["asked"] == ["f", ["j"]], "a key of another action is asked about"
+    assert report["taken"] == [["f"], []] and report["by the new key"] is False
+    assert report["freed"] == [], "a button in sight takes a key away"
+    assert report["went to"] == [2, True]
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +60,8 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
     for _ in range(AT_RANDOM):
         wish = dict(chance.choice(CHOSEN))
         wish["character"] = chance.choice([wish["character"], *editor.project.characters])
-        known = editor.project.characters.get(str(wish["character"]))
-        if known is None or len(known.handles) < 3:
+        character = editor.project.characters.get(str(wish["character"]))
+        if character is None or len(character.handles) < 3:
             wish |= {"handle": None, "chain": ()}
         editor.select(**wish)
         name = chance.choice(names)
@@ -111,9 +111,9 @@ def test_letters_of_a_name_in_their_order_find_it_and_no_others_do(name: str, da
 
 
 def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) -> None:
-    found = lambda typed: [action.id for action in stage.actions.find(typed)]  # noqa: E731
-    assert found("cm")[:2] in (["motion.copy", "motion.clear"], ["motion.clear", "motion.copy"])
-    assert found("undo")[0] == "edit.undo" and found("no such thing") == []
+    ids_for = lambda typed: [action.id for action in stage.actions.find(typed)]  # noqa: E731
+    assert ids_for("cm")[:2] in (["motion.copy", "motion.clear"], ["motion.clear", "motion.copy"])
+    assert ids_for("undo")[0] == "edit.undo" and ids_for("no such thing") == []
 
 
 def test_last_action_is_offered_first(stage: Workspace) -> None:
@@ -133,13 +133,13 @@ ROOMS: dict[str, tuple[str, ...]] = {"d": ("Here",), "e": ("Here", "There"), "f"
 
 def table(folder: Path, done: list[str]) -> ActionTable:
     """Returns three actions with global keys, one without a key, and three with keys of their workspaces."""
-    made = ActionTable(Toasts(6.0), Preferences(folder))
+    actions = ActionTable(Toasts(6.0), Preferences(folder))
     keys = {"a": ("x",), "b": ("ctrl+y", "z"), "c": (), "d": ("x",), "e": ("f5",), "f": ("x",)}
     for name, own in keys.items():
         rooms = ROOMS.get(name, ())
         deed = lambda name=name: done.append(name)  # noqa: E731
-        made.add(Action(name, "Menu", name.upper(), own, deed, rooms=rooms))
-    return made
+        actions.add(Action(name, "Menu", name.upper(), own, deed, rooms=rooms))
+    return actions
 
 
 keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
@@ -155,21 +155,23 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     folder, done = tmp_path_factory.mktemp("keys"), list[str]()
     actions = table(folder, done)
     for name, action, key in todo:
-        getattr(actions, name)(*(one for one in (action, key) if one))
+        getattr(actions, name)(*(part for part in (action, key) if part))
         if name == "give":
             assert all(actions.holder(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "own_keys":
             assert not actions.changed and actions.holder("x").id == "a"
-    again = table(folder, done)
-    assert [again.keys_of(one) for one in again] == [actions.keys_of(one) for one in actions]
+    reopened = table(folder, done)
+    assert [reopened.keys_of(action) for action in reopened] == [
+        actions.keys_of(action) for action in actions
+    ]
     for room in ("", "Here", "There"):
-        here = [one for one in actions if (room in one.rooms if room else not one.rooms)]
-        held = [key for action in here for key in actions.keys_of(action)]
-        assert len(held) == len(set(held)), "a key has one meaning in a workspace"
-        again.room = lambda room=room: room
-        for key in held:
+        in_room = [action for action in actions if (room in action.rooms if room else not action.rooms)]
+        room_keys = [key for action in in_room for key in actions.keys_of(action)]
+        assert len(room_keys) == len(set(room_keys)), "a key has one meaning in a workspace"
+        reopened.room = lambda room=room: room
+        for key in room_keys:
             done.clear()
-            assert again.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
+            assert reopened.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
 
 
 def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
@@ -180,7 +182,7 @@ def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
         assert actions.press("x", own=True) is bool(room) and actions.press("x")
     assert done == ["a", "d", "a", "f", "a"]
     actions.give("e", "x")
-    assert [actions.keys_of(actions[one]) for one in "adef"] == [("x",), (), ("x",), ()]
+    assert [actions.keys_of(actions[action_id]) for action_id in "adef"] == [("x",), (), ("x",), ()]
 
 
 def test_an_action_that_takes_anothers_key_or_name_is_refused(tmp_path) -> None:

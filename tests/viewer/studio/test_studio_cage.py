@@ -20,9 +20,9 @@ def workspace(make_limb, tmp_path) -> Workspace:
     stream = PoseStream("swing", np.tile(np.eye(3), (31, 4, 1, 1)), ways, 0.1)
     mesh = make_limb("post", 4, 1.2, (0.0, 0.1, 0.0)).mesh
     cage = cage_of(mesh, "post", (Swing("swing"),))
-    made = Workspace.new(Editor(), tmp_path)
-    made.store.new(Project().with_streams(stream).with_characters(cage))
-    return made
+    opened = Workspace.new(Editor(), tmp_path)
+    opened.store.new(Project().with_streams(stream).with_characters(cage))
+    return opened
 
 
 def do(workspace: Workspace, *actions) -> Workspace:

@@ -63,11 +63,11 @@ def test_the_chosen_character_is_followed_when_it_walks_off_and_not_when_it_is_s
 def test_looks_come_in_turn_and_come_back(make_limb) -> None:
     workspace = workspace_of(make_limb)
     begin = workspace.editor.look
-    found = []
+    looks = []
     for _ in LOOKS:
         workspace.input.key("shift+l")
-        found.append(workspace.editor.look)
-    assert set(found) == set(LOOKS) and found[-1] == begin
+        looks.append(workspace.editor.look)
+    assert set(looks) == set(LOOKS) and looks[-1] == begin
 
 
 def test_ctrl_f_frames_the_whole_path_and_f_the_current_pose() -> None:

@@ -82,10 +82,10 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
     def clip_after(x: float, by: float, word: str, **held: bool):
         drag(workspace, x, y, by, **held)
         assert editor.history.names == (word,), "one edit"
-        (made,) = clips_of(editor.project, name, bar.layers[0])
+        (clip,) = clips_of(editor.project, name, bar.layers[0])
         editor.undo()
         assert same(editor.project, before)
-        return made
+        return clip
 
     middle = (bar.left + bar.right) / 2
     moved = clip_after(middle, 0.5 * second, "move clip")
@@ -110,7 +110,7 @@ def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_pat
     lasts = clip.end - clip.begin
     project = split_clip(PROJECT, name, numbers, clip.begin + 0.5 * lasts)
     workspace = desk(tmp_path, blend_clips(project, name, numbers, 0, 0.4 * lasts))
-    bar = next(one for one in workspace.timeline.layout.bars() if len(one.clips) == 2)
+    bar = next(each for each in workspace.timeline.layout.bars() if len(each.clips) == 2)
     layout, y = workspace.timeline.layout, bar.top + LANE / 2
     before, after = (clip for clip in bar.clips)
     middle = (layout.x(after.begin) + layout.x(before.end)) / 2
@@ -142,9 +142,11 @@ def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
         timeline.press(solo, heads[0].top + HEAD / 2)
         timeline.release(solo)
         others = [
-            one for key, one in workspace.editor.project.characters.items() if key != heads[0].character.id
+            character
+            for key, character in workspace.editor.project.characters.items()
+            if key != heads[0].character.id
         ]
-        assert {layer.muted for one in others for layer in one.playing} == {muted}
+        assert {layer.muted for character in others for layer in character.playing} == {muted}
 
 
 def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) -> None:
@@ -168,16 +170,16 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
     for time in (0.5, 1.25):
         editor.scrub(time)
         clips.mark()
-    assert {key: one.seconds for key, one in editor.project.markers.items()} == {
+    assert {key: marker.seconds for key, marker in editor.project.markers.items()} == {
         "marker": 0.5,
         "marker 2": 1.25,
     }
     editor.scrub(0.6)
-    found = []
+    times = []
     for way in (1, 1, -1, -1, -1):
         clips.jump(way)
-        found.append(editor.time)
-    assert found == [1.25, editor.length, 1.25, 0.5, 0.0]
+        times.append(editor.time)
+    assert times == [1.25, editor.length, 1.25, 0.5, 0.0]
     x = timeline.layout.x(0.5)
     drag(workspace, x, RULER / 2, timeline.layout.x(0.8) - x)
     assert editor.project.markers["marker"].seconds == pytest.approx(0.8)
@@ -217,8 +219,8 @@ def test_every_end_of_every_clip_is_found_where_it_is_drawn(share, blend, width)
     project = blend_clips(project, name, [0], 0, blend)
     layout = TimelineLayout(project, 4.0, width)
     (bar,) = layout.bars()
-    for number, one in enumerate(bar.clips):
-        left, right = layout.x(one.begin), layout.x(one.end)
+    for number, played in enumerate(bar.clips):
+        left, right = layout.x(played.begin), layout.x(played.end)
         handle = layout.handle_at(right, bar.top + LANE / 2)
         assert handle.kind in ("edge", "begin")
         if right - left > 80 and number == 0:
@@ -273,6 +275,6 @@ def test_a_trimmed_clip_leaves_its_pixels_free(tmp_path: Path) -> None:
     name = NAMES["graph"]
     (clip,) = clips_of(PROJECT, name, 0)
     project = trim_clip(PROJECT, name, [0], 0, end=clip.begin + 0.3)
-    bar = next(one for one in TimelineLayout(project, 4.0, 1500.0).bars() if one.character.id == name)
+    bar = next(each for each in TimelineLayout(project, 4.0, 1500.0).bars() if each.character.id == name)
     layout = TimelineLayout(project, 4.0, 1500.0)
     assert layout.handle_at(layout.x(clip.begin + 0.6), bar.top + 5).kind == "ruler"

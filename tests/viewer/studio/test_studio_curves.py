@@ -85,7 +85,7 @@ def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, of
 def at(curves: CurveInput, number: int, axis: int) -> tuple[float, float]:
     group = curves.shown()
     assert group is not None
-    dot = next(one for one in group.dots if (one.number, one.axis) == (number, axis))
+    dot = next(each for each in group.dots if (each.number, each.axis) == (number, axis))
     return curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
 
 
@@ -125,7 +125,7 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     x, y = curves.timeline.layout.x(30 * KEY_STEP), curves.scale(group).y(33.0)
     curves.double(x, y)
     keys = keys_of(editor.project, name, BONE)
-    assert len(keys) == 4 and 33.0 in [pytest.approx(one, abs=0.01) for one in keys[2][1].degrees]
+    assert len(keys) == 4 and 33.0 in [pytest.approx(value, abs=0.01) for value in keys[2][1].degrees]
     curves.press(*at(curves, 2, 0))
     curves.release(*at(curves, 2, 0))
     curves.ease("step")
@@ -172,7 +172,7 @@ def test_a_scale_keeps_what_is_under_the_pointer(low, wide, y, notches, pixels) 
     assert zoomed.value(y) == pytest.approx(scale.value(y), abs=1e-6 * (1 + wide))
     assert scale.panned(pixels).y(scale.value(y)) == pytest.approx(y + pixels, abs=1e-5)
     ticks = scale.ticks()
-    assert all(low - 1e-6 <= one <= low + wide + 1e-6 for one in ticks) and 1 <= len(ticks) <= 8
+    assert all(low - 1e-6 <= tick <= low + wide + 1e-6 for tick in ticks) and 1 <= len(ticks) <= 8
     steps = np.diff(ticks)
     assert not len(steps) or np.ptp(steps) < 1e-6 * wide
     assert replace(scale, height=80.0).y(low) == pytest.approx(80.0)
@@ -297,20 +297,20 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     editor.size = (800.0, 600.0)
     editor.frame_all(at_once=True)
     editor.time, tool = 0.6, PoseTool(editor)
-    assert not any(isinstance(one, Disc) for one in tool.overlay().marks), "no dots before it sets keys"
+    assert not any(isinstance(mark, Disc) for mark in tool.overlay().marks), "no dots before it sets keys"
     editor.keying = True
     assert len(tool.overlay().marks) == len(editor.project.graph(name).positions)
     nodes = np.array(editor.posed(name).nodes, float)
     pixels = np.array(editor.lens.pixels_of(nodes))
-    apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
-    node = int(apart.min(1).argmax())  # one that is alone in the image
+    distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
+    node = int(distances.min(1).argmax())  # one that is alone in the image
     drag(tool, tuple(pixels[node]), (0, -40))
     assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
     ((time, key),) = keys_of(editor.project, name, node)
     assert time == pytest.approx(0.6, abs=KEY_STEP) and np.abs(key.metres).max() > 0.01
     moved = np.array(editor.posed(name).nodes, float)
-    (found,) = editor.lens.pixels_of(moved[[node]])
-    np.testing.assert_allclose(found, pixels[node] + (0, -40), atol=0.5)
+    (pixel,) = editor.lens.pixels_of(moved[[node]])
+    np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3
     commands = KeyCommands(editor)
     assert not commands.lacks_key()

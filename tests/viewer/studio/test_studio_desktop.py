@@ -39,8 +39,8 @@ def test_on_a_screen_of_twice_the_density_all_is_twice_as_large_in_its_place(tmp
         for name, place in plain["widgets"].items():
             # Glyph widths are rounded to half a pixel, which adds up along menus.
             np.testing.assert_allclose(other["widgets"][name], place, atol=12.0, err_msg=name)
-    for said in (plain, dense, large):
-        np.testing.assert_allclose(said["pointer"], said["aimed"], atol=1.0)
+    for report in (plain, dense, large):
+        np.testing.assert_allclose(report["pointer"], report["aimed"], atol=1.0)
 
 
 @given(st.floats(320, 4096), st.floats(400, 4096), st.booleans(), st.booleans())
@@ -92,10 +92,10 @@ SEEN = {
 @pytest.mark.parametrize("eyes", SEEN)
 def test_status_colours_differ_for_all_eyes(eyes: str) -> None:
     matrix = np.array(SEEN[eyes].split(), float).reshape(3, 3)
-    seen = [lab(matrix @ linear(colour[:3])) for colour in (theme.GOOD, theme.WAIT, theme.BAD)]
-    for k, one in enumerate(seen):
-        for other in seen[k + 1 :]:
-            assert np.linalg.norm(one - other) > 25.0, "ten times what is just noticed"
+    shades = [lab(matrix @ linear(colour[:3])) for colour in (theme.GOOD, theme.WAIT, theme.BAD)]
+    for k, colour in enumerate(shades):
+        for other in shades[k + 1 :]:
+            assert np.linalg.norm(colour - other) > 25.0, "ten times what is just noticed"
 
 
 def linear(colour: tuple[float, ...]) -> np.ndarray:

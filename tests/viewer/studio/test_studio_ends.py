@@ -35,20 +35,20 @@ FINGERS = 0.2
 def workspace() -> Workspace:
     project = project_of_mesh(KNOWN.mesh, "man")
     settings = StudioSettings(render=RenderSettings(shadow_size=64, contact_size=32, samples=1))
-    made = Workspace(Editor(project=project, settings=settings))
-    made.editor.choose("man")
-    made.editor.frame_all(at_once=True)
-    return made
+    opened = Workspace(Editor(project=project, settings=settings))
+    opened.editor.choose("man")
+    opened.editor.frame_all(at_once=True)
+    return opened
 
 
 @pytest.fixture
 def tool(workspace) -> EndsTool:
     workspace.input.take("ends")
-    found = workspace.input.tool
-    assert isinstance(found, EndsTool)
-    assert not len(found.marks)
-    found.wait()
-    return found
+    ends_tool = workspace.input.tool
+    assert isinstance(ends_tool, EndsTool)
+    assert not len(ends_tool.marks)
+    ends_tool.wait()
+    return ends_tool
 
 
 def drag(tool: EndsTool, start, end) -> None:
@@ -118,8 +118,8 @@ def named(seed):
 @given(st.integers(0, 10**6), st.floats(0.2, 5.0))
 def test_ends_stay_on_the_mesh_through_edits(seed, factor):
     project = named(seed)
-    one = project.character("man")
-    at = [int(np.linalg.norm(one.mesh.vertices - end, axis=1).argmin()) for end in one.ends]
+    character = project.character("man")
+    at = [int(np.linalg.norm(character.mesh.vertices - end, axis=1).argmin()) for end in character.ends]
     larger = scale_character(project, "man", factor).character("man")
     np.testing.assert_allclose(larger.ends, larger.mesh.vertices[at], atol=ROUNDED * factor)
     other = mirror_character(project, "man", (1.0, 0.0, 0.0)).character("man")
@@ -135,8 +135,8 @@ def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
         [int(np.linalg.norm(KNOWN.mesh.vertices - KNOWN.joints[k], axis=1).argmin()) for k in ENDS]
     ]
     ends = ends[[0, 2, 1, 4, 3]]  # rotated by half a turn: the left end must become the right one
-    one = project.character("man").with_changes(ends=ends)
-    data = character_bytes(project.with_characters(one), "man")
+    character = project.character("man").with_changes(ends=ends)
+    data = character_bytes(project.with_characters(character), "man")
     for fit in (False, True):
         order = PutCharacter("man", 1, b"\0" * 32, len(data), fit)
         actor = cast_sent(data, order, EdgeSettings())

@@ -112,13 +112,15 @@ def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
     lefts = []
     for count in (1, 2, 3):
         project = posed((0.0, 0.75, 2.25)[:count])
-        found = coverages.of(project, project.puppets["star"], take)
-        assert found is not None
-        frames = [round(pose.time / found.step) for pose in project.puppets["star"].poses]
-        assert np.abs(found.away[frames]).max() < 1e-9 and found.left == pytest.approx(found.away.max())
-        assert not set(found.frames[: found.needed]) & set(frames)
-        assert coverages.of(project, project.puppets["star"], take) is found, "kept"
-        lefts.append(found.left)
+        coverage = coverages.of(project, project.puppets["star"], take)
+        assert coverage is not None
+        frames = [round(pose.time / coverage.step) for pose in project.puppets["star"].poses]
+        assert np.abs(coverage.away[frames]).max() < 1e-9 and coverage.left == pytest.approx(
+            coverage.away.max()
+        )
+        assert not set(coverage.frames[: coverage.needed]) & set(frames)
+        assert coverages.of(project, project.puppets["star"], take) is coverage, "kept"
+        lefts.append(coverage.left)
     assert lefts == sorted(lefts, reverse=True)
 
 
@@ -134,10 +136,10 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     project = project_with("head")
 
     project = add_point(project, "star", vertex("foot"))
-    made = with_guessed_joints(project, "star", "walk").puppets["star"].points
-    assert made[0].name == "head" and made[0].joint == "bone 3", "what is paired stays"
-    assert made[1].joint and made[1].name == spoken_joint(made[1].joint)
-    assert not made[1].foot, "one foot alone is none"
+    points = with_guessed_joints(project, "star", "walk").puppets["star"].points
+    assert points[0].name == "head" and points[0].joint == "bone 3", "what is paired stays"
+    assert points[1].joint and points[1].name == spoken_joint(points[1].joint)
+    assert not points[1].foot, "one foot alone is none"
     with pytest.raises(InputError, match="no take"):
         with_guessed_joints(project, "star", "")
 
@@ -211,7 +213,7 @@ switch_lists = st.lists(st.integers(1, 119), min_size=0, max_size=8, unique=True
 
 
 def taking_turns(switches: tuple[Switch, ...]) -> bool:
-    frames, kinds = [one.frame for one in switches], [one.kind for one in switches]
+    frames, kinds = [switch.frame for switch in switches], [switch.kind for switch in switches]
     ascending = all(a < b for a, b in itertools.pairwise(frames))
     return frames[0] == 0 and ascending and all(a != b for a, b in itertools.pairwise(kinds))
 
@@ -220,12 +222,12 @@ def taking_turns(switches: tuple[Switch, ...]) -> bool:
 def test_switches_alternate_after_any_edit(switches, frame, data) -> None:
     added = added_switch(switches, frame, 120)
     assert taking_turns(added) and added[-1].frame < 120
-    if 0 < frame < 120 and frame not in {one.frame for one in switches}:
-        assert frame in {one.frame for one in added}
+    if 0 < frame < 120 and frame not in {switch.frame for switch in switches}:
+        assert frame in {switch.frame for switch in added}
     number = data.draw(st.integers(0, len(switches) - 1))
     assert taking_turns(removed_switch(switches, number))
     moved = moved_switch(switches, number, frame, 120)
-    assert taking_turns(moved) and [one.kind for one in moved] == [one.kind for one in switches]
+    assert taking_turns(moved) and [switch.kind for switch in moved] == [switch.kind for switch in switches]
     assert moved[-1].frame < 120
 
 
@@ -282,10 +284,10 @@ def test_the_performer_looks_where_the_mesh_looks_whatever_its_yaw(tmp_path) -> 
     workspace, _ = studio(tmp_path, *NAMES, take="quarter turn")
     view = workspace.performer
     assert view.moment == ("quarter turn", 0.0)
-    one, other = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
-    assert one is not None and other is not None
-    np.testing.assert_allclose(one.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
-    np.testing.assert_allclose(other.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
+    first, second = view.figure(("sway", 0.0)), view.figure(("sway", 1.0))
+    assert first is not None and second is not None
+    np.testing.assert_allclose(first.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(second.joints[0] * [1, 0, 1], 0.0, atol=1e-9)
 
 
 def test_the_first_take_that_is_shown_is_played_and_others_are_only_shown(tmp_path) -> None:

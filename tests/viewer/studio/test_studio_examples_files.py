@@ -102,8 +102,8 @@ def test_session_is_saved_and_opens_next_to_the_others(tmp_path) -> None:
     assert (
         list(project.puppets) == ["star", "star 2"] and workspace.puppets.puppet is project.puppets["star 2"]
     )
-    one, other = (state_of(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
-    np.testing.assert_allclose(other.places, one.places, atol=1e-6)
+    first, second = (state_of(project, project.puppets[name], 1.1) for name in ("star", "star 2"))
+    np.testing.assert_allclose(second.places, first.places, atol=1e-6)
     assert [name for name in project.takes if name.startswith("sway")] == ["sway"], "the take is the same one"
 
 
@@ -124,7 +124,9 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     assert "Wrote 1 shape to star.glb" in said(workspace) and "mm" in said(workspace)
     written = pygltflib.GLTF2().load(tmp_path / "star.glb")
     samplers = written.animations[0].samplers
-    assert max(written.accessors[one.input].max[0] for one in samplers) == pytest.approx(3.0, abs=0.05)
+    assert max(written.accessors[sampler.input].max[0] for sampler in samplers) == pytest.approx(
+        3.0, abs=0.05
+    )
     assert len(written.skins) == 1 and len(samplers) > 10
 
 

@@ -61,13 +61,13 @@ def middle(row: Lane) -> float:
 )
 def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width, scrolled) -> None:
     times = tuple(3 * frame / 30 for frame in frames)
-    held = (Position("left", 45, (0.0, 0.5, 0.0)),)
-    project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=held)
+    positions = (Position("left", 45, (0.0, 0.5, 0.0)),)
+    project = posed(times, offset=offset, speed=speed, switches=SWITCHES, positions=positions)
     shown = PuppetDetails(project.puppet("star"), lambda take: None, lambda layer: SWITCHES)
     lanes = TimelineLayout(project, 10.0, width, scrolled, shown)
     assert [row.kind for row in lanes.lanes()] == ["bar", "poses", "band", "held"]
     tops = [(row.top, row.top + row.height) for row in lanes.lanes()]
-    assert all(one[1] <= other[0] for one, other in itertools.pairwise(tops))
+    assert all(upper[1] <= lower[0] for upper, lower in itertools.pairwise(tops))
     bare = [lane for lane in lanes.lanes() if middle(lane) >= RULER]  # the ruler covers the others
     poses = row_of(lanes, "poses")
     for number, x in shown.poses(lanes, poses):
@@ -148,8 +148,8 @@ def test_switches_are_moved_added_removed_and_found_again(tmp_path) -> None:
     timeline = workspace.timeline
 
     def switches() -> list[tuple[int, str]] | None:
-        found = workspace.editor.project.puppets["star"].layers[0].switches
-        return None if found is None else [(one.frame, one.kind) for one in found]
+        switches = workspace.editor.project.puppets["star"].layers[0].switches
+        return None if switches is None else [(switch.frame, switch.kind) for switch in switches]
 
     def at(second: float) -> tuple[float, float]:
         lanes = timeline.layout

@@ -10,9 +10,13 @@ SESSION = Path(__file__).parents[1] / "studio_examples_session.py"
 
 
 def test_a_star_acts_after_two_poses_in_the_window(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["spread"] > 30 and said["bad"] == [], said
-    assert said["chosen"] and said["plays"] == ["sway"] and said["paired"] == "bone 3" and said["foot"], said
-    assert said["joints"] and said["editing"] == 1 and said["poses"] == 2 and said["problem"] == "None", said
-    assert said["retimed"] and said["duplicated"] == 3 and said["removed"] == 2, said
-    assert said["time"] > 0.2 and said["held"] == 1 and said["left"] and said["again"], said
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"] and report["spread"] > 30 and report["bad"] == [], report
+    assert (
+        report["chosen"] and report["plays"] == ["sway"] and report["paired"] == "bone 3" and report["foot"]
+    ), report
+    assert (
+        report["joints"] and report["editing"] == 1 and report["poses"] == 2 and report["problem"] == "None"
+    ), report
+    assert report["retimed"] and report["duplicated"] == 3 and report["removed"] == 2, report
+    assert report["time"] > 0.2 and report["held"] == 1 and report["left"] and report["again"], report

@@ -22,13 +22,13 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
-    made = acting_stage(tmp_path / "own", 320, 240)
+    opened = acting_stage(tmp_path / "own", 320, 240)
     for name in ("star", "post"):
-        made.editor.edit("delete", lambda project, name=name: project.without(name))
-    made.actions.do("edit.duplicate")
-    made.editor.choose("limb")
-    made.actions.do("edit.duplicate")
-    return made
+        opened.editor.edit("delete", lambda project, name=name: project.without(name))
+    opened.actions.do("edit.duplicate")
+    opened.editor.choose("limb")
+    opened.actions.do("edit.duplicate")
+    return opened
 
 
 def said(workspace: Workspace) -> str:
@@ -48,8 +48,8 @@ def test_an_export_holds_the_characters_seconds_and_rate_that_were_chosen(worksp
     path = tmp_path / "out.glb"
     assert "Wrote 1 shape" in written(workspace, path, left_out={"limb 2"}, first=0.5, last=1.5, rate=12)
     model = pygltflib.GLTF2().load(path)
-    ends = {model.accessors[one.input].max[0] for one in model.animations[0].samplers}
-    counts = {model.accessors[one.input].count for one in model.animations[0].samplers}
+    ends = {model.accessors[sampler.input].max[0] for sampler in model.animations[0].samplers}
+    counts = {model.accessors[sampler.input].count for sampler in model.animations[0].samplers}
     assert max(ends) == pytest.approx(1.0, abs=0.01) and max(counts) == 13
     assert len(model.skins) == 1
     written(workspace, path)

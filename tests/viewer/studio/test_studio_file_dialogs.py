@@ -28,11 +28,11 @@ def test_places_are_the_users_own_and_recent_folders_each_once(tmp_path: Path, m
         str(tmp_path / "gone" / "c.glb"),
         str(home / "d.glb"),
     ]
-    found = places(recent, work)
-    folders = [folder for _, folder in found]
+    listed = places(recent, work)
+    folders = [folder for _, folder in listed]
     assert folders[0] == home and home / "Downloads" in folders and work in folders
     assert folders.count(card) == 1 and folders.count(home) == 1
-    assert tmp_path / "gone" not in folders and ("Home", home) in found
+    assert tmp_path / "gone" not in folders and ("Home", home) in listed
     assert Path(home.anchor) in folders
 
 
@@ -41,11 +41,11 @@ def test_files_are_sorted_by_name_time_or_size(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(bytes(size))
         os.utime(path, (1e9 + number, 1e9 + number))
-    browser, found = FileBrowser(tmp_path, (".glb",)), {}
+    browser, orders = FileBrowser(tmp_path, (".glb",)), {}
     for order in ("name", "newest", "largest"):
         browser.order = order
-        found[order] = "".join(path.stem for path in browser.files())
-    assert found == {"name": "abc", "newest": "cab", "largest": "acb"}
+        orders[order] = "".join(path.stem for path in browser.files())
+    assert orders == {"name": "abc", "newest": "cab", "largest": "acb"}
 
 
 def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
@@ -116,11 +116,11 @@ def test_foreign_project_file_is_identified_in_plain_words(kind: str, tmp_path: 
     workspace = Workspace.new(Editor(), tmp_path / "own")
     before = workspace.editor.project
     assert not workspace.attempt(lambda: workspace.open(path))
-    said = " ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
-    assert kind in said or "cut short or damaged" in said, said
-    assert "ending in .enliven" not in said
+    messages = " ".join(f"{toast.text} {toast.mend}" for toast in workspace.editor.toasts.shown)
+    assert kind in messages or "cut short or damaged" in messages, messages
+    assert "ending in .enliven" not in messages
     for word in ("Error", "Expecting", "delimiter", "column", "BadZip", "char 0", "line 1"):
-        assert word not in said, said
+        assert word not in messages, messages
     if kind == "a glTF model":
-        assert "ending in .glb" in said
+        assert "ending in .glb" in messages
     assert workspace.editor.project is before

@@ -38,9 +38,9 @@ WINDOW_KILLED = Path(__file__).parents[1] / "studio_window_killed.py"
 @pytest.fixture
 def workspace(make_limb, tmp_path) -> Workspace:
     """Returns a workspace with one unsaved edit."""
-    made = Workspace.new(Editor(), tmp_path / "recovery")
-    made.editor.edit("add", lambda project: project.with_characters(make_limb("limb", 3)))
-    return made
+    opened = Workspace.new(Editor(), tmp_path / "recovery")
+    opened.editor.edit("add", lambda project: project.with_characters(make_limb("limb", 3)))
+    return opened
 
 
 def finished_process() -> int:
@@ -217,8 +217,8 @@ def test_a_saved_name_gets_its_ending(tmp_path) -> None:
 
 def test_a_shape_is_renamed_in_its_place(make_limb) -> None:
     project = Editor().project.with_characters(make_limb("a", 2), make_limb("b", 2))
-    made = rename_character(project, "a", "mantle")
-    assert list(made.shapes) == ["mantle", "b"] and made.shapes["mantle"].id == "mantle"
+    renamed = rename_character(project, "a", "mantle")
+    assert list(renamed.shapes) == ["mantle", "b"] and renamed.shapes["mantle"].id == "mantle"
     with pytest.raises(InputError, match="already"):
         rename_character(project, "a", "b")
 
@@ -249,21 +249,21 @@ def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
 
 
 def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path) -> None:
-    said = in_a_window(FILES, str(tmp_path))
-    assert said["done"], said
-    assert said["at first"] == "Untitled - enliven" and said["changed"] == "*Untitled - enliven"
-    assert said["saved"] == ["Untitled - enliven", "", True], "Ctrl+S and Enter save at once"
-    assert said["saved as"] == ["squid - enliven", ""]
-    assert said["warns"] == ["save as", True] and said["replaced"] == ["squid - enliven", ""]
-    assert said["dropped"] == ["limb", "limb 2", "post", "star"] and "nothing.glb" in said["told"][0]
-    first, none, again = said["clip"]
+    report = in_a_window(FILES, str(tmp_path))
+    assert report["done"], report
+    assert report["at first"] == "Untitled - enliven" and report["changed"] == "*Untitled - enliven"
+    assert report["saved"] == ["Untitled - enliven", "", True], "Ctrl+S and Enter save at once"
+    assert report["saved as"] == ["squid - enliven", ""]
+    assert report["warns"] == ["save as", True] and report["replaced"] == ["squid - enliven", ""]
+    assert report["dropped"] == ["limb", "limb 2", "post", "star"] and "nothing.glb" in report["told"][0]
+    first, none, again = report["clip"]
     assert first and none is None and again == first, "the clip of a model is chosen at the right"
-    assert said["recent"] == ["limb.glb", "squid.enliven", "Untitled.enliven"]
-    assert said["film"] == ["squid.mp4"] and "Wrote 2 shapes to squid.mp4" in said["film told"]
-    assert said["heard"] == pytest.approx(20_000, rel=0.1), "as loud as the tone"
-    assert said["went on"] and said["still drawn"] > 5, "the window goes on while a film is written"
-    assert said["recent asks"] == "unsaved"
-    assert said["opened"] == ["squid - enliven", ["squid.enliven", "limb.glb", "Untitled.enliven"]]
+    assert report["recent"] == ["limb.glb", "squid.enliven", "Untitled.enliven"]
+    assert report["film"] == ["squid.mp4"] and "Wrote 2 shapes to squid.mp4" in report["film told"]
+    assert report["heard"] == pytest.approx(20_000, rel=0.1), "as loud as the tone"
+    assert report["went on"] and report["still drawn"] > 5, "the window goes on while a film is written"
+    assert report["recent asks"] == "unsaved"
+    assert report["opened"] == ["squid - enliven", ["squid.enliven", "limb.glb", "Untitled.enliven"]]
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="studios are forked to be killed")
@@ -271,34 +271,38 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
     command = [sys.executable, str(KILLED), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    lost = [(told - recovered) * said["tick"] for told, recovered in said["results"]]
+    report = json.loads(done.stdout)
+    lost = [(reported - recovered) * report["tick"] for reported, recovered in report["results"]]
     assert len(lost) == 50 and max(lost) <= 20.0
-    assert sum(recovered > 0 for _, recovered in said["results"]) > 10, "many had a recovery file"
-    assert len(set(told for told, _ in said["results"])) > 5, "they were killed at many moments"
-    assert all(name.count("recovery") == 0 for name in said["left"]), said["left"]
+    assert sum(recovered > 0 for _, recovered in report["results"]) > 10, "many had a recovery file"
+    assert len(set(reported for reported, _ in report["results"])) > 5, "they were killed at many moments"
+    assert all(name.count("recovery") == 0 for name in report["left"]), report["left"]
 
 
 def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
     """A single one here; `make test-long` kills 50."""
     kills = os.environ.get("ENLIVEN_KILLS", "1")
-    said = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
-    assert all(one["lost_s"] <= 20.0 for one in said["results"]), said
+    report = in_a_window(WINDOW_KILLED, str(tmp_path), kills, seconds=120.0 + 30.0 * int(kills))
+    assert all(kill["lost_s"] <= 20.0 for kill in report["results"]), report
     # Edits before the last recovery files are never lost, however soon the kill follows.
-    assert all(one["kept"] > 0 for one in said["results"] if one["worked_s"] > 6 * said["autosave"]), said
-    assert all(one["kept"] <= one["told"] + 1 for one in said["results"]), said
+    assert all(kill["kept"] > 0 for kill in report["results"] if kill["worked_s"] > 6 * report["autosave"]), (
+        report
+    )
+    assert all(kill["kept"] <= kill["told"] + 1 for kill in report["results"]), report
 
 
 def model_with_clips(path: Path, *loops: bool, seed: int = 2) -> Path:
     """Writes a man with clips "clip 0", "clip 1" ..., looping or not."""
     random, skeleton = np.random.default_rng(seed), man()
-    shape, made = meshed("man", skeleton), []
+    shape, performances = meshed("man", skeleton), []
     for number, loop in enumerate(loops):
         clip = random_motion(random, skeleton, 6, 0.2, f"clip {number}")
         back = clip.mapped(lambda track: np.concatenate([track, track[-2::-1]])) if loop else clip
         project = Project().with_characters(shape).with_takes(back)
-        made.append(performance_of(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0))
-    write_clips(path, [f"clip {number}" for number in range(len(loops))], made)
+        performances.append(
+            performance_of(play_own_clip(project, "man", back.id), "man", 0.0, back.duration, 10.0)
+        )
+    write_clips(path, [f"clip {number}" for number in range(len(loops))], performances)
     return path
 
 
@@ -327,12 +331,12 @@ def write_clips(path: Path, names: list[str], performances: list[Performance]) -
 
 
 def test_a_model_that_is_opened_plays_its_clip_on_space_again_and_again(tmp_path) -> None:
-    made = Workspace.new(Editor(), tmp_path / "recovery")
-    made.open(model_with_clips(tmp_path / "man.glb", False, True))
-    editor = made.editor
-    assert "Space plays clip 1. 2 clips came with it: choose one at the right." in said(made)
+    opened = Workspace.new(Editor(), tmp_path / "recovery")
+    opened.open(model_with_clips(tmp_path / "man.glb", False, True))
+    editor = opened.editor
+    assert "Space plays clip 1. 2 clips came with it: choose one at the right." in said(opened)
     assert not editor.playing and played_clip(editor.project, editor.project.shape("man")) == "clip 1"
-    play([Key("space"), Wait(0.25)], HeadlessStage(made))
+    play([Key("space"), Wait(0.25)], HeadlessStage(opened))
     assert editor.playing and editor.time > 0.2
     clip, player = editor.project.takes["clip 1"], Player(editor.project, "man")
     rounds = editor.length / clip.duration
@@ -345,12 +349,12 @@ def test_a_model_that_is_opened_plays_its_clip_on_space_again_and_again(tmp_path
 
 
 def test_two_models_with_clips_of_one_name_keep_their_own(tmp_path) -> None:
-    made = Workspace.new(Editor(), tmp_path / "recovery")
+    opened = Workspace.new(Editor(), tmp_path / "recovery")
     first, other = tmp_path / "man.glb", tmp_path / "other.glb"
-    made.open(model_with_clips(first, True))
-    made.open(model_with_clips(other, True, seed=5))
-    made.open(first)
-    project = made.editor.project
+    opened.open(model_with_clips(first, True))
+    opened.open(model_with_clips(other, True, seed=5))
+    opened.open(first)
+    project = opened.editor.project
     takes = [played_clip(project, project.shape(name)) for name in ("man", "other", "man 2")]
     assert takes == ["clip 0", "clip 0 1", "clip 0"], "one file opened twice has its clips once"
     ends = [Player(project, name).at(0.3).turns for name in ("man", "other", "man 2")]

@@ -37,7 +37,9 @@ def test_fitting_matches_the_others_height_in_place(stage, name, size) -> None:
     editor.choose(name)
     low, high = box(stage, name)
     others = [
-        np.ptp([side[1] for side in box(stage, one)]) for one in editor.project.characters if one != name
+        np.ptp([side[1] for side in box(stage, other_name)])
+        for other_name in editor.project.characters
+        if other_name != name
     ]
     assert stage.actions.do("shape.fit") == (abs((high - low)[1] / np.median(others) - 1.0) >= 0.01)
     now_low, now_high = box(stage, name)
@@ -54,8 +56,8 @@ def test_only_a_differing_size_is_reported_on_opening(stage: Workspace, tmp_path
         tall = float(np.ptp(chair.vertices[:, 1]))
         save_mesh(replace(chair, vertices=chair.vertices * size / tall), tmp_path / f"{name}.ply")
         stage.open(tmp_path / f"{name}.ply")
-        told = [toast.text for toast in editor.toasts.shown if f"It is {size:g} m tall" in toast.text]
-        assert bool(told) == (name == "giant")
+        texts = [toast.text for toast in editor.toasts.shown if f"It is {size:g} m tall" in toast.text]
+        assert bool(texts) == (name == "giant")
         editor.undo()
     editor.choose(None)
     assert not stage.actions.do("shape.fit")

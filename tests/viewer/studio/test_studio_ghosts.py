@@ -56,18 +56,25 @@ def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
     editor, ghosts, name = desk(rig)
     picture = ghosts.settle()
     assert picture is not None and picture.bodies
-    known = ghosts._known[name].bodies
-    for moment, body in known.items():
-        seen = vertices_of(editor.project, name, moment)
+    bodies = ghosts._known[name].bodies
+    for moment, body in bodies.items():
+        vertices = vertices_of(editor.project, name, moment)
         if len(body.faces):
-            near(body.rows[:, :3], seen, 1e-5)
+            near(body.rows[:, :3], vertices, 1e-5)
         else:
-            near(body.points, seen, 1e-5)
-        tint = {one.tint for one in picture.bodies if one.body is body}
+            near(body.points, vertices, 1e-5)
+        tint = {drawn.tint for drawn in picture.bodies if drawn.body is body}
         assert tint == {BEFORE if moment < editor.time else AFTER}
-    opacities = {one: next(b.opacity for b in picture.bodies if b.body is known[one]) for one in known}
-    for side in ([one for one in known if one < 0.8][::-1], [one for one in known if one > 0.8]):
-        assert [opacities[one] for one in side] == sorted((opacities[one] for one in side), reverse=True)
+    opacities = {
+        second: next(b.opacity for b in picture.bodies if b.body is bodies[second]) for second in bodies
+    }
+    for side in (
+        [second for second in bodies if second < 0.8][::-1],
+        [second for second in bodies if second > 0.8],
+    ):
+        assert [opacities[second] for second in side] == sorted(
+            (opacities[second] for second in side), reverse=True
+        )
 
 
 @rigs
@@ -88,8 +95,8 @@ def test_trails_go_through_where_its_ends_were_and_follow_an_edit(rig: str) -> N
             near(sampled.points[frame], handles if len(handles) else pose.positions, 1e-5)
     picture = ghosts.settle()
     assert picture is not None and len(picture.tubes)
-    known = np.concatenate([one for one in ghosts._known[name].points.values()])
-    low, high = known.min(0) - 0.2, known.max(0) + 0.2
+    points = np.concatenate([part for part in ghosts._known[name].points.values()])
+    low, high = points.min(0) - 0.2, points.max(0) + 0.2
     assert (picture.tubes[:, :3] >= low).all() and (picture.tubes[:, :3] <= high).all()
 
 
@@ -127,11 +134,11 @@ def test_a_chosen_bone_has_the_trail() -> None:
     editor, ghosts, name = desk("bones")
     every = ghosts.settle()
     editor.select(handle=1)
-    one = ghosts.settle()
-    assert every is not None and one is not None
+    single = ghosts.settle()
+    assert every is not None and single is not None
     sampled = ghosts._known[name]
     line = np.stack([sampled.points[k][1] for k in range(sampled.wanted.first, sampled.wanted.last + 1)])
-    away = np.linalg.norm(one.tubes[:, None, :3] - line[None], axis=2).min(1)
+    away = np.linalg.norm(single.tubes[:, None, :3] - line[None], axis=2).min(1)
     assert away.max() < 0.1, "all of it lies along the way of that joint"
 
 
@@ -151,7 +158,7 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
         editor.select(**chosen)
         ghosts.settle()
         moments = ghosts._known[name].wanted.moments
-        assert set(moments) <= {one[0] for one in keys_of(project, name, handle)} and len(moments) == 4
+        assert set(moments) <= {key[0] for key in keys_of(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
     moved = key_moments(later, later.character(name), handle, number)
     assert moved == pytest.approx((0.7, 1.0, 1.6, 2.0))
@@ -174,20 +181,23 @@ def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
     st.floats(0.05, 2.0),
 )
 def test_ghosts_are_the_nearest_on_each_side_and_never_beyond(keys, time, count, step) -> None:
-    found = ghost_moments(tuple(sorted(keys)), time, 10.0, count, step)
-    before, after = [one for one in found if one < time], [one for one in found if one > time]
-    assert list(found) == [*before, *after] == sorted(found)
+    moments = ghost_moments(tuple(sorted(keys)), time, 10.0, count, step)
+    before, after = (
+        [moment for moment in moments if moment < time],
+        [moment for moment in moments if moment > time],
+    )
+    assert list(moments) == [*before, *after] == sorted(moments)
     assert len(before) <= count and len(after) <= count
-    assert all(-2e-3 <= one <= 10.002 for one in found)
+    assert all(-2e-3 <= moment <= 10.002 for moment in moments)
     if keys:
-        assert set(found) <= set(keys)
+        assert set(moments) <= set(keys)
         for side, way in ((before, -1.0), (after, 1.0)):
-            others = [one for one in keys if (one - time) * way > 1e-3 and one not in side]
+            others = [moment for moment in keys if (moment - time) * way > 1e-3 and moment not in side]
             assert not side or all(
-                (one - time) * way >= max((x - time) * way for x in side) for one in others
+                (moment - time) * way >= max((x - time) * way for x in side) for moment in others
             )
-    elif found:
-        assert all(abs(one / step - round(one / step)) < 1e-6 for one in found)
+    elif moments:
+        assert all(abs(moment / step - round(moment / step)) < 1e-6 for moment in moments)
 
 
 @settings(deadline=None, max_examples=30)

@@ -23,21 +23,21 @@ SCRIPT = Path(__file__).parents[3] / "scripts" / "texts.py"
 
 @pytest.fixture(scope="module")
 def script():
-    made = importlib.util.spec_from_file_location("texts_of_the_window", SCRIPT)
-    module = importlib.util.module_from_spec(made)
-    made.loader.exec_module(module)
+    spec = importlib.util.spec_from_file_location("texts_of_the_window", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
     return module
 
 
-@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != "en"])
+@pytest.mark.parametrize("language", [code for code in LANGUAGES if code != "en"])
 def test_every_text_has_a_translation(script, language) -> None:
-    found, catalogue = script.texts(), polib.pofile(str(CATALOGUES / f"{language}.po"))
-    known = {entry.msgid: script.is_translated(entry) for entry in catalogue}
-    lacking = [f"{place}: {text!r}" for text, place in found.items() if not known.get(text)]
+    texts, catalogue = script.texts(), polib.pofile(str(CATALOGUES / f"{language}.po"))
+    is_translated = {entry.msgid: script.is_translated(entry) for entry in catalogue}
+    lacking = [f"{place}: {text!r}" for text, place in texts.items() if not is_translated.get(text)]
     assert not lacking, f"{language} lacks texts; run scripts/texts.py and translate:\n" + "\n".join(lacking)
-    left = sorted(set(known) - set(found))
-    assert not left, f"{language} has texts that the window has no more; run scripts/texts.py: {left}"
-    assert len(found) > 1200
+    obsolete = sorted(set(is_translated) - set(texts))
+    assert not obsolete, f"{language} has texts that the window has no more; run scripts/texts.py: {obsolete}"
+    assert len(texts) > 1200
 
 
 def forms(entry: polib.POEntry) -> list[str]:
@@ -45,16 +45,16 @@ def forms(entry: polib.POEntry) -> list[str]:
     return list(entry.msgstr_plural.values()) if entry.msgid_plural else [entry.msgstr]
 
 
-@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != "en"])
+@pytest.mark.parametrize("language", [code for code in LANGUAGES if code != "en"])
 def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(language) -> None:
     for entry in polib.pofile(str(CATALOGUES / f"{language}.po")):
-        said = f"{entry.comment}: {entry.msgid!r}"
+        place = f"{entry.comment}: {entry.msgid!r}"
         for pattern in (r"\{\d[^}]*\}", r"%\.?\d*[fd]", r"Ctrl\+\w\b", r"\((?:[A-Z]|Ctrl\+\w|Shift\+\w)\)"):
             values = sorted(re.findall(pattern, entry.msgid))
             for translated in forms(entry):
-                assert sorted(re.findall(pattern, translated)) == values, said
+                assert sorted(re.findall(pattern, translated)) == values, place
         # The text up to the first full stop is the title, the rest is the advice.
-        assert all((". " in entry.msgid) == (". " in translated) for translated in forms(entry)), said
+        assert all((". " in entry.msgid) == (". " in translated) for translated in forms(entry)), place
 
 
 def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
@@ -73,7 +73,7 @@ class Tool:
     def other(self):
         return "not shown"
 """
-    assert {one.value for one in script.shown(ast.parse(module))} == {
+    assert {text.value for text in script.shown(ast.parse(module))} == {
         *("Only the picture", "A title", "Press me", "Yes", "Keep", "No", "Dark theme", "{0} of all"),
         *("Click it.", "No shape is chosen."),
     }
@@ -169,8 +169,8 @@ def test_values_plurals_and_tables_follow_the_language() -> None:
 def test_german_fits_into_the_window_and_keeps_every_widget(tmp_path) -> None:
     shown = in_a_window(SESSION, str(tmp_path))
     assert len(shown) == 11
-    for name, said in shown.items():
-        assert said["letters"] > 100, f"{name}: the letters were not found"
-        assert not said["cut"], f"{name}: {said['cut']}"
-        assert not said["overlapping"], f"{name}: {said['overlapping']}"
-        assert said["widgets"] == said["widgets in English"], name
+    for name, report in shown.items():
+        assert report["letters"] > 100, f"{name}: the letters were not found"
+        assert not report["cut"], f"{name}: {report['cut']}"
+        assert not report["overlapping"], f"{name}: {report['overlapping']}"
+        assert report["widgets"] == report["widgets in English"], name

@@ -27,9 +27,9 @@ UNITS = [(quantity, unit) for quantity in QUANTITIES for unit in ("", *quantity.
 
 @pytest.fixture
 def workspace(tmp_path) -> Workspace:
-    made = acting_stage(tmp_path)
-    made.editor.frame_all(at_once=True)
-    return made
+    opened = acting_stage(tmp_path)
+    opened.editor.frame_all(at_once=True)
+    return opened
 
 
 @given(st.sampled_from(QUANTITIES), st.floats(-1e4, 1e4))
@@ -79,12 +79,12 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
         figures.make_tall(0.8)
         assert figures.height == pytest.approx(0.8, abs=1e-4)
         assert np.allclose(figures.place[1], before[1], atol=1e-4), "it goes on standing where it stands"
-        was = [np.array(one.vertices) for one in editor.standing if one.id in names]
+        earlier = [np.array(posed.vertices) for posed in editor.standing if posed.id in names]
         place = figures.place
         figures.turn(1, 90.0)
         turn = from_rotation_vector(np.array([0.0, math.pi / 2, 0.0]))
-        now = [np.array(one.vertices) for one in editor.standing if one.id in names]
-        for old, new in zip(was, now, strict=True):
+        after = [np.array(posed.vertices) for posed in editor.standing if posed.id in names]
+        for old, new in zip(earlier, after, strict=True):
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
     with pytest.raises(InputError, match="tall"):
         figures.make_tall(-1.0)
@@ -154,7 +154,7 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
 
 
 def test_in_the_window(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["complaints"] == ["that is not a number"], said
-    assert said["place"] == pytest.approx(1.5, abs=1e-4) and said["tall"] == pytest.approx(0.5, abs=1e-4)
-    assert said["steps"] == ["place post", "size of post"], "what is no number changes nothing"
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"] and report["complaints"] == ["that is not a number"], report
+    assert report["place"] == pytest.approx(1.5, abs=1e-4) and report["tall"] == pytest.approx(0.5, abs=1e-4)
+    assert report["steps"] == ["place post", "size of post"], "what is no number changes nothing"

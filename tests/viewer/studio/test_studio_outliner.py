@@ -43,7 +43,7 @@ def labels(outliner: Outliner) -> list[tuple[int, str]]:
 
 
 def row(outliner: Outliner, key: str):
-    return next(one for one in outliner.rows if one.key == key)
+    return next(entry for entry in outliner.rows if entry.key == key)
 
 
 def test_the_tree_has_characters_with_what_is_below_them_and_takes(workspace) -> None:
@@ -52,8 +52,8 @@ def test_the_tree_has_characters_with_what_is_below_them_and_takes(workspace) ->
     assert (0, "Takes") in labels(outliner) and (1, "wave") in labels(outliner)
     outliner.fold(row(outliner, "character limb"))
     joints = workspace.editor.project.shape("limb").skeleton.names
-    below = [one for one in outliner.rows if one.id == "limb" and one.kind == "handle"]
-    assert sorted(one.label for one in below) == sorted(joints) and below[0].note == "root"
+    below = [entry for entry in outliner.rows if entry.id == "limb" and entry.kind == "handle"]
+    assert sorted(entry.label for entry in below) == sorted(joints) and below[0].note == "root"
     outliner.fold(row(outliner, "group shapes"))
     assert labels(outliner)[:2] == [(0, "Shapes"), (0, "Takes")]
 
@@ -85,13 +85,13 @@ def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> Non
     editor, before = workspace.editor, len(exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.box()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
-    assert "post" not in [one.id for one in editor.seen] and len(exportable(editor.project)) == before
+    assert "post" not in [posed.id for posed in editor.seen] and len(exportable(editor.project)) == before
     assert np.ptp(np.array(editor.box()), axis=0)[0] < wide
     workspace.actions.do("shape.show_all")
     assert len(editor.seen) == 3 and editor.history.names[-1] == "show post"
     editor.choose("star")
     workspace.actions.do("shape.hide_others")
-    assert [one.id for one in editor.seen] == ["star"]
+    assert [posed.id for posed in editor.seen] == ["star"]
     editor.undo()
     assert len(editor.seen) == 3, "an eye is undone as every edit"
 
@@ -126,15 +126,15 @@ NAMES = st.sampled_from(["star", "limb", "post"])
 @given(st.lists(st.tuples(NAMES, st.sampled_from([None, True, False]), st.sampled_from([None, True, False]))))
 def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> None:
     project = PROJECT
-    told = {name: [False, False] for name in project.characters}
+    expected = {name: [False, False] for name in project.characters}
     for name, hidden, locked in steps:
         project = handle_characters(project, [name], hidden=hidden, locked=locked)
-        told[name] = [
-            old if new is None else new for old, new in zip(told[name], (hidden, locked), strict=True)
+        expected[name] = [
+            old if new is None else new for old, new in zip(expected[name], (hidden, locked), strict=True)
         ]
-    for name, (hidden, locked) in told.items():
-        one = project.handling.get(name, FREE)
-        assert (one.hidden, one.locked) == (hidden, locked)
+    for name, (hidden, locked) in expected.items():
+        flags = project.handling.get(name, FREE)
+        assert (flags.hidden, flags.locked) == (hidden, locked)
         moved = move_character(project, name, [0.1, 0.0, 0.0])
         if locked:
             with pytest.raises(InputError, match="locked"):
@@ -149,8 +149,8 @@ def test_visibility_and_locks_keep_their_last_setting_and_are_saved(steps) -> No
 @given(NAMES, st.integers(-2, 5))
 def test_a_character_goes_to_its_place_in_the_list_and_the_others_keep_their_order(name, place) -> None:
     names = list(order_characters(PROJECT, name, place).characters)
-    rest = [one for one in PROJECT.characters if one != name]
-    assert names.index(name) == min(max(place, 0), 2) and [one for one in names if one != name] == rest
+    rest = [other for other in PROJECT.characters if other != name]
+    assert names.index(name) == min(max(place, 0), 2) and [other for other in names if other != name] == rest
 
 
 def test_renaming_changes_only_the_name(workspace) -> None:
@@ -164,7 +164,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
     outliner.begin_rename(row(outliner, "take wave"))
     outliner.draft = "hello"
     outliner.end_rename(row(outliner, "take wave"), keep=True)
-    assert [one.take for one in editor.project.shape("arm").layers] == ["hello"]
+    assert [layer.take for layer in editor.project.shape("arm").layers] == ["hello"]
     outliner.begin_rename(row(outliner, "take hello"))
     outliner.draft = "sway"
     outliner.end_rename(row(outliner, "take hello"), keep=True)
@@ -176,13 +176,13 @@ def test_renaming_changes_only_the_name(workspace) -> None:
 
 
 def test_in_the_window(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["complaints"] == []
-    assert said["several"] == ["star", "limb"] and said["hidden"] == ["limb", "star"], (
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"] and report["complaints"] == []
+    assert report["several"] == ["star", "limb"] and report["hidden"] == ["limb", "star"], (
         "an eye is all the chosen's"
     )
-    assert said["locked"] == ["post"] and said["renamed"] == "wing" and said["order"][-1] == "star"
-    assert said["darker"] > 1.0, "what is hidden is not drawn"
+    assert report["locked"] == ["post"] and report["renamed"] == "wing" and report["order"][-1] == "star"
+    assert report["darker"] > 1.0, "what is hidden is not drawn"
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -28,10 +28,10 @@ LEFT, RIGHT = ([Joint.ELBOW_LEFT, Joint.WRIST_LEFT], [Joint.ELBOW_RIGHT, Joint.W
 @pytest.fixture
 def workspace(tmp_path) -> Workspace:
     settings = StudioSettings(render=RenderSettings(shadow_size=64, contact_size=32, samples=1))
-    made = Workspace(Editor(project=project_of_mesh(KNOWN.mesh, "man"), settings=settings), tmp_path)
-    made.editor.choose("man")
-    made.editor.frame_all(at_once=True)
-    return made
+    opened = Workspace(Editor(project=project_of_mesh(KNOWN.mesh, "man"), settings=settings), tmp_path)
+    opened.editor.choose("man")
+    opened.editor.frame_all(at_once=True)
+    return opened
 
 
 def stroke(workspace: Workspace, joints: list[int], **held: bool) -> None:
@@ -109,7 +109,7 @@ def test_the_stroke_is_seen_while_it_is_drawn_and_dropped_by_escape(workspace):
     np.testing.assert_array_equal(tool.picture().shade[2], plain)
     assert editor.history.undo_name is None
     stiff, even, soft = (
-        int(one[2]) - int(one[0]) for one in shades(np.array([16.0, 1.0, 1 / 16], np.float32))
+        int(shade[2]) - int(shade[0]) for shade in shades(np.array([16.0, 1.0, 1 / 16], np.float32))
     )
     assert soft < -100 < abs(even) < 20 < 100 < stiff, "blue, grey and orange"
 
@@ -127,8 +127,8 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     )
     settings = EdgeSettings(nodes=64)
     shown = {}
-    for name, one in (("soft", project), ("plain", project.with_characters(before))):
-        data = character_bytes(one, "man")
+    for name, variant in (("soft", project), ("plain", project.with_characters(before))):
+        data = character_bytes(variant, "man")
         actor = cast_sent(data, PutCharacter("man", 1, b"x" * 32, len(data), True), settings)
         shown[name] = wave(actor)
         factors = painted_stiffness(actor.character)
@@ -136,9 +136,9 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
         if factors is not None:
             rest, soft = actor.graph.positions, factors < 0.5
             assert 2 <= soft.sum() < 20 and np.abs(rest[soft, 0]).min() > 0.15
-    apart = np.linalg.norm(shown["soft"] - shown["plain"], axis=2)
-    assert apart[:, soft].max() > 0.03, "the soft arm swings past the other"
-    assert apart[:, np.abs(rest[:, 0]) < 0.1].max() < 0.5 * apart[:, soft].max()
+    distances = np.linalg.norm(shown["soft"] - shown["plain"], axis=2)
+    assert distances[:, soft].max() > 0.03, "the soft arm swings past the other"
+    assert distances[:, np.abs(rest[:, 0]) < 0.1].max() < 0.5 * distances[:, soft].max()
 
 
 def wave(actor) -> np.ndarray:

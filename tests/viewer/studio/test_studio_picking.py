@@ -104,9 +104,9 @@ def test_a_stroke_through_a_place_on_a_bone_crosses_it_there(posed, lens, number
         return
     pixel = lens.project((start + along * (end - start))[None])[0][0]
     stroke = np.stack([pixel - 30 * across, pixel + 30 * across])
-    found = {hit.handle: hit for hit in crossings([posed], lens, stroke)}
-    assert abs(found[joint].along - along) < 1e-6
-    for other, hit in found.items():
+    hits = {hit.handle: hit for hit in crossings([posed], lens, stroke)}
+    assert abs(hits[joint].along - along) < 1e-6
+    for other, hit in hits.items():
         a, b = posed.handles[posed.character.parents[other]], posed.handles[other]
         place = lens.project((a + hit.along * (b - a))[None])[0][0]
         offset = place - pixel

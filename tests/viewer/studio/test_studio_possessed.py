@@ -53,9 +53,9 @@ def workspace(make_limb, tmp_path) -> Workspace:
             poses.append(Pose(name, frame * NS // 30, linear, moved.astype(np.float32)))
         shape, stream = graph_shape_of(character, poses, name)
         project = project.with_streams(stream).with_characters(shape)
-    made = Workspace.new(Editor(), tmp_path)
-    made.store.new(project)
-    return made
+    opened = Workspace.new(Editor(), tmp_path)
+    opened.store.new(project)
+    return opened
 
 
 def do(workspace: Workspace, *actions) -> Workspace:
@@ -64,7 +64,7 @@ def do(workspace: Workspace, *actions) -> Workspace:
 
 
 def vertices(workspace: Workspace) -> dict[str, np.ndarray]:
-    return {one.id: one.vertices for one in workspace.editor.standing}
+    return {posed.id: posed.vertices for posed in workspace.editor.standing}
 
 
 def test_click_selects_the_mesh_and_click_outside_deselects(workspace: Workspace) -> None:
@@ -185,11 +185,11 @@ def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
 def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> None:
     """Also for a file without the motion: it is solved when it is opened."""
     project, name = possessed_chair(frames=20)
-    made = Workspace.new(Editor(), tmp_path)
-    made.store.new(without_cache(project, name))
-    made.store.save(tmp_path / "lost.enliven")
-    made.store.open(tmp_path / "lost.enliven")
-    editor = made.editor
+    opened = Workspace.new(Editor(), tmp_path)
+    opened.store.new(without_cache(project, name))
+    opened.store.save(tmp_path / "lost.enliven")
+    opened.store.open(tmp_path / "lost.enliven")
+    editor = opened.editor
     assert not stale(editor.project, editor.project.graph(name))
     rest = editor.project.graph(name).mesh.vertices
     plane = PlaneCut(rest.mean(0), [0.0, 1.0, 0.0])
@@ -197,7 +197,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
     cut = editor.project
     assert stale(cut, cut.graph(name))
     editor.choose(name)
-    made.commands.motion.solve_again()
+    opened.commands.motion.solve_again()
     editor.beside.finish()
     assert not stale(editor.project, editor.project.graph(name))
     assert editor.history.names[-1] == f"solve again {name}"

@@ -202,9 +202,11 @@ def test_mirroring_twice_changes_nothing(name: str, way: tuple[float, ...]) -> N
     assume(name != "head")
     places = puppet.rest.copy()
     places[point] += way
-    made = mirrored_places(puppet, places, point)
+    mirrored = mirrored_places(puppet, places, point)
     other = (
-        int(np.flatnonzero(np.abs(made - places).max(1) > 0)[0]) if not np.allclose(made, places) else point
+        int(np.flatnonzero(np.abs(mirrored - places).max(1) > 0)[0])
+        if not np.allclose(mirrored, places)
+        else point
     )
-    assert np.allclose(mirrored_places(puppet, made, other), made)
+    assert np.allclose(mirrored_places(puppet, mirrored, other), mirrored)
     assert partner_vertex(puppet, vertex("left")) is not None

@@ -214,9 +214,9 @@ def test_a_puppet_is_made_of_a_shape_which_stays(tmp_path, make_limb) -> None:
     workspace.store.new(workspace.editor.project.without("star").with_characters(make_limb("limb")))
     assert workspace.editor.selection.character is None
     play([Key("f"), Wait(1.0), Click(Spot(0.0, 0.8, 0.05)), Key("ctrl+p")], stage)
-    made = workspace.editor.project.puppets["limb puppet"]
+    puppet = workspace.editor.project.puppets["limb puppet"]
     assert "limb" in workspace.editor.project.shapes and workspace.editor.selection.character == "limb puppet"
-    assert made.mesh.vertices[:, 1].min() == 0.0 and made.place[1] == pytest.approx(0.2)
+    assert puppet.mesh.vertices[:, 1].min() == 0.0 and puppet.place[1] == pytest.approx(0.2)
     workspace.editor.select(character=None)
     play([Key("ctrl+p")], stage)
     assert "No shape" in workspace.editor.toasts.shown[-1].text
@@ -241,13 +241,13 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", "left", "right", "foot", take="sway")
     two_poses(workspace)
     workspace.editor.solving.settle(workspace.editor.project, "star")
-    found = []
+    vertices = []
     for before in (0.0, 2.5):
         workspace.editor.scrub(before)
         _ = workspace.puppets.standing
         workspace.editor.scrub(0.8)
-        found.append(workspace.puppets.standing[0].vertices)
-    assert alike(found[0], found[1], SOLVED)
+        vertices.append(workspace.puppets.standing[0].vertices)
+    assert alike(vertices[0], vertices[1], SOLVED)
 
 
 def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None:

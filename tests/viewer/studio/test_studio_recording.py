@@ -22,20 +22,22 @@ STEP = 33_333_333
 
 
 def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"], said
-    assert said["record"] == "counting" and said["cancel"] == "idle", "0.3 s on what changes with each beat"
-    assert said["stop"] == ["idle", ["chair"]], "0.3 s on what shows the running time"
-    assert said["play"] is False and said["again"] == [True, True]
-    quiet, *others = said["places"]
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"], report
+    assert report["record"] == "counting" and report["cancel"] == "idle", (
+        "0.3 s on what changes with each beat"
+    )
+    assert report["stop"] == ["idle", ["chair"]], "0.3 s on what shows the running time"
+    assert report["play"] is False and report["again"] == [True, True]
+    quiet, *others = report["places"]
     assert all(quiet) and all(other == quiet for other in others), "nothing moves as texts come and go"
-    assert said["lines"][0] == said["lines"][1] == said["lines"][2], "a character keeps its line"
-    left, top, wide, high = said["inside"]
+    assert report["lines"][0] == report["lines"][1] == report["lines"][2], "a character keeps its line"
+    left, top, wide, high = report["inside"]
     for place in quiet[:2]:
         assert left <= place[0] and place[2] <= left + wide and top <= place[1] and place[3] <= top + high
-    assert said["moved"] is True
-    assert said["title"] == "*clean - enliven", "a clean project with a recording has something to save"
-    assert said["asks"] == ["unsaved", "recording"] and said["goes on"] == ["", "recording"]
+    assert report["moved"] is True
+    assert report["title"] == "*clean - enliven", "a clean project with a recording has something to save"
+    assert report["asks"] == ["unsaved", "recording"] and report["goes on"] == ["", "recording"]
     takes = list(read_project(tmp_path / "clean.enliven").bodies)
     assert takes == ["take 1", "take 2"], "the running one was saved with the rest"
 
@@ -43,14 +45,14 @@ def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> 
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
     """Returns a saved project, and a running recording of a second."""
-    made = Workspace.new(Editor(), tmp_path / "recovery")
-    made.store.save(tmp_path / "work.enliven")
-    recording = made.perform.recording
+    opened = Workspace.new(Editor(), tmp_path / "recovery")
+    opened.store.save(tmp_path / "work.enliven")
+    recording = opened.perform.recording
     recording.recorder.heard(BODIES, frame(0))
     recording.recorder.begin("take 1")
     recording.phase = "recording"
-    perform(made, 30)
-    return made
+    perform(opened, 30)
+    return opened
 
 
 def frame(number: int) -> ReceivedBodies:
@@ -158,5 +160,5 @@ def test_written_take_does_not_change_while_recording_continues(workspace: Works
     perform(workspace, 200)
     thread.start()
     thread.join()
-    (take,) = (one for name, one in took[0].takes.items() if "take 1" in name)
+    (take,) = (each for name, each in took[0].takes.items() if "take 1" in name)
     assert np.isclose(take.duration, 29 / 30, atol=0.05)

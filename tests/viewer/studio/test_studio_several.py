@@ -30,9 +30,9 @@ PAIR = ("limb", "post")
 
 @pytest.fixture
 def workspace(tmp_path) -> Workspace:
-    made = acting_stage(tmp_path)
-    made.editor.frame_all(at_once=True)
-    return made
+    opened = acting_stage(tmp_path)
+    opened.editor.frame_all(at_once=True)
+    return opened
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -75,15 +75,15 @@ def test_edits_of_several_equal_single_edits_for_one_character(name, factor) -> 
     assert same(scale_characters(PROJECT, [name], factor), scale_character(PROJECT, name, factor))
     assert same(turn_characters(PROJECT, [name], turn), turn_character(PROJECT, name, turn))
     if name != "star":  # its surface would have to be solved
-        one = mirror_character(PROJECT, name, np.eye(3)[0])
-        many = mirror_characters(PROJECT, [name], np.eye(3)[0])
-        assert np.allclose(seen(one, name), seen(many, name), atol=1e-9)
+        single = mirror_character(PROJECT, name, np.eye(3)[0])
+        several = mirror_characters(PROJECT, [name], np.eye(3)[0])
+        assert np.allclose(seen(single, name), seen(several, name), atol=1e-9)
 
 
 def test_copies_keep_their_distances_and_shifts_their_order() -> None:
-    after, made = copy_characters(PROJECT, PROJECT, PAIR, np.array([2.0, 0.0, 0.0]))
-    assert made == ("limb 2", "post 2")
-    for name, copy in zip(PAIR, made, strict=True):
+    after, copies = copy_characters(PROJECT, PROJECT, PAIR, np.array([2.0, 0.0, 0.0]))
+    assert copies == ("limb 2", "post 2")
+    for name, copy in zip(PAIR, copies, strict=True):
         assert np.allclose(seen(after, copy), np.add(seen(after, name), [2.0, 0.0, 0.0]), atol=1e-6)
     later = shift_characters(PROJECT, PAIR, 0.25)
     assert np.allclose(seen(later, "limb", 0.65), seen(PROJECT, "limb", 0.4), atol=1e-9)
@@ -94,18 +94,20 @@ IDS = st.sampled_from(["star", "limb", "post"])
 
 @given(st.lists(st.one_of(IDS, st.tuples(IDS))))
 def test_click_selects_one_and_ctrl_toggles(clicks) -> None:
-    selection, told = Selection(), []
+    selection, expected = Selection(), []
     for click in clicks:
         if isinstance(click, tuple):
             chosen = selection.characters
-            rest = [one for one in chosen if one != click[0]]
+            rest = [name for name in chosen if name != click[0]]
             selection = Selection.of(*(rest if click[0] in chosen else (*chosen, click[0])))
-            told = [one for one in told if one != click[0]] + [click[0]] * (click[0] not in told)
+            expected = [name for name in expected if name != click[0]] + [click[0]] * (
+                click[0] not in expected
+            )
         else:
-            selection, told = Selection(click), [click]
-        assert list(selection.characters) == told and selection.several == (len(told) > 1)
+            selection, expected = Selection(click), [click]
+        assert list(selection.characters) == expected and selection.several == (len(expected) > 1)
         assert selection.within(PROJECT) == selection
-    assert set(selection.led_by("limb").characters) == set(told if "limb" in told else ["limb"])
+    assert set(selection.led_by("limb").characters) == set(expected if "limb" in expected else ["limb"])
 
 
 def click(workspace: Workspace, at: tuple[float, float], **held: bool) -> None:

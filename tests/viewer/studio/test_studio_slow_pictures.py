@@ -30,20 +30,20 @@ spots = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)).map(lambda at: 
 @given(st.lists(spots, max_size=6))
 def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictures) -> None:
     """After each frame ImGui has the last position before it, as without a button change."""
-    path, taken, told = PointerPath(), [], []
+    path, taken, sent = PointerPath(), [], []
     at = (-1.0, -1.0)
     for picture in pictures:
         for x, y in picture:
             path.tell(x + 0.4, y)  # ImGui counts in whole pixels
-            told.append((x, y))
-        at = told[-1] if told else at
+            sent.append((x, y))
+        at = sent[-1] if sent else at
         while True:  # a position that repeats ends a frame early, and the rest comes with the next
             some = path.take(at)
             assert some[-1] == at
-            if some == [at] and len(taken) >= len(told):
+            if some == [at] and len(taken) >= len(sent):
                 break
             taken += some
-    assert taken == told
+    assert taken == sent
 
 
 def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
@@ -57,10 +57,10 @@ def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
 
 
 def test_strokes_have_every_place_of_a_slow_picture_in_the_window(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"]
-    assert said["places"] > 60, "a circle that was drawn within two pictures is round"
-    assert said["roundness"] < 0.1
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"]
+    assert report["places"] > 60, "a circle that was drawn within two pictures is round"
+    assert report["roundness"] < 0.1
 
 
 def test_background_autosave_keeps_the_project_from_its_start(tmp_path, monkeypatch) -> None:

@@ -53,27 +53,29 @@ def kept_chair(path: Path):
 
 
 def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path), "hand")
-    assert said["done"], json.dumps(said)
-    assert tuple(name for name, _, _ in said["outlines"]) == MEANT
-    for name, outline, widget in said["outlines"]:
+    report = in_a_window(SESSION, str(tmp_path), "hand")
+    assert report["done"], json.dumps(report)
+    assert tuple(name for name, _, _ in report["outlines"]) == MEANT
+    for name, outline, widget in report["outlines"]:
         assert widget is None or encloses(outline, widget), name
-    assert said["into the chair in s"] < 60.0, "the performance begins in the first minute"
-    assert said["resumed"][0] == said["resumed"][1] == 4, "left in the middle, and resumed there"
-    assert said["plays before"] and said["holds still"] and said["plays after"] and said["plays merged"]
-    assert said["pieces"][0] < 1000 < said["pieces"][1], "one leg was cut off"
-    assert said["dance on"] == [True, True]
+    assert report["into the chair in s"] < 60.0, "the performance begins in the first minute"
+    assert report["resumed"][0] == report["resumed"][1] == 4, "left in the middle, and resumed there"
+    assert (
+        report["plays before"] and report["holds still"] and report["plays after"] and report["plays merged"]
+    )
+    assert report["pieces"][0] < 1000 < report["pieces"][1], "one leg was cut off"
+    assert report["dance on"] == [True, True]
     chair, project = kept_chair(tmp_path / "Hopping chair.enliven")
-    assert plays(project, chair) and not said["dirty"] and not said["toasts"]
-    assert said["closed"] == [True, True, 0] and said["left the stage"]
+    assert plays(project, chair) and not report["dirty"] and not report["toasts"]
+    assert report["closed"] == [True, True, 0] and report["left the stage"]
 
 
 def test_show_me_does_every_step(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path), "show")
-    assert said["done"], json.dumps(said)
-    assert said["titles"] == [step.title for step in TOUR]
+    report = in_a_window(SESSION, str(tmp_path), "show")
+    assert report["done"], json.dumps(report)
+    assert report["titles"] == [step.title for step in TOUR]
     chair, project = kept_chair(tmp_path / "My dancing chair.enliven")
-    assert plays(project, chair) and not said["dirty"] and not said["toasts"]
+    assert plays(project, chair) and not report["dirty"] and not report["toasts"]
     lowest = chair.mesh.vertices[legs_of(chair.mesh)[0], 1].min()
     assert len(legs_of(chair.mesh)) == 3 and lowest < 0.05, "it stands on three legs"
 
@@ -93,11 +95,13 @@ def test_titles_are_a_few_known_words() -> None:
 
 
 def test_each_button_that_the_tour_names_has_that_name(workspace: Workspace) -> None:
-    known = {action.entry for action in workspace.actions} | {action.menu for action in workspace.actions}
-    known |= {"A recorded person", "Possess", "Record", "Stop", "Perform", "Animate"}
+    button_names = {action.entry for action in workspace.actions} | {
+        action.menu for action in workspace.actions
+    }
+    button_names |= {"A recorded person", "Possess", "Record", "Stop", "Perform", "Animate"}
     for step in TOUR:
         for part in step.parts:
-            assert {*re.findall("“(.+?)”", part.text)} <= known, part.text
+            assert {*re.findall("“(.+?)”", part.text)} <= button_names, part.text
 
 
 @pytest.fixture
@@ -289,9 +293,9 @@ def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, nam
     assert workspace.editor.playing == (name == "cactus")
     if name == "cactus":
         project = workspace.editor.project
-        one = next(iter(project.puppets.values()))
-        assert not rig_of(one).lacking(project, one) and project.end_of(one) > 5.0
-        hands = [rig_of(one).player(project, one)(time).handles[7] for time in (0.0, 3.0)]
+        puppet = next(iter(project.puppets.values()))
+        assert not rig_of(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
+        hands = [rig_of(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
         assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
     assert not [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
     workspace.actions.do("edit.undo")

@@ -24,10 +24,10 @@ MOST = 6
 
 def spot(editor: Editor, chance: random.Random) -> Place:
     """Returns a position in the image on a visible object, or near it."""
-    seen = [one for one in editor.seen if len(one.extent)]
+    visible = [posed for posed in editor.seen if len(posed.extent)]
     at = np.array([chance.random(), chance.random()])
-    if seen:
-        extent = chance.choice(seen).extent
+    if visible:
+        extent = chance.choice(visible).extent
         pixel = editor.lens.project(np.asarray(extent, float)[[chance.randrange(len(extent))]])[0][0]
         at = np.add(np.nan_to_num(pixel / editor.size), [chance.gauss(0, 0.02), chance.gauss(0, 0.02)])
     return Pixel(*np.clip(at, 0.01, 0.99).tolist())

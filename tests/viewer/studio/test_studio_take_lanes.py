@@ -33,13 +33,13 @@ def mine(layout: TimelineLayout) -> list[str]:
 def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) -> None:
     timeline = stage.timeline
     assert mine(timeline.layout) == ["take 1"]
-    (lane,) = (one for one in timeline.layout.bars() if one.character.id == "limb")
+    (lane,) = (bar for bar in timeline.layout.bars() if bar.character.id == "limb")
     assert timeline.layout.takes(lane) == (1, 2)
     y = lane.top + 4
     timeline.press(LABELS - END - TAKES / 2, y)
     timeline.release(0.0)
     assert mine(timeline.layout) == ["take 1", "take 2"] and timeline.opened == {"take 1"}
-    other = [one for one in timeline.layout.bars() if one.character.id == "limb"][1]
+    other = [bar for bar in timeline.layout.bars() if bar.character.id == "limb"][1]
     timeline.press(4.0, other.top + 4)
     timeline.release(0.0)
     assert takes_beside(stage.editor.project, "take 1") == {"take 1": False, "take 2": True}
@@ -109,9 +109,11 @@ def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrub
 def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
     editor, takes = stage.editor, stage.commands.takes
     shape = editor.project.shape("limb")
-    again = replace(editor.project.takes["wave"], id="wave 2")
-    others = [replace(one, take="wave 2") if one.recorded == "take 2" else one for one in shape.layers]
-    before = editor.project.with_takes(again).with_characters(shape.with_changes(layers=tuple(others)))
+    second_take = replace(editor.project.takes["wave"], id="wave 2")
+    others = [
+        replace(layer, take="wave 2") if layer.recorded == "take 2" else layer for layer in shape.layers
+    ]
+    before = editor.project.with_takes(second_take).with_characters(shape.with_changes(layers=tuple(others)))
     editor.edit("other take", lambda _: before)
     takes.delete_row("wave 2")
     assert takes_beside(editor.project, "take 1") == {"take 1": True} and "wave 2" not in editor.project.takes

@@ -61,7 +61,7 @@ def over(colour, ground) -> np.ndarray:
 
 def contrast(text, ground) -> float:
     """Returns the WCAG 2.2 contrast ratio between a translucent text and an opaque ground, 1..21."""
-    bright = [float(linear(one) @ XYZ[1]) for one in (over(text, ground), ground[:3])]
+    bright = [float(linear(colour) @ XYZ[1]) for colour in (over(text, ground), ground[:3])]
     return (max(bright) + 0.05) / (min(bright) + 0.05)
 
 
@@ -76,8 +76,10 @@ def lab(light) -> np.ndarray:
 
 def apart(colours) -> np.ndarray:
     """Returns (N, N) CIELAB distances of sRGB colours 0..255, for the eyes with the least difference."""
-    seen = [lab(linear(np.asarray(colours) / 255) @ matrix.T) for matrix in CONFUSED.values()]
-    return np.min([np.linalg.norm(one[:, None] - one[None], axis=-1) for one in seen], axis=0)
+    colours_seen = [lab(linear(np.asarray(colours) / 255) @ matrix.T) for matrix in CONFUSED.values()]
+    return np.min(
+        [np.linalg.norm(shades[:, None] - shades[None], axis=-1) for shades in colours_seen], axis=0
+    )
 
 
 def test_the_measures_are_those_of_their_publications() -> None:
@@ -122,8 +124,8 @@ def test_every_text_is_readable_on_every_ground(name) -> None:
         warning = over((*colours.glass[:3], 0.92), picture)
         pairs.append(("bad", colours.bad, f"a warning over {picture}", warning))
     for text, colour, ground, shown in pairs:
-        found = contrast(colour, shown)
-        assert found >= LEAST_CONTRAST, f"{name}: {text} on {ground} has a contrast of {found:.2f}"
+        ratio = contrast(colour, shown)
+        assert ratio >= LEAST_CONTRAST, f"{name}: {text} on {ground} has a contrast of {ratio:.2f}"
 
 
 @pytest.mark.parametrize("name", COLOUR_SETS)
@@ -181,11 +183,11 @@ def test_no_module_of_the_window_has_colours_of_its_own() -> None:
                 parts = [node.value]
             for part in parts:
                 numbers = [
-                    one
-                    for one in ast.walk(part)
-                    if isinstance(one, ast.Tuple)
-                    and len(one.elts) in (3, 4)
-                    and all(isinstance(each, ast.Constant) for each in one.elts)
+                    node
+                    for node in ast.walk(part)
+                    if isinstance(node, ast.Tuple)
+                    and len(node.elts) in (3, 4)
+                    and all(isinstance(each, ast.Constant) for each in node.elts)
                 ]
                 assert not numbers, f"{path}:{node.lineno}: take the colour from enliven_viewer.theme"
 
@@ -199,7 +201,9 @@ def test_full_colour_buttons_use_a_readable_text_colour() -> None:
                 continue
             parts = [ast.unparse(part) for part in node.args]
             fills = [part for part in parts if part.startswith("imgui.Col_.") and part[11:].startswith(kinds)]
-            plain = [part for part in parts if part in full or part in {f"packed({one})" for one in full}]
+            plain = [
+                part for part in parts if part in full or part in {f"packed({colour})" for colour in full}
+            ]
             assert not (fills and plain), f"{path}:{node.lineno}: fill the button with style.filled"
 
 
@@ -207,8 +211,8 @@ def test_both_themes_are_drawn_in_three_workspaces(tmp_path) -> None:
     shown = in_a_window(SESSION, str(tmp_path))
     for name, colours in THEMES.items():
         for room in ("Perform", "Animate", "Model"):
-            said = shown[f"{name} {room}"]
-            np.testing.assert_allclose(np.array(said["panel"]) / 255, colours.panel[:3], atol=0.006)
-            bright = float(linear(np.array(said["stage"]) / 255) @ XYZ[1])
+            report = shown[f"{name} {room}"]
+            np.testing.assert_allclose(np.array(report["panel"]) / 255, colours.panel[:3], atol=0.006)
+            bright = float(linear(np.array(report["stage"]) / 255) @ XYZ[1])
             assert (bright > 0.35) == (name == "light"), (name, room, bright)
-            assert said["inks"] > 200, f"{name} {room}: the side panel has no letters"
+            assert report["inks"] > 200, f"{name} {room}: the side panel has no letters"

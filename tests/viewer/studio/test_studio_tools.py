@@ -47,10 +47,10 @@ Limb = Callable[..., Shape]
 @pytest.fixture
 def workspace(make_limb: Limb, tmp_path) -> Workspace:
     """Returns a workspace with two limbs and the library, seen from the front."""
-    made = Workspace.new(Editor(), tmp_path)
+    opened = Workspace.new(Editor(), tmp_path)
     shapes = make_limb("limb", 4), make_limb("arm", 2, 0.6, (0.7, 0.2, 0.0))
-    made.store.new(made.editor.project.with_characters(*shapes))
-    return made
+    opened.store.new(opened.editor.project.with_characters(*shapes))
+    return opened
 
 
 def do(workspace: Workspace, *actions) -> Workspace:
@@ -159,11 +159,11 @@ def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(workspace: Workspace) 
     layer = workspace.editor.project.shape("limb").layer("curl")
     assert layer.take == "curl" and layer.chain == (0, 1, 2, 3, 4, 5) and layer.loop
     workspace.editor.scrub(1.2)
-    one = workspace.editor.posed("limb").handles[-1]
+    tip = workspace.editor.posed("limb").handles[-1]
     do(workspace, Key("y"))
     other = workspace.editor.posed("limb").handles[-1]
-    assert np.abs(one - other).max() > 0.05 and workspace.editor.history.names == ("map curl",)
-    assert np.abs((one + other)[0]) < 0.02, "the other way in the picture"
+    assert np.abs(tip - other).max() > 0.05 and workspace.editor.history.names == ("map curl",)
+    assert np.abs((tip + other)[0]) < 0.02, "the other way in the picture"
 
 
 def test_a_chain_that_is_clicked_from_its_end_runs_outwards(workspace: Workspace) -> None:
@@ -318,8 +318,8 @@ def test_a_bone_of_the_library_turns_with_the_bones_before_it() -> None:
         total = Rotation.identity()
         for bone, bend in enumerate(bends(frame / (len(clip.turns) - 1)), start=1):
             total = total * Rotation.from_rotvec(bend)
-            found = Rotation.from_quat(turns[bone], scalar_first=True)
-            assert (found.inv() * total).magnitude() < 1e-9
+            turn = Rotation.from_quat(turns[bone], scalar_first=True)
+            assert (turn.inv() * total).magnitude() < 1e-9
 
 
 def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:

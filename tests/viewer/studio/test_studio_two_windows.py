@@ -80,13 +80,13 @@ def test_both_are_compared_and_brought_together(windows, tmp_path: Path) -> None
     first.ask("save")
     second.ask("save")
     second.compare()
-    assert {(one.item, one.side) for one in second.compared} == {
+    assert {(difference.item, difference.side) for difference in second.compared} == {
         ("character first", "only in the file"),
         ("character second", "only here"),
         ("marker jump", "only in the file"),
     }
     second.add_saved_items()
-    assert {one.side for one in second.compared} == {"only here"}
+    assert {difference.side for difference in second.compared} == {"only here"}
     second.save(over=True)
     assert characters(tmp_path / "work.enliven") == ["first", "second", "shared"]
     assert "jump" in read_project(tmp_path / "work.enliven").markers
@@ -172,16 +172,16 @@ def test_differences_of_every_part_are_found(make_limb) -> None:
         markers={"m": Marker("m", 1.0)},
         views={"v": CameraMark("v", (0.0, 0.0, 0.0), 0.0, 0.0, 1.0)},
     )
-    found = [(one.item, one.side) for one in compare_projects(a, b)]
-    assert found == [("character x", "different"), ("view v", "only in the file")]
+    differences = [(difference.item, difference.side) for difference in compare_projects(a, b)]
+    assert differences == [("character x", "different"), ("view v", "only in the file")]
     assert compare_projects(a, a) == ()
     both = with_saved_items(a, b)
     assert both.characters["x"] is a.characters["x"] and "v" in both.views
 
 
 def test_the_dialogue_compares_adds_and_saves_in_the_real_window(tmp_path: Path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"], said
-    assert said["asked"] == ["changed", "", "changed"]
-    assert said["compared"] == ["character mine", "character theirs"]
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"], report
+    assert report["asked"] == ["changed", "", "changed"]
+    assert report["compared"] == ["character mine", "character theirs"]
     assert characters(tmp_path / "work.enliven") == ["mine", "theirs"]

@@ -15,15 +15,17 @@ SESSION = Path(__file__).parents[1] / "studio_session.py"
 
 
 def test_an_artist_works_in_the_window(tmp_path) -> None:
-    said = in_a_window(SESSION, str(tmp_path))
-    assert said["done"] and said["spread"] > 5, said
-    assert said["tool"] == "carry" and said["merged"] == ["two"] and said["undone"] == ["one", "two"], said
-    assert said["caged"] == ["post", ["post"]], "a fourth rig is in the list and on the timeline"
-    assert said["chosen"] == "two" and said["renamed"] == ["mantle", "one"]
-    assert said["copied"] == ["mantle", "mantle 2", "one"] and said["after ctrl z"] == ["mantle", "one"]
-    assert said["source"] == ["map", "wave"] and said["playing"] and said["help"] == "help"
-    assert said["asks"] == "unsaved" and said["stays"] and said["over"]
-    assert said["left"] == [], "nothing is left to recover"
+    report = in_a_window(SESSION, str(tmp_path))
+    assert report["done"] and report["spread"] > 5, report
+    assert report["tool"] == "carry" and report["merged"] == ["two"] and report["undone"] == ["one", "two"], (
+        report
+    )
+    assert report["caged"] == ["post", ["post"]], "a fourth rig is in the list and on the timeline"
+    assert report["chosen"] == "two" and report["renamed"] == ["mantle", "one"]
+    assert report["copied"] == ["mantle", "mantle 2", "one"] and report["after ctrl z"] == ["mantle", "one"]
+    assert report["source"] == ["map", "wave"] and report["playing"] and report["help"] == "help"
+    assert report["asks"] == "unsaved" and report["stays"] and report["over"]
+    assert report["left"] == [], "nothing is left to recover"
 
 
 def test_command_without_a_display_gives_advice(monkeypatch) -> None:

@@ -32,14 +32,14 @@ NOT_SHOWN = {"perform/nearby.py", "timeline/lane_names.py"}
 def texts_of(path: Path) -> list[tuple[int, str]]:
     """Returns line and text of every string of a module that is not a docstring and has a space."""
     tree = ast.parse(path.read_text("utf-8"))
-    plain = {id(one.value) for one in ast.walk(tree) if isinstance(one, ast.Expr)}
+    plain = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     return [
-        (one.lineno, one.value)
-        for one in ast.walk(tree)
-        if isinstance(one, ast.Constant)
-        and isinstance(one.value, str)
-        and id(one) not in plain
-        and " " in one.value.strip()
+        (node.lineno, node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and id(node) not in plain
+        and " " in node.value.strip()
     ]
 
 
@@ -69,13 +69,13 @@ def test_number_of_examples_is_rated_without_percents() -> None:
     from enliven_viewer.studio.examples.coverage import TakeCoverage
 
     fields = dict.fromkeys(TakeCoverage.__dataclass_fields__, None)
-    made = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "left": 1.38})
-    assert coverage_words(made, 0) == "about 1 would be enough for sway"
-    assert coverage_words(made, 2) == "one more would be enough for sway, at the dashed moment"
-    assert coverage_words(replace(made, needed=3), 2).startswith("3 more would be enough")
-    assert coverage_words(replace(made, needed=0), 4).startswith("enough for sway")
+    coverage = TakeCoverage(**{**fields, "take": "sway", "needed": 1, "left": 1.38})
+    assert coverage_words(coverage, 0) == "about 1 would be enough for sway"
+    assert coverage_words(coverage, 2) == "one more would be enough for sway, at the dashed moment"
+    assert coverage_words(replace(coverage, needed=3), 2).startswith("3 more would be enough")
+    assert coverage_words(replace(coverage, needed=0), 4).startswith("enough for sway")
     for needed in range(4):
-        assert "%" not in coverage_words(replace(made, needed=needed), 2)
+        assert "%" not in coverage_words(replace(coverage, needed=needed), 2)
 
 
 def quality(**changes: object) -> MotionQuality:

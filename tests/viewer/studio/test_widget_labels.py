@@ -66,7 +66,7 @@ def keeps_its_id(label: ast.expr, items: set[str]) -> bool:
     ):
         return ast.unparse(label.body.args[1]) == ast.unparse(label.orelse.args[1])
     if isinstance(label, ast.IfExp):
-        ends = [ast.unparse(one).partition("###") for one in (label.body, label.orelse)]
+        ends = [ast.unparse(branch).partition("###") for branch in (label.body, label.orelse)]
         return all(mark for _, mark, _ in ends) and ends[0][2].strip("'\"") == ends[1][2].strip("'\"")
     if isinstance(label, ast.BinOp):
         return isinstance(label.right, ast.Constant) and str(label.right.value).startswith("###")
@@ -101,20 +101,22 @@ def labels(tree: ast.AST) -> Iterator[tuple[int, ast.expr]]:
 
 def changing(name: str, text: str) -> list[str]:
     """Returns the labels of a module that may change while they are shown."""
-    found, tree = [], ast.parse(text)
+    places, tree = [], ast.parse(text)
     loops = [node.target for node in ast.walk(tree) if isinstance(node, ast.For)]
     items = {node.id for target in loops for node in ast.walk(target) if isinstance(node, ast.Name)}
     for line, label in labels(tree):
         if not keeps_its_id(label, items) and (name, ast.unparse(label)) not in PASSED_ON:
-            found.append(f"{name}:{line}: {ast.unparse(label)}")
-    return found
+            places.append(f"{name}:{line}: {ast.unparse(label)}")
+    return places
 
 
 def test_no_label_changes_the_id_of_its_widget() -> None:
-    found = [said for path in sorted(VIEWER.rglob("*.py")) for said in changing(path.name, path.read_text())]
-    assert not found, (
+    offenders = [
+        label for path in sorted(VIEWER.rglob("*.py")) for label in changing(path.name, path.read_text())
+    ]
+    assert not offenders, (
         'write f"{what changes}###a name that stays": the id would change while it is pressed\n'
-        + "\n".join(found)
+        + "\n".join(offenders)
     )
 
 

@@ -85,14 +85,14 @@ def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, r
     depth[:32] = random.choice(odd, (32, 96)) + random.choice([-0.5, -0.1, 0.0, 0.5], (32, 96))
     depth, confidence = depth.astype(np.float32), confidence.astype(np.float32)
     with TofSensor(rehearse=played, confidence=least, near=reach[0], far=reach[1]) as sensor:
-        seen = sensor._trusted(depth, confidence)
+        trusted = sensor._trusted(depth, confidence)
         with pytest.raises(InputError, match="shapes"):
             sensor._trusted(depth[1:], confidence)
     low, high = 1000 * reach[0], 1000 * reach[1] or 65535
-    for got, exact, sure in zip(seen.ravel(), depth.ravel(), confidence.ravel(), strict=True):
-        whole = np.rint(exact)
-        known = sure >= least and round(low) <= whole <= round(high)
-        assert got == (whole if known else 0)
+    for actual, exact, sure in zip(trusted.ravel(), depth.ravel(), confidence.ravel(), strict=True):
+        rounded = np.rint(exact)
+        is_known = sure >= least and round(low) <= rounded <= round(high)
+        assert actual == (rounded if is_known else 0)
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, mon
         "stands": ("/cam/streamProfileType_4", "custom_msg/OBImuStreamProfileInfo", playback._MADE_UP),
     }
     monkeypatch.setattr(playback, "_TOPICS", playback._TOPICS | more)
-    made = playback._Bag.write
+    write_bag = playback._Bag.write
 
     def write(bag, messages):
         kind, time_us, _ = messages[0]
@@ -116,7 +116,7 @@ def test_gravity_comes_from_the_accelerometer_in_the_cameras_frame(tmp_path, mon
             messages = [*messages, *(("felt", time_us + 10 * i, felt(time_us, i)) for i in range(5))]
         else:
             messages = [*messages, ("stands", time_us, accelerometer())]
-        made(bag, messages)
+        write_bag(bag, messages)
 
     monkeypatch.setattr(playback._Bag, "write", write)
     with Recorder(tmp_path / "take.mcap") as recorder:
@@ -144,7 +144,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
 ):
     """Cameras with depth from disparities report it (85, 3004), and report that smoothing is off (24)."""
     needs("orbbec")
-    made = playback._Bag.write
+    write_bag = playback._Bag.write
 
     def write(bag, messages):
         if messages[0][0] != "image":
@@ -157,7 +157,7 @@ def test_orbbecs_library_and_the_import_take_the_same_steps(
             messages = messages + [
                 ("property", 1_000_000, playback._property(*each)) for each in about.items()
             ]
-        made(bag, messages)
+        write_bag(bag, messages)
 
     monkeypatch.setattr(playback._Bag, "write", write)
     monkeypatch.setattr(playback, "_CAMERA", (0x2BC5, product, name))

@@ -73,8 +73,8 @@ def test_library_message_becomes_an_error_with_advice(sensor, message, words):
 
 
 def test_no_message_is_without_its_sentence():
-    told = {str(refused(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
-    assert len(told) >= 10
+    sentences = {str(refused(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
+    assert len(sentences) >= 10
     for pieces in SAID.values():
         assert len(dict(pieces)) == len(pieces)
 
@@ -114,16 +114,16 @@ def test_the_camera_that_is_meant_or_none(found, wanted, before):
             return
         with pytest.raises(ResourceError) as raised:
             chosen("oak", "an OAK", found, wanted, "device", before)
-    said = str(raised.value)
-    assert all(name in said for name in found) and ("--set " in said) == bool(found) and wanted in said
+    reason = str(raised.value)
+    assert all(name in reason for name in found) and ("--set " in reason) == bool(found) and wanted in reason
 
 
 def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
         chosen("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
-    said = str(raised.value)
-    assert "2 are connected: A1, B2" in said and "--set device=A1" in said
-    assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in said
+    reason = str(raised.value)
+    assert "2 are connected: A1, B2" in reason and "--set device=A1" in reason
+    assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in reason
 
 
 @pytest.mark.parametrize(
@@ -139,9 +139,9 @@ def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package,
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
         cameras.library(package, sensor)
-    said = str(raised.value)
-    assert f"{package} {version} is installed" in said and why in said
-    assert f'pip install "enliven-edge[{sensor}]"' in said
+    reason = str(raised.value)
+    assert f"{package} {version} is installed" in reason and why in reason
+    assert f'pip install "enliven-edge[{sensor}]"' in reason
 
 
 def test_versions_that_work_are_let_be():
@@ -192,43 +192,43 @@ def plugged(folder: Path, allowed: bool | None = None) -> None:
 
 
 def test_missing_camera_gives_advice_and_command(said):
-    sensor, told = said
-    kind, words, code = told["nothing"]
+    sensor, reports = said
+    kind, words, code = reports["nothing"]
     assert (kind, code) == ("ResourceError", "4") and "is not connected" in words
     assert "USB 3 port" in words and f"enliven run --sensor {sensor}" in words and "enliven doctor" in words
 
 
 def test_another_camera_than_was_asked_for(said):
-    sensor, told = said
-    kind, words, _ = told["another"]
+    sensor, reports = said
+    kind, words, _ = reports["another"]
     assert kind == "ResourceError" and f"called {KINDS[sensor][2]} is not connected" in words
 
 
 def test_forbidden_and_hidden_cameras_are_reported(said):
-    _, told = said
-    assert "S7: your user may not open it. Type: sudo cp" in told["forbidden"][1]
+    _, reports = said
+    assert "S7: your user may not open it. Type: sudo cp" in reports["forbidden"][1]
     assert (
         "S7 is plugged in, but its library does not find it. Close other programs that use it"
-        in told["hidden"][1]
+        in reports["hidden"][1]
     )
 
 
 def test_a_camera_without_its_lens(said):
     """It runs with the default lens of its kind, and reports it."""
-    _, told = said
-    width, focal, calibrated = json.loads(told["lensless"][1].lower())
+    _, reports = said
+    width, focal, calibrated = json.loads(reports["lensless"][1].lower())
     assert width == 320 and 180 < focal < 260 and calibrated is False
 
 
 def test_librealsense_reports_open_stream_and_usb2(said):
-    sensor, told = said
+    sensor, reports = said
     if sensor != "realsense":
         pytest.skip("depthai has no device of software")
     said = (
         "its library does not play the recording (open(...) failed. Software device is streaming!). Rehearse"
     )
-    assert said in told["open already"][1]
-    assert told["USB 2"][1] == "['USB 2.1', True]"
+    assert said in reports["open already"][1]
+    assert reports["USB 2"][1] == "['USB 2.1', True]"
 
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
@@ -241,10 +241,10 @@ def test_unusable_driver_options_are_refused(sensor, options):
 
 
 def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
-    told, known = known_or_typical(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
-    assert known and (told.fx, told.fy) == (450.0, 451.0)
-    typical, known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
-    assert not known and typical.width == 320 and 200 < typical.fx < 240
+    lens, is_known = known_or_typical(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
+    assert is_known and (lens.fx, lens.fy) == (450.0, 451.0)
+    typical, is_known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+    assert not is_known and typical.width == 320 and 200 < typical.fx < 240
     for rehearsed, mend in (
         (False, "Ask for 640x400, or cal"),
         (True, "Rehearse with .* or with one of 640x400"),
@@ -267,9 +267,9 @@ def test_rehearsal_without_a_lens_gives_advice(tmp_path, sensor):
             until(lambda: seen(playing, errors), "what is said of its lens")
     except InputError as error:
         errors.append(error)
-    said = str(errors[0])
-    assert "it does not know its lens" in said and "Rehearse with a recording that knows its lens" in said
-    assert not any(word in said for word in ("Ask for", "Unplug", "cable", "port"))
+    reason = str(errors[0])
+    assert "it does not know its lens" in reason and "Rehearse with a recording that knows its lens" in reason
+    assert not any(word in reason for word in ("Ask for", "Unplug", "cable", "port"))
 
 
 def seen(sensor, errors: list[Exception]) -> bool:
@@ -286,9 +286,9 @@ def seen(sensor, errors: list[Exception]) -> bool:
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
 def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
-    said = str(refused(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
-    assert " ".join(message.split()).rstrip(".") in said and "enliven inspect" in said
-    assert not any(word in said for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
+    refusal = str(refused(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
+    assert " ".join(message.split()).rstrip(".") in refusal and "enliven inspect" in refusal
+    assert not any(word in refusal for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
 
 
 def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):

@@ -47,11 +47,11 @@ class Viewer:
         """Waits until a problem, or none, is reported, and then for some heartbeats with the same report."""
 
         def holds() -> bool:
-            said = self.hear()
-            lost = {HealthKind.SENSOR_LOST, HealthKind.NO_FRAMES} & set(said)
+            health = self.hear()
+            lost = {HealthKind.SENSOR_LOST, HealthKind.NO_FRAMES} & set(health)
             if kind is None:
                 return bool(self.beats) and not lost
-            return kind in lost and words in said[kind]
+            return kind in lost and words in health[kind]
 
         until(holds, f"{kind}: {words}")
         heard = len(self.beats)

@@ -46,9 +46,9 @@ class FakeClock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    made = FakeClock()
-    monkeypatch.setattr(replay, "time", made)
-    return made
+    fake = FakeClock()
+    monkeypatch.setattr(replay, "time", fake)
+    return fake
 
 
 def test_frames_are_due_at_the_recorded_pace(tmp_path, clock):
@@ -124,14 +124,14 @@ def test_a_loss_comes_when_it_came_and_long_silences_can_be_cut(tmp_path, clock,
         wrote.frame(bodies_at(11_100_000_000), None)
     began = clock.now
     with ReplaySensor(tmp_path / "a.mcap", longest_pause=longest) as sensor:
-        found = []
+        times = []
         for _ in due:
             try:
                 assert sensor.read() is not None
             except SensorFault as error:
-                assert error.what == "it is gone" and len(found) == 2
-            found.append(round(clock.now - began, 6))
-        assert found == pytest.approx(due)
+                assert error.what == "it is gone" and len(times) == 2
+            times.append(round(clock.now - began, 6))
+        assert times == pytest.approx(due)
         assert sensor.read() is None
 
 

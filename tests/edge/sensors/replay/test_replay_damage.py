@@ -22,8 +22,8 @@ def damaged(tmp_path):
             if frame.time_ns == 5 * STEP:
                 data[16:24] = struct.pack("<d", float("nan"))
             kind = schemas.DEPTH
-            told = (kind.schema_name, kind.schema_text, kind.schema_encoding, kind.message_encoding)
-            recorder.write(schemas.DEPTH_TOPIC, *told, bytes(data), frame.time_ns, "troubled")
+            channel = (kind.schema_name, kind.schema_text, kind.schema_encoding, kind.message_encoding)
+            recorder.write(schemas.DEPTH_TOPIC, *channel, bytes(data), frame.time_ns, "troubled")
     return path
 
 

@@ -45,16 +45,16 @@ def placed(points, turn, middle):
 def sightings(lenses, count=24, noise=0.1, seed=0, **of):
     """Simulates two cameras' detections of board corners, with an error in pixels."""
     random = np.random.default_rng(seed)
-    made = []
+    boards = []
     for number, pose in enumerate(poses(count, seed, **of)):
         corners = placed(BOARD.points, *pose)
-        seen = []
+        detections = []
         for lens in lenses:
             pixels = lens.pixels(corners) + noise * random.standard_normal((len(corners), 2))
             inside = (pixels > 0).all(1) & (pixels < [lens.width, lens.height]).all(1)
-            seen.append({n: pixels[n] for n in np.flatnonzero(inside)})
-        made.append(BoardSighting(f"left-{number:02}.png", *seen))
-    return made
+            detections.append({n: pixels[n] for n in np.flatnonzero(inside)})
+        boards.append(BoardSighting(f"left-{number:02}.png", *detections))
+    return boards
 
 
 def drawn(rectangles):
@@ -108,9 +108,9 @@ def pairs(tmp_path_factory):
 def test_a_rendered_board_is_found_to_a_fifth_of_a_pixel(pairs):
     studio = pairs[1][0]
     pose = Rotation.from_euler("xyz", (12, -15, 5), degrees=True).as_matrix(), np.array([0.01, 0.0, 0.38])
-    found = BOARD.find(studio.photograph(*pose))
+    corners = BOARD.find(studio.photograph(*pose))
     true = studio.lens.pixels(placed(BOARD.points, *pose))
-    off = [np.linalg.norm(point - true[number]) for number, point in found.items()]
+    off = [np.linalg.norm(point - true[number]) for number, point in corners.items()]
     # A marker's cell is 2.5 px wide here, so that some markers are not read.
     assert len(off) >= 18 and np.median(off) < 0.2 and max(off) < 0.6
     assert BOARD.find(np.zeros((HEIGHT, WIDTH), np.uint8)) == {}
@@ -132,12 +132,12 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
     assert np.ptp(squares[:, 0]) == pytest.approx(6 * 38.0, abs=1e-3)
     # Its rows count from the bottom; reversed, it is the board that the detector finds as a whole.
     x, y = mm[:, 0].min(), (mm[:, 1] + mm[:, 3]).max()
-    again = np.stack([mm[:, 0] - x, y - mm[:, 1] - mm[:, 3], mm[:, 2], mm[:, 3]], -1) * 1e-3
-    sheet = drawn(again)[::2, ::2].astype(np.uint8)
-    found = BOARD.find(sheet)
-    assert len(found) == len(BOARD.points)
+    mirrored = np.stack([mm[:, 0] - x, y - mm[:, 1] - mm[:, 3], mm[:, 2], mm[:, 3]], -1) * 1e-3
+    sheet = drawn(mirrored)[::2, ::2].astype(np.uint8)
+    corners = BOARD.find(sheet)
+    assert len(corners) == len(BOARD.points)
     expected = (BOARD.points[:, :2] + BOARD.square) * SCALE / 2
-    assert max(np.linalg.norm(point - expected[n]) for n, point in found.items()) < 1.5
+    assert max(np.linalg.norm(point - expected[n]) for n, point in corners.items()) < 1.5
 
 
 @settings(max_examples=3)
@@ -145,13 +145,13 @@ def test_the_sheet_is_the_board_to_the_millimetre(tmp_path, capsys):
 def test_cameras_are_found_from_what_they_see_of_a_board(seed, baseline, crooked):
     lenses = rig(baseline=baseline, crooked=crooked)
     solution = solve(BOARD, sightings(lenses, seed=seed), (640, 400))
-    found = solution.calibration
-    assert found is not None and all("both" in why or "not see" in why for why in solution.left_out.values())
-    for told, true in zip((found.left, found.right), lenses, strict=True):
-        assert (told.fx, told.fy) == pytest.approx(true.focal, rel=0.01)
-        assert (told.cx, told.cy) == pytest.approx(true.centre, abs=5)
-    assert found.baseline == pytest.approx(baseline, rel=0.01)
-    assert found.reprojection < 0.2 and found.epipolar < 0.25 and solution.disparity_error < 0.4
+    solved = solution.calibration
+    assert solved is not None and all("both" in why or "not see" in why for why in solution.left_out.values())
+    for camera, true in zip((solved.left, solved.right), lenses, strict=True):
+        assert (camera.fx, camera.fy) == pytest.approx(true.focal, rel=0.01)
+        assert (camera.cx, camera.cy) == pytest.approx(true.centre, abs=5)
+    assert solved.baseline == pytest.approx(baseline, rel=0.01)
+    assert solved.reprojection < 0.2 and solved.epipolar < 0.25 and solution.disparity_error < 0.4
 
 
 def test_a_pair_that_does_not_fit_is_left_out_by_name():
@@ -215,10 +215,12 @@ def test_the_command_writes_what_a_driver_can_use(pairs, tmp_path, capsys):
     code = cli.run(["calibrate-stereo", str(folder), "-o", str(path), "--accept-doubt"])
     out, err = capsys.readouterr()
     assert code == 0, err
-    found = load_calibration(path)
-    assert (found.width, found.height) == (WIDTH, HEIGHT) and found.baseline == pytest.approx(0.1, rel=0.02)
-    assert found.left.fx == pytest.approx(studio.lens.focal[0], rel=0.02)
-    assert found.epipolar < 0.3 and "rows" in out and str(path) in out
+    solved = load_calibration(path)
+    assert (solved.width, solved.height) == (WIDTH, HEIGHT) and solved.baseline == pytest.approx(
+        0.1, rel=0.02
+    )
+    assert solved.left.fx == pytest.approx(studio.lens.focal[0], rel=0.02)
+    assert solved.epipolar < 0.3 and "rows" in out and str(path) in out
     assert tomllib.loads(path.read_text())["version"] == 1 and path.read_text().startswith("# Two cameras:")
 
 

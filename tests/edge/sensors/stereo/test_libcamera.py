@@ -54,9 +54,9 @@ def test_recorded_pairs_become_depth_images_in_its_own_process(recorded, none_le
         assert sensor.fps == 60.0 and sensor.name == "libcamera rehearsal"
         frames = []
         while (frame := next_frame(sensor)) is not None:
-            known = frame.depth > 0
-            assert known[:, 60:-8].mean() > 0.85
-            assert np.median(np.abs(1e-3 * frame.depth - truth)[known] / truth[known]) < 0.02
+            has_depth = frame.depth > 0
+            assert has_depth[:, 60:-8].mean() > 0.85
+            assert np.median(np.abs(1e-3 * frame.depth - truth)[has_depth] / truth[has_depth]) < 0.02
             frames.append((frame.sequence, frame.time_ns, frame.intrinsics))
         assert "ms apart" in sensor.condition().link
     numbers, times, cameras = zip(*frames, strict=True)
@@ -100,10 +100,10 @@ def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
             frame = next_frame(sensor)
             assert isinstance(frame, BodyFrame) and frame.sensor == "telling"
             assert frame.time_ns == number * telling.STEP
-            for told, true in zip(frame.bodies, telling.bodies(number), strict=True):
-                assert (told.id, told.stature) == (true.id, true.stature)
-                np.testing.assert_array_equal(told.joints, true.joints)
-                np.testing.assert_array_equal(told.confidence, true.confidence)
+            for body, true in zip(frame.bodies, telling.bodies(number), strict=True):
+                assert (body.id, body.stature) == (true.id, true.stature)
+                np.testing.assert_array_equal(body.joints, true.joints)
+                np.testing.assert_array_equal(body.confidence, true.confidence)
         assert next_frame(sensor) is None
 
 
@@ -125,14 +125,14 @@ def test_missing_libcamera_camera_gives_advice(capsys, tmp_path):
     try:
         LibcameraSensor().close()
     except ResourceError as error:
-        said = str(error)
+        message = str(error)
     except EnlivenError as error:
         pytest.skip(f"there is a camera: {error}")
     else:
         pytest.skip("there is a camera")
-    assert "apt install python3-libcamera" in said or "ribbon cable" in said
+    assert "apt install python3-libcamera" in message or "ribbon cable" in message
     assert cli.run(["calibrate-stereo", "--live", str(tmp_path)]) == 4
-    assert said.partition(".")[0] in capsys.readouterr().err
+    assert message.partition(".")[0] in capsys.readouterr().err
 
 
 @settings(max_examples=40)

@@ -32,8 +32,8 @@ def pair(things, seed=0, gains=(1.0, 1.1)):
 
 def disparity_error(depth, truth):
     """Returns the errors of the known depths, as disparities in pixels."""
-    known = depth > 0
-    return FOCAL_BASELINE * np.abs(1e3 / depth[known] - 1 / truth[known])
+    has_depth = depth > 0
+    return FOCAL_BASELINE * np.abs(1e3 / depth[has_depth] - 1 / truth[has_depth])
 
 
 @settings(max_examples=2)
@@ -114,16 +114,16 @@ def test_the_table_is_the_formula(focal_baseline, near, far):
     assert table[0] == 0 and table.dtype == np.uint16 and len(table) == 64 * 16 + 1
     for step in range(1, len(table)):
         metres = focal_baseline / (step / 16)
-        told = table[step]
-        assert told == 0 if not near <= metres <= far else abs(told - 1e3 * metres) <= 0.5 + 1e-6
+        depth = table[step]
+        assert depth == 0 if not near <= metres <= far else abs(depth - 1e3 * metres) <= 0.5 + 1e-6
 
 
 def test_no_depth_is_reported_outside_the_range(wall):
     left, right, _ = wall
-    told = StereoMatcher(RECTIFIED, 1.7, 8.0).depth(left, right)
-    assert (told[20:-20, 40:-20] > 0).mean() < 0.05 and told[told > 0].min() >= 1700
-    known = StereoMatcher(RECTIFIED, 0.7, 1.6).depth(left, right)
-    assert (known[20:-20, 40:-20] > 0).mean() > 0.9 and known.max() <= 1600
+    depth = StereoMatcher(RECTIFIED, 1.7, 8.0).depth(left, right)
+    assert (depth[20:-20, 40:-20] > 0).mean() < 0.05 and depth[depth > 0].min() >= 1700
+    near_depth = StereoMatcher(RECTIFIED, 0.7, 1.6).depth(left, right)
+    assert (near_depth[20:-20, 40:-20] > 0).mean() > 0.9 and near_depth.max() <= 1600
 
 
 @pytest.mark.parametrize(

@@ -16,14 +16,14 @@ IMAGE = np.zeros((1, 1), np.uint8)
 
 def arrivals(lost, late, jitter):
     """Returns images of two synchronised cameras, in order of arrival."""
-    made = []
+    pictures = []
     for eye in (0, 1):
         for number in range(len(lost[eye])):
             if not lost[eye][number]:
-                taken = number * STEP + jitter[(2 * number + eye) % len(jitter)]
+                taken_ns = number * STEP + jitter[(2 * number + eye) % len(jitter)]
                 arrives = number * STEP + late * eye
-                made.append((arrives, eye, CameraImage(eye, IMAGE, taken, number)))
-    return [picture for *_, picture in sorted(made, key=lambda each: each[:2])]
+                pictures.append((arrives, eye, CameraImage(eye, IMAGE, taken_ns, number)))
+    return [picture for *_, picture in sorted(pictures, key=lambda each: each[:2])]
 
 
 flags = st.lists(st.booleans(), min_size=40, max_size=40)

@@ -19,9 +19,9 @@ def cost(rotations, ranges=(joint_limits.MIDDLE, joint_limits.REACH)) -> float:
 
 def with_thigh(side: int, **turn: float):
     """Returns a standing person with one thigh rotated from hanging; the right one is mirrored."""
-    made = joint_limits.standing()
-    made[model.THIGH_L] = rotation(**turn)
-    return made if side == model.THIGH_L else joint_limits.mirrored(made)
+    rotations = joint_limits.standing()
+    rotations[model.THIGH_L] = rotation(**turn)
+    return rotations if side == model.THIGH_L else joint_limits.mirrored(rotations)
 
 
 SIDES = pytest.mark.parametrize("side", [model.THIGH_L, model.THIGH_R])
@@ -92,5 +92,5 @@ def test_standing_posture_has_zero_cost():
 
 
 def test_a_weight_by_frame_is_the_usual_one_but_where_another_is_given():
-    made = model.by_frame(1.5, {model.PELVIS: 0.0, model.FOOT_R: 3.0})
-    np.testing.assert_array_equal(made, [0.0, *[1.5] * 11, 3.0])
+    weights = model.by_frame(1.5, {model.PELVIS: 0.0, model.FOOT_R: 3.0})
+    np.testing.assert_array_equal(weights, [0.0, *[1.5] * 11, 3.0])

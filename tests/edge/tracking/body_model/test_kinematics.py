@@ -34,11 +34,11 @@ def test_a_deviation_is_the_logarithm_of_the_turn_between(seed, share):
     reference, axis = exponential(random.normal(size=3)), random.normal(size=3)
     angle = random.choice([share * 1e-4, share * np.pi, np.pi - 1e-5 * share])
     turned = reference @ exponential(angle * axis / np.linalg.norm(axis))
-    found = deviation(reference, turned)
-    np.testing.assert_allclose(reference @ exponential(found), turned, atol=1e-9)
-    assert np.linalg.norm(found) <= np.pi + 1e-12
+    vector = deviation(reference, turned)
+    np.testing.assert_allclose(reference @ exponential(vector), turned, atol=1e-9)
+    assert np.linalg.norm(vector) <= np.pi + 1e-12
     if abs(angle) < np.pi - 1e-9:  # half a turn has two logarithms
-        np.testing.assert_allclose(found, logarithm(reference.T @ turned), atol=1e-9)
+        np.testing.assert_allclose(vector, logarithm(reference.T @ turned), atol=1e-9)
 
 
 @given(st.integers(0, 10_000))
@@ -124,7 +124,7 @@ def test_predicted_posture_continues_its_rotation():
     slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
     now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)
     now.rotations[model.CHEST] = before.rotations[model.CHEST] @ exponential(fast)
-    made = continued(before, now)
+    predicted = continued(before, now)
     for frame, turn in ((model.HEAD, 0.8 * slow), (model.CHEST, np.array([0.0, 0.25, 0.0]))):
         expected = now.rotations[frame] @ exponential(turn)
-        np.testing.assert_allclose(made.rotations[frame], expected, atol=1e-9)
+        np.testing.assert_allclose(predicted.rotations[frame], expected, atol=1e-9)

@@ -44,8 +44,8 @@ def test_capsules_follow_a_posture_that_is_written_into(seed):
         before = posture.capsules()
         assert posture.capsules() is before
         getattr(posture, name)[:] = getattr(other, name)
-        for found, expected in zip(posture.capsules(), posture.copy().capsules(), strict=True):
-            np.testing.assert_array_equal(found, expected)
+        for actual, expected in zip(posture.capsules(), posture.copy().capsules(), strict=True):
+            np.testing.assert_array_equal(actual, expected)
         assert any((a != b).any() for a, b in zip(before, posture.capsules(), strict=True))
     posture.position = posture.position + 1.0
     np.testing.assert_allclose(posture.capsules()[0], other.capsules()[0] + 1.0, atol=1e-12)
@@ -76,11 +76,11 @@ def test_predicted_motion_is_damped_and_limited(seed):
     now, turns = before.copy(), random.normal(0, 0.2, (13, 3))
     now.position += random.normal(0, 0.08, 3)
     now.rotations = before.rotations @ to_matrix(from_rotation_vector(turns))
-    made = continued(before, now)
+    predicted = continued(before, now)
     step = 0.8 * (now.position - before.position)
     step *= min(1.0, 0.1 / np.linalg.norm(step))
-    np.testing.assert_allclose(made.position, now.position + step, atol=1e-12)
+    np.testing.assert_allclose(predicted.position, now.position + step, atol=1e-12)
     angles = np.linalg.norm(turns, axis=1, keepdims=True)
     on = 0.8 * turns * np.minimum(1.0, 0.25 / (0.8 * angles))
-    between = now.rotations.transpose(0, 2, 1) @ made.rotations
+    between = now.rotations.transpose(0, 2, 1) @ predicted.rotations
     np.testing.assert_allclose(to_rotation_vector(from_matrix(between)), on, atol=1e-9)

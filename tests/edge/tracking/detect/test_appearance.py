@@ -83,16 +83,18 @@ def test_parent_of_a_left_part_is_on_the_left():
 def test_a_point_is_farther_from_a_capsule_the_less_it_looks_like_it(seed, metres):
     """One point and one capsule at a time."""
     points, shown = noise(seed, 12)
-    seen = seen_as(estimate_of(np.zeros((20, 3))), points, shown)
-    found, sideless = seen.affinity(metres), seen.sideless_affinity(metres)
-    assert found.shape == (20, 12) and found.dtype == np.float32
+    sighting = seen_as(estimate_of(np.zeros((20, 3))), points, shown)
+    affinity, sideless = sighting.affinity(metres), sighting.sideless_affinity(metres)
+    assert affinity.shape == (20, 12) and affinity.dtype == np.float32
     for c in range(20):
         for i in range(12):
             like = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p])
             either = sum(shown[i, p] for p in range(PARTS) if CARRIES[c, p] or CARRIES[c, MIRRORED[p]])
-            assert found[c, i] == pytest.approx(metres * (1 - like), abs=1e-5)
+            assert affinity[c, i] == pytest.approx(metres * (1 - like), abs=1e-5)
             assert sideless[c, i] == pytest.approx(metres * (1 - either), abs=1e-5)
-    assert found.min() > -1e-5 and found.max() <= metres * 1.0001 and (sideless <= found + 1e-5).all()
+    assert (
+        affinity.min() > -1e-5 and affinity.max() <= metres * 1.0001 and (sideless <= affinity + 1e-5).all()
+    )
 
 
 def test_a_left_hand_is_far_from_the_right_one_unless_sides_do_not_matter():

@@ -36,10 +36,10 @@ SURE = np.ones(20)
 
 def forearm_across(forward: float) -> Posture:
     """Returns a posture with the left forearm across the belly and the elbow ``forward`` radians ahead."""
-    made = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.75))
-    made.rotations[model.UPPER_ARM_L] = rotation(x=-forward, z=0.1) @ rotation(y=-1.2)
-    made.rotations[model.FOREARM_L] = rotation(x=-1.6)
-    return made
+    posture = Posture(np.array([0.0, 0.95, -2.5]), joint_limits.standing(), model.lengths_for_height(1.75))
+    posture.rotations[model.UPPER_ARM_L] = rotation(x=-forward, z=0.1) @ rotation(y=-1.2)
+    posture.rotations[model.FOREARM_L] = rotation(x=-1.6)
+    return posture
 
 
 TRUTH, TOO_DEEP = forearm_across(0.3), forearm_across(-0.35)
@@ -124,12 +124,12 @@ def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near,
     ray = points[:, None] + np.linspace(near, near + long, 401)[:, None] * away[:, None]
     along, twin = np.linspace(0.0, 1.0, 201), np.full(len(points), np.inf)
     for (a, b), (first, last) in zip(ends, radii, strict=True):
-        apart = np.linalg.norm(ray[:, :, None] - (a + along[:, None] * (b - a)), axis=3)
-        nearest = apart.reshape(len(points), -1).argmin(1)
+        distances = np.linalg.norm(ray[:, :, None] - (a + along[:, None] * (b - a)), axis=3)
+        nearest = distances.reshape(len(points), -1).argmin(1)
         thick = first + along[nearest % len(along)] * (last - first)
-        twin = np.minimum(twin, apart.min((1, 2)) - thick)
-    found = clear_of_rays(points, eye, near, near + long, ends, radii)
-    np.testing.assert_allclose(found, twin, rtol=0, atol=2 * SAMPLED)
+        twin = np.minimum(twin, distances.min((1, 2)) - thick)
+    clearances = clear_of_rays(points, eye, near, near + long, ends, radii)
+    np.testing.assert_allclose(clearances, twin, rtol=0, atol=2 * SAMPLED)
 
 
 @settings(deadline=None, max_examples=30)

@@ -48,13 +48,13 @@ def found(name: str, seed: int, network: bool) -> Posture:
 
 def errors(name: str, *, network: bool) -> np.ndarray:
     """Returns the errors of all visible joints, metres, over all seeds."""
-    made = []
+    distances = []
     for seed in SEEDS:
         observation, figure = seen_person(name, seed)
         in_sight = [np.linalg.norm(observation.points - j, axis=1).min() < 0.15 for j in figure.joints]
         off = np.linalg.norm(found(name, seed, network).joints() - figure.joints, axis=1)
-        made.append(off[in_sight])
-    return np.concatenate(made)
+        distances.append(off[in_sight])
+    return np.concatenate(distances)
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -78,22 +78,22 @@ def test_best_network_posture_is_near_the_truth_for_most():
     for name in CLASSES:
         for seed in SEEDS:
             observation, figure = seen_person(name, seed)
-            made = [posed(estimate, lengths).joints() for estimate in seen_in(observation)[1]]
-            best.append(min(np.linalg.norm(joints - figure.joints, axis=1).mean() for joints in made))
+            candidates = [posed(estimate, lengths).joints() for estimate in seen_in(observation)[1]]
+            best.append(min(np.linalg.norm(joints - figure.joints, axis=1).mean() for joints in candidates))
     assert np.median(best) < SUPPOSED
 
 
 def test_network_postures_cover_likely_facings_and_the_opposite():
     observation, _ = seen_person("side", SEEDS[0])
-    seen, by_facing = seen_in(observation)
-    likeliest = np.argsort(-seen.estimate.facing)[:3]
+    sighting, by_facing = seen_in(observation)
+    likeliest = np.argsort(-sighting.estimate.facing)[:3]
     assert len(by_facing) == 5
-    assert all(each.crop is seen.estimate.crop for each in by_facing)
-    np.testing.assert_allclose(by_facing[0].joints, seen.estimate.joints, atol=1e-3)
+    assert all(each.crop is sighting.estimate.crop for each in by_facing)
+    np.testing.assert_allclose(by_facing[0].joints, sighting.estimate.joints, atol=1e-3)
     ways = [2 * np.pi / FACINGS * way for way in (*likeliest, likeliest[0] + FACINGS / 2)]
     for way, each in zip(ways, by_facing[1:], strict=True):
-        told = seen_in(observation, facing=way)[0].estimate
-        np.testing.assert_allclose(each.joints, told.joints, atol=1e-3)
+        estimate = seen_in(observation, facing=way)[0].estimate
+        np.testing.assert_allclose(each.joints, estimate.joints, atol=1e-3)
 
 
 def hung_upside_down(observation: Observation) -> Observation:
@@ -119,15 +119,15 @@ def test_upside_down_image_is_detected_alike():
 
 def test_known_person_is_detected_with_their_own_bones():
     """A kneeling person does not show their height; a known person's is already known."""
-    known, unknown = [], []
+    known_errors, unknown_errors = [], []
     for seed in SEEDS:
         observation, figure = seen_person("kneeling", seed)
         eye, fitter = observation.view[4][:3, 3], Fitter(FitSettings())
         lengths = model.lengths_for_height(random_build(np.random.default_rng([41, seed])).height)
-        for off, given in ((unknown, None), (known, lengths)):
-            posture, _ = whole(detect(fitter, observation, eye, 1.3, *seen_in(observation), given))
+        for off, bones in ((unknown_errors, None), (known_errors, lengths)):
+            posture, _ = whole(detect(fitter, observation, eye, 1.3, *seen_in(observation), bones))
             off.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
-    assert np.mean(known) < np.mean(unknown)
+    assert np.mean(known_errors) < np.mean(unknown_errors)
 
 
 def test_new_posture_is_searched_only_if_it_may_be_better():
@@ -146,6 +146,6 @@ def test_new_posture_is_searched_only_if_it_may_be_better():
 
 def standing_as(posture: Posture) -> Posture:
     """Returns another person's posture at the same position."""
-    made = posture.copy()
-    made.rotations = joint_limits.standing(2.0, arm_raise=1.4)
-    return made
+    upright = posture.copy()
+    upright.rotations = joint_limits.standing(2.0, arm_raise=1.4)
+    return upright

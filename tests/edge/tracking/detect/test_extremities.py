@@ -43,11 +43,11 @@ def test_distances_are_dijkstras(seed):
     v, u = np.mgrid[:9, :8] * 0.03
     points = np.stack([u, -v, z], -1)
     source = int(np.flatnonzero(mask)[0])
-    found = np.full(mask.shape, np.inf)
-    spread(points, z, mask, 1, source, found)
+    distances = np.full(mask.shape, np.inf)
+    spread(points, z, mask, 1, source, distances)
     slow = slow_distances(points, z, mask, 1, source)
-    assert np.allclose(found[mask], slow[mask])
-    assert np.isinf(found[~mask]).all()
+    assert np.allclose(distances[mask], slow[mask])
+    assert np.isinf(distances[~mask]).all()
 
 
 def test_hands_feet_and_head_are_the_extremities_of_a_star():
@@ -58,11 +58,11 @@ def test_hands_feet_and_head_are_the_extremities_of_a_star():
     pose[2, 3] = 3.0
     picture = PersonRenderer().render_figure(performer, figure, 1, pose, dice)
     z = picture.z.astype(float)
-    found = extremities(z, z > 0, picture.camera, pose)
+    tips = extremities(z, z > 0, picture.camera, pose)
     ends = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
     for end in ends:
-        assert np.linalg.norm(found.points - figure.joints[end], axis=1).min() < 0.2, end.name
-    assert (np.diff(found.far) <= 1e-9).all(), "the farthest come first"
+        assert np.linalg.norm(tips.points - figure.joints[end], axis=1).min() < 0.2, end.name
+    assert (np.diff(tips.far) <= 1e-9).all(), "the farthest come first"
 
 
 def test_empty_mask_has_no_extremities():

@@ -121,8 +121,8 @@ def any_posture(random) -> Posture:
 @pytest.mark.parametrize("seed", range(40))
 def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
     posture = any_posture(np.random.default_rng(seed))
-    for made, axes in ((posture, chest_axes), (turned_about(posture), chest_axes_about)):
-        chest = made.rotations[model.PELVIS] @ made.rotations[model.CHEST]
+    for candidate, axes in ((posture, chest_axes), (turned_about(posture), chest_axes_about)):
+        chest = candidate.rotations[model.PELVIS] @ candidate.rotations[model.CHEST]
         np.testing.assert_allclose(np.transpose(axes(posture.rotations)), chest[:, :2], atol=1e-12)
 
 
@@ -131,13 +131,13 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     """Computed term by term: from the network, the walking direction, and implausible backward leaning."""
     random = np.random.default_rng(seed)
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
-    seen = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))
+    sighting = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))
     turned = turned_about(posture)
-    slow = facing_score(seen, posture, EYE) - facing_score(seen, turned, EYE)
+    slow = facing_score(sighting, posture, EYE) - facing_score(sighting, turned, EYE)
     speed = np.linalg.norm(velocity[[0, 2]])
     plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)
     slow += 4.5 * plainly * (velocity[[0, 2]] / speed) @ forward_in_plan(posture)
     slow += 15.0 * (backward(turned.rotations) - backward(posture.rotations))
-    ways = seen.estimate.facing
-    found = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
-    assert found == pytest.approx(slow, abs=1e-9)
+    ways = sighting.estimate.facing
+    advantage = _advantage(posture.rotations, posture.position, EYE, velocity, ways)
+    assert advantage == pytest.approx(slow, abs=1e-9)

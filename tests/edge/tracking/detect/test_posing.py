@@ -38,10 +38,10 @@ def random_posture(seed: int) -> Posture:
 
 def nudged(posture: Posture, turns: np.ndarray) -> Posture:
     step = np.r_[np.zeros(3), turns, np.zeros(12)]
-    made = stepped(
+    state = stepped(
         posture.position, posture.rotations, posture.lengths, step, model.DOF_FRAME, model.DOF_AXIS
     )
-    return Posture(*made)
+    return Posture(*state)
 
 
 def apart(one: Posture, other: Posture) -> np.ndarray:
@@ -52,17 +52,17 @@ def apart(one: Posture, other: Posture) -> np.ndarray:
 @pytest.mark.parametrize("number", range(len(BANK)))
 def test_a_posture_of_the_bank_is_found_again_from_its_own_joints(number, yaw):
     wanted = banked(number, yaw)
-    made = posed(estimate_of(wanted.joints()), wanted.lengths)
-    assert apart(made, wanted).mean() < ON_AVERAGE and apart(made, wanted).max() < AT_MOST
+    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(posture, wanted).mean() < ON_AVERAGE and apart(posture, wanted).max() < AT_MOST
 
 
 @given(SEEDS)
 @settings(max_examples=30, deadline=None)
 def test_any_posture_is_found_again_from_its_own_joints(seed):
     wanted = random_posture(seed)
-    made = posed(estimate_of(wanted.joints()), wanted.lengths)
-    assert apart(made, wanted).mean() < ON_AVERAGE and apart(made, wanted).max() < AT_MOST
-    ahead = made.rotations[model.PELVIS][:, 2] @ wanted.rotations[model.PELVIS][:, 2]
+    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(posture, wanted).mean() < ON_AVERAGE and apart(posture, wanted).max() < AT_MOST
+    ahead = posture.rotations[model.PELVIS][:, 2] @ wanted.rotations[model.PELVIS][:, 2]
     assert ahead > 0.9, "it faces the same way"
 
 
@@ -71,8 +71,8 @@ def test_any_posture_is_found_again_from_its_own_joints(seed):
 def test_a_posture_is_drawn_to_the_joints_from_one_nearby(seed):
     wanted = random_posture(seed)
     start = nudged(wanted, np.random.default_rng(seed + 1).normal(0, 0.25, 27))
-    made = aligned_to(start, estimate_of(wanted.joints()))
-    assert apart(made, wanted).mean() < max(ON_AVERAGE, 0.5 * apart(start, wanted).mean())
+    posture = aligned_to(start, estimate_of(wanted.joints()))
+    assert apart(posture, wanted).mean() < max(ON_AVERAGE, 0.5 * apart(start, wanted).mean())
 
 
 @given(SEEDS)
@@ -90,8 +90,8 @@ def test_lengths_are_kept_and_the_start_is_not_touched(seed):
 
 def test_reversed_estimate_gives_reversed_posture():
     wanted = turned_about(banked(0, 0.4))
-    made = posed(estimate_of(wanted.joints()), wanted.lengths)
-    assert apart(made, wanted).max() < AT_MOST
+    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    assert apart(posture, wanted).max() < AT_MOST
 
 
 @pytest.mark.parametrize("joint", [Joint.HAND_LEFT, Joint.FOOT_RIGHT, Joint.HEAD])
@@ -100,14 +100,14 @@ def test_uncertain_joint_has_no_effect_on_the_posture(joint):
     joints, spread = wanted.joints(), np.full(20, 0.03)
     joints[joint] += [0.1, 0.3, 0.2]
     spread[joint] = 2.0
-    made = posed(estimate_of(joints, spread), wanted.lengths)
-    assert apart(made, wanted).mean() < ON_AVERAGE
+    posture = posed(estimate_of(joints, spread), wanted.lengths)
+    assert apart(posture, wanted).mean() < ON_AVERAGE
 
 
 def test_longer_person_is_posed_at_the_estimates_position():
     """The bone lengths differ: the joints cannot all be met, so the error is spread about evenly."""
     wanted = banked(0, 0.0)
     longer = model.lengths_for_height(1.6)
-    made = posed(estimate_of(wanted.joints()), longer)
-    assert apart(made, wanted).max() < 0.2
-    assert np.linalg.norm((made.joints() - wanted.joints()).mean(0)) < 0.05
+    posture = posed(estimate_of(wanted.joints()), longer)
+    assert apart(posture, wanted).max() < 0.2
+    assert np.linalg.norm((posture.joints() - wanted.joints()).mean(0)) < 0.05

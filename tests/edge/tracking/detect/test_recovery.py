@@ -32,9 +32,9 @@ def standing() -> Posture:
 
 def arm_out(lift: float = 1.4) -> Posture:
     """Returns a person with the left arm held out, or higher, and the right one hanging."""
-    made, out = standing(), joint_limits.standing(arm_raise=lift)
-    made.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
-    return made
+    posture, out = standing(), joint_limits.standing(arm_raise=lift)
+    posture.rotations[[model.UPPER_ARM_L, model.FOREARM_L]] = out[[model.UPPER_ARM_L, model.FOREARM_L]]
+    return posture
 
 
 def seen_of(posture: Posture, observation: Observation):
@@ -60,8 +60,8 @@ def reconsidered(observation: Observation, start: Posture, seen) -> Posture:
 @pytest.mark.parametrize("lift", [1.4, 2.6])
 def test_a_limb_that_is_seen_elsewhere_is_brought_there(lift):
     observation = observed(arm_out(lift))
-    made = reconsidered(observation, standing(), seen_of(arm_out(lift), observation))
-    assert off(made, arm_out(lift), LEFT_ARM) < 0.08
+    recovered = reconsidered(observation, standing(), seen_of(arm_out(lift), observation))
+    assert off(recovered, arm_out(lift), LEFT_ARM) < 0.08
     alone = reconsidered(observation, standing(), None)
     assert off(alone, arm_out(lift), LEFT_ARM) > 0.3, "which surfaces alone do not, where all seems sure"
 
@@ -69,16 +69,16 @@ def test_a_limb_that_is_seen_elsewhere_is_brought_there(lift):
 def test_well_fitted_person_is_not_changed():
     fitter, observation = Fitter(FitSettings()), observed(arm_out())
     posture, report = fitter.fit(observation, arm_out())
-    seen = seen_of(posture, observation)
-    made, same = PoseRecovery(fitter).reconsider(observation, posture, report, SURE, seen)
-    assert made is posture and same is report
+    sighting = seen_of(posture, observation)
+    recovered, same = PoseRecovery(fitter).reconsider(observation, posture, report, SURE, sighting)
+    assert recovered is posture and same is report
 
 
 def test_limb_is_not_moved_against_the_depth():
     """The network is wrong; the depth frame decides."""
     observation = observed(standing())
-    made = reconsidered(observation, standing(), seen_of(arm_out(), observation))
-    assert off(made, standing(), LEFT_ARM) < 0.08
+    recovered = reconsidered(observation, standing(), seen_of(arm_out(), observation))
+    assert off(recovered, standing(), LEFT_ARM) < 0.08
 
 
 def test_whole_body_candidate_keeps_the_facing():
@@ -103,8 +103,8 @@ def test_a_hidden_limb_is_kept_where_its_joints_are_seen():
     plain = observed(standing(), hide=80)
     feet = [Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     without, _ = fitter.fit(plain, standing())
-    told, _ = fitter.fit(with_landmarks(plain, bent, feet), standing())
-    assert off(told, bent, feet) < 0.5 * off(without, bent, feet)
+    fitted, _ = fitter.fit(with_landmarks(plain, bent, feet), standing())
+    assert off(fitted, bent, feet) < 0.5 * off(without, bent, feet)
 
 
 def test_landmarks_without_weight_change_nothing():
@@ -112,8 +112,8 @@ def test_landmarks_without_weight_change_nothing():
     expected, report = Fitter(FitSettings()).fit(plain, start)
     unweighed = Fitter(FitSettings(landmarks=0.0)).fit(with_landmarks(plain, arm_out()), start)
     nothing = Fitter(FitSettings()).fit(with_landmarks(plain, arm_out(), ()), start)
-    for made, other in (unweighed, nothing):
-        assert_alike(made.joints(), expected.joints(), SOLVED)
+    for fitted, other in (unweighed, nothing):
+        assert_alike(fitted.joints(), expected.joints(), SOLVED)
         assert other.energy == report.energy
 
 
@@ -121,11 +121,11 @@ def test_landmarks_make_the_fit_surer():
     """Of a joint that has no other evidence."""
     fitter, plain = Fitter(FitSettings()), observed(standing(), hide=80)
     shin = 3 + int(np.flatnonzero(model.DOF_FRAME == model.SHIN_L)[0])
-    held, told = (
+    uninformed, informed = (
         fitter.fit(each, standing(), iterations=0)[1].information[shin, shin]
         for each in (plain, with_landmarks(plain, standing()))
     )
-    assert told > 2.0 * held
+    assert informed > 2.0 * uninformed
 
 
 @pytest.mark.parametrize("step", [1, 3, 50])
@@ -144,8 +144,8 @@ def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypat
     monkeypatch.setattr(recovery, "_LOSES", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())
-    seen = seen_of(standing(), observation)
-    sure = replace(seen, estimate=replace(seen.estimate, spread=np.full(20, 0.01)))
+    sighting = seen_of(standing(), observation)
+    sure = replace(sighting, estimate=replace(sighting.estimate, spread=np.full(20, 0.01)))
     misled = replace(observation, landmarks=sure.estimate.landmarks)
-    made, _ = PoseRecovery(fitter).reconsider(misled, posture, report, SURE, sure)
-    assert (off(made, arm_out(), LEFT_ARM) < 0.1) == kept
+    recovered, _ = PoseRecovery(fitter).reconsider(misled, posture, report, SURE, sure)
+    assert (off(recovered, arm_out(), LEFT_ARM) < 0.1) == kept

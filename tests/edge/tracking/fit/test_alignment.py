@@ -24,16 +24,16 @@ def standing(yaw: float = 0.0) -> Posture:
 @pytest.mark.parametrize("number", range(len(BANK)))
 def test_every_posture_of_the_bank_is_reached_from_standing(number):
     wanted = Posture(np.array([0.3, 0.6, -2.0]), BANK[number].copy(), LENGTHS.copy())
-    made, _ = align(standing(), *ANCHORS, wanted.joints(), ALIKE, width=1.0, iterations=60)
-    assert np.linalg.norm(made.joints() - wanted.joints(), axis=1).mean() < 0.04
+    aligned, _ = align(standing(), *ANCHORS, wanted.joints(), ALIKE, width=1.0, iterations=60)
+    assert np.linalg.norm(aligned.joints() - wanted.joints(), axis=1).mean() < 0.04
 
 
 def test_an_outlier_is_doubted():
     wanted = standing(0.4)
     targets = wanted.joints()
     targets[7] += [0.0, 1.5, 0.0]
-    made, _ = align(standing(), *ANCHORS, targets, ALIKE)
-    assert np.linalg.norm(made.joints() - wanted.joints(), axis=1).max() < 0.1
+    aligned, _ = align(standing(), *ANCHORS, targets, ALIKE)
+    assert np.linalg.norm(aligned.joints() - wanted.joints(), axis=1).max() < 0.1
 
 
 def test_target_without_weight_has_no_effect():
@@ -41,9 +41,9 @@ def test_target_without_weight_has_no_effect():
     strayed, weights = targets.copy(), ALIKE.copy()
     strayed[7] += 0.15
     weights[7] = 0.0
-    one, energy = align(standing(), *ANCHORS, targets, weights)
+    aligned, energy = align(standing(), *ANCHORS, targets, weights)
     other, same = align(standing(), *ANCHORS, strayed, weights)
-    assert_alike(one.joints(), other.joints(), SOLVED)
+    assert_alike(aligned.joints(), other.joints(), SOLVED)
     assert energy == same
 
 

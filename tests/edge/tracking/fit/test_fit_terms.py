@@ -111,8 +111,8 @@ def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
 def test_the_fit_places_the_surface_that_its_terms_are_tested_with(seed, girth, free):
     posture = random_posture(seed, 0.8)
     posture.lengths[model.GIRTH] = girth
-    _, made = placed(BodyState(posture.position, posture.rotations, posture.lengths), shape(), free)
-    for mine, expected in zip(made, surroundings(posture, free, taper=True), strict=True):
+    _, surface = placed(BodyState(posture.position, posture.rotations, posture.lengths), shape(), free)
+    for mine, expected in zip(surface, surroundings(posture, free, taper=True), strict=True):
         np.testing.assert_allclose(mine, expected, atol=1e-12)
 
 

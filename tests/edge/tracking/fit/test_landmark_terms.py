@@ -52,12 +52,12 @@ def near(posture: Posture, landmarks: np.ndarray, count: int = (model.DOFS + len
 
 def differences(of, posture: Posture, count: int) -> np.ndarray:
     """Returns the central differences of ``of(posture)`` by the unknowns, along the first axis."""
-    made = []
+    columns = []
     for k in range(count):
         step = np.zeros(count)
         step[k] = STEP
-        made.append((of(moved_by(posture, step)) - of(moved_by(posture, -step))) / (2 * STEP))
-    return np.array(made)
+        columns.append((of(moved_by(posture, step)) - of(moved_by(posture, -step))) / (2 * STEP))
+    return np.array(columns)
 
 
 @given(SEEDS)

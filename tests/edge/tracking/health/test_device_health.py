@@ -20,13 +20,13 @@ def kinds_after(
     conditions: list[Condition], stand=LEVEL, floor_known=True, seconds: int = 20
 ) -> list[set[str]]:
     """Returns the problems at the end of each condition, which lasts ``seconds``."""
-    alarms, said, now = Alarms("The sensor"), [], 0
+    alarms, reported, now = Alarms("The sensor"), [], 0
     for condition in conditions:
         for _ in range(seconds):
             now += SECOND
             judge_condition(alarms, condition, stand, floor_known, now)
-        said.append({state.kind for state in alarms.states})
-    return said
+        reported.append({state.kind for state in alarms.states})
+    return reported
 
 
 @pytest.mark.parametrize(
@@ -61,8 +61,8 @@ def test_floor_and_accelerometer_are_compared_wherever_the_sensor_looks(tilt, ro
     aside = np.cross(down, (0.0, 0.0, 1.0))
     aside /= np.linalg.norm(aside)
     felt = length * (np.cos(np.radians(error)) * down + np.sin(np.radians(error)) * aside)
-    said = kinds_after([Condition(gravity=tuple(felt))], stand, seconds=5)[0]
-    assert (HealthKind.NOT_LEVEL in said) == (error > 6.0)
+    reported = kinds_after([Condition(gravity=tuple(felt))], stand, seconds=5)[0]
+    assert (HealthKind.NOT_LEVEL in reported) == (error > 6.0)
 
 
 def test_a_sensor_that_is_meant_to_hang_upside_down_may():

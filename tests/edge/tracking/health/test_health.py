@@ -100,12 +100,12 @@ def test_lost_frames_are_counted_by_their_gaps(lost):
 def test_a_survey_counts_as_the_slow_way_does():
     depth = image(0, missing=0.3)
     depth[:10], depth[10:20] = 100, 65535
-    seen = survey(depth)
-    known = (depth != 0) & (depth != 65535)
-    assert seen.known == pytest.approx(known.mean())
-    assert seen.usable == pytest.approx((known & (depth >= 300)).mean())
-    holes = ~known[:, 1:-1] & known[:, :-2] & known[:, 2:]
-    assert seen.speckle == pytest.approx(holes.sum() / depth.size)
+    surveyed = survey(depth)
+    is_known = (depth != 0) & (depth != 65535)
+    assert surveyed.known == pytest.approx(is_known.mean())
+    assert surveyed.usable == pytest.approx((is_known & (depth >= 300)).mean())
+    holes = ~is_known[:, 1:-1] & is_known[:, :-2] & is_known[:, 2:]
+    assert surveyed.speckle == pytest.approx(holes.sum() / depth.size)
 
 
 def test_the_mark_tells_images_apart_and_knows_the_same_one():
@@ -142,12 +142,12 @@ def test_every_kind_has_its_sentence_and_what_to_do():
 
 def watched(monitor: HealthMonitor, frames) -> list[set[str]]:
     """Returns the problems after each frame."""
-    said = []
+    reported = []
     for each in frames:
         if monitor.admit(each):
             monitor.judge(each, [standing()], MOUNT, TrackerState())
-        said.append(kinds(monitor))
-    return said
+        reported.append(kinds(monitor))
+    return reported
 
 
 def test_a_good_stream_is_in_good_health():
@@ -174,13 +174,13 @@ def test_sensor_fault_is_reported_and_cleared(kind, fault):
     """
     monitor = HealthMonitor()
     assert watched(monitor, [frame(i) for i in range(100)])[-1] == set()
-    said = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])
-    assert kind in said[-1], said[-1]
+    reported = watched(monitor, [f for f in (fault(i) for i in range(100, 220)) if f is not None])
+    assert kind in reported[-1], reported[-1]
     last = monitor.states[0]
     assert last.since_ns >= 95 * STEP and last.what.endswith(".") and last.mend.endswith(".")
     after = watched(monitor, [frame(i) for i in range(220, 340)])
     assert after[-1] == set()
-    active = [kind in each for each in said + after]
+    active = [kind in each for each in reported + after]
     assert np.abs(np.diff(np.array(active, int))).sum() == 2
 
 
@@ -232,8 +232,8 @@ def test_trackers_own_warnings_are_forwarded(kind, state):
     for i in range(60):
         monitor.admit(frame(i))
         monitor.judge(frame(i), [], MOUNT, state)
-    (said,) = monitor.states
-    assert said.kind == kind
+    (warning,) = monitor.states
+    assert warning.kind == kind
     for i in range(60, 180):
         monitor.admit(frame(i))
         monitor.judge(frame(i), [], MOUNT, TrackerState())
@@ -249,8 +249,8 @@ def test_people_holding_hands_are_reported_as_joined():
         monitor.admit(frame(i))
         monitor.judge(frame(i), [ada, bob], MOUNT, TrackerState())
         if i == 44:
-            (said,) = monitor.states
-            assert said.kind == HealthKind.JOINED and "1 and 4" in said.what
+            (warning,) = monitor.states
+            assert warning.kind == HealthKind.JOINED and "1 and 4" in warning.what
     assert monitor.states == []
 
 

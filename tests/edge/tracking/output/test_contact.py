@@ -28,22 +28,22 @@ def walk(offset: float = 0.0, noise: float = 0.0, frames: int = 250):
 @pytest.mark.parametrize(("offset", "noise"), [(0.0, 0.0), (0.03, 0.002), (-0.02, 0.002)])
 def test_a_walk_s_contacts_are_those_of_its_footwork(offset, noise):
     contacts = FootContacts(FootContactSettings())
-    said, true = [], []
+    detected, true = [], []
     for i, (body, planted) in enumerate(walk(offset, noise)):
-        said.append(contacts(body.joints, body.confidence, i * STEP) > 0.5)
+        detected.append(contacts(body.joints, body.confidence, i * STEP) > 0.5)
         true.append(planted)
-    said, true = np.array(said), np.array(true)
+    detected, true = np.array(detected), np.array(true)
     assert 0.05 < np.mean(~true) < 0.6, "the walk must lift its feet"
-    assert np.mean(said == true) > 0.87
+    assert np.mean(detected == true) > 0.87
 
 
 def test_contact_does_not_flicker():
     contacts = FootContacts(FootContactSettings())
-    said = np.array(
+    detected = np.array(
         [contacts(b.joints, b.confidence, i * STEP) > 0.5 for i, (b, _) in enumerate(walk(0, 0.002))]
     )
     true = np.array([p for _, p in walk(0, 0.002)])
-    changes, expected = (np.abs(np.diff(x.astype(int), axis=0)).sum() for x in (said, true))
+    changes, expected = (np.abs(np.diff(x.astype(int), axis=0)).sum() for x in (detected, true))
     assert changes <= expected + 2
 
 
@@ -52,11 +52,11 @@ def test_standing_is_standing_and_a_jump_is_not():
         body = sensor.truth(0)
     contacts = FootContacts(FootContactSettings())
     for i in range(10):
-        said = contacts(body.joints, body.confidence, i * STEP)
-    assert said.min() > 0.9
+        detected = contacts(body.joints, body.confidence, i * STEP)
+    assert detected.min() > 0.9
     for i in range(10, 15):
-        said = contacts(body.joints + 0.07 * (i - 9) * UP, body.confidence, i * STEP)
-    assert said.max() < 0.1
+        detected = contacts(body.joints + 0.07 * (i - 9) * UP, body.confidence, i * STEP)
+    assert detected.max() < 0.1
 
 
 def test_a_foot_that_is_not_seen_stands_nowhere():
@@ -76,8 +76,8 @@ def test_a_body_that_floats_does_not_stand():
         body = sensor.truth(0)
     contacts = FootContacts(FootContactSettings())
     for i in range(30):
-        said = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
-    assert said.max() < 0.1
+        detected = contacts(body.joints + 0.5 * UP, body.confidence, i * STEP)
+    assert detected.max() < 0.1
 
 
 class _Slowly:

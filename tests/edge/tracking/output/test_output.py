@@ -29,12 +29,12 @@ def settings_of(amount: float = 1.0, **output) -> TrackerSettings:
 def truth(choreography: str, frames: int, fps: float = 30.0) -> list[Body]:
     """Returns true bodies with artificial orientations that rotate with the motion."""
     with SyntheticSensor(choreography=choreography, realtime=False) as sensor:
-        made = []
+        bodies = []
         for i in range(frames):
             body = sensor.truth(round(i * 1e9 / fps))
             turns = from_rotation_vector(body.joints * 0.8)
-            made.append(dataclasses.replace(body, orientations=turns, stature=1.8))
-        return made
+            bodies.append(dataclasses.replace(body, orientations=turns, stature=1.8))
+        return bodies
 
 
 def run(output: Output, bodies: list[Body], step: int = STEP) -> list[Body]:
@@ -53,10 +53,10 @@ def noisy(seed: int, frames: int = 20) -> list[Body]:
 @settings(max_examples=20, deadline=None)
 def test_smoothing_zero_is_exactly_the_fit_whatever_it_does(seed):
     bodies = noisy(seed)
-    for made, body in zip(run(Output(settings_of(0.0)), bodies), bodies, strict=True):
-        np.testing.assert_array_equal(made.joints, body.joints)
-        np.testing.assert_array_equal(made.orientations, body.orientations)
-        np.testing.assert_array_equal(made.confidence, body.confidence)
+    for smoothed, body in zip(run(Output(settings_of(0.0)), bodies), bodies, strict=True):
+        np.testing.assert_array_equal(smoothed.joints, body.joints)
+        np.testing.assert_array_equal(smoothed.orientations, body.orientations)
+        np.testing.assert_array_equal(smoothed.confidence, body.confidence)
 
 
 @given(st.integers(0, 1000), st.floats(0.0, 5.0))
@@ -70,12 +70,12 @@ def test_output_is_always_finite(seed, amount):
             array[broken] = random.choice([np.nan, np.inf, 0.0])
         body.confidence[random.random(20) < 0.3] = random.choice([np.nan, -1.0, 7.0])
         lost = ~np.isfinite(body.joints).all(1)
-        (made,) = output([body], i * STEP)
-        for array in (made.joints, made.orientations, made.confidence, made.contacts):
+        (smoothed,) = output([body], i * STEP)
+        for array in (smoothed.joints, smoothed.orientations, smoothed.confidence, smoothed.contacts):
             assert np.isfinite(array).all()
-        np.testing.assert_allclose(np.linalg.norm(made.orientations, axis=1), 1.0, atol=1e-9)
-        assert made.confidence.min() >= 0.0 and made.confidence.max() <= 1.0
-        assert (made.confidence[lost] == 0.0).all()
+        np.testing.assert_allclose(np.linalg.norm(smoothed.orientations, axis=1), 1.0, atol=1e-9)
+        assert smoothed.confidence.min() >= 0.0 and smoothed.confidence.max() <= 1.0
+        assert (smoothed.confidence[lost] == 0.0).all()
 
 
 def test_lost_joint_stays_with_low_confidence():
@@ -84,9 +84,9 @@ def test_lost_joint_stays_with_low_confidence():
         joints = body.joints.copy()
         if i >= 2:
             joints[Joint.HAND_LEFT] = np.nan
-        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
-    np.testing.assert_array_equal(made.joints[Joint.HAND_LEFT], bodies[1].joints[Joint.HAND_LEFT])
-    assert made.confidence[Joint.HAND_LEFT] == 0.0 and made.confidence[Joint.HAND_RIGHT] == 1.0
+        (smoothed,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+    np.testing.assert_array_equal(smoothed.joints[Joint.HAND_LEFT], bodies[1].joints[Joint.HAND_LEFT])
+    assert smoothed.confidence[Joint.HAND_LEFT] == 0.0 and smoothed.confidence[Joint.HAND_RIGHT] == 1.0
 
 
 def test_one_bad_frame_throws_no_limb_across_the_room():
@@ -95,9 +95,9 @@ def test_one_bad_frame_throws_no_limb_across_the_room():
         joints = body.joints.copy()
         if i == 20:
             joints[[Joint.HAND_LEFT, Joint.WRIST_LEFT]] += (1.5, 0.4, 0.0)
-        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
-        assert np.linalg.norm(made.joints - body.joints, axis=1).max() < 0.02
-        assert made.confidence[Joint.HAND_LEFT] == (0.0 if i == 20 else 1.0)
+        (smoothed,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+        assert np.linalg.norm(smoothed.joints - body.joints, axis=1).max() < 0.02
+        assert smoothed.confidence[Joint.HAND_LEFT] == (0.0 if i == 20 else 1.0)
 
 
 def test_a_leap_that_stays_is_followed_and_arrives():
@@ -105,11 +105,11 @@ def test_a_leap_that_stays_is_followed_and_arrives():
     away = np.array([0.0, 0.0, -1.2])
     for i, body in enumerate(bodies):
         joints = body.joints + (away if i >= 20 else 0.0)
-        (made,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
+        (smoothed,) = output([dataclasses.replace(body, joints=joints)], i * STEP)
         if i == 20:
-            assert made.confidence.max() == 0.0
-    np.testing.assert_allclose(made.joints, bodies[-1].joints + away, atol=0.02)
-    assert made.confidence.min() == 1.0
+            assert smoothed.confidence.max() == 0.0
+    np.testing.assert_allclose(smoothed.joints, bodies[-1].joints + away, atol=0.02)
+    assert smoothed.confidence.min() == 1.0
 
 
 def test_possible_human_motion_is_not_limited():
@@ -130,8 +130,8 @@ def lag_of(made: list[Body], bodies: list[Body]) -> float:
 
 def test_bodies_without_orientations_are_smoothed_and_predicted_too():
     bodies = [dataclasses.replace(body, orientations=None) for body in truth("walk", 20)]
-    made = run(Output(settings_of(1.0, predict=0.05)), bodies)
-    assert all(body.orientations is None and np.isfinite(body.joints).all() for body in made)
+    smoothed = run(Output(settings_of(1.0, predict=0.05)), bodies)
+    assert all(body.orientations is None and np.isfinite(body.joints).all() for body in smoothed)
 
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])
@@ -156,8 +156,8 @@ def test_lag_compensation_adds_little_jitter_at_rest(seed):
     ]
     shakes = []
     for share in (0.0, 1.0):
-        made = run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), still)
-        shakes.append(np.std([b.joints for b in made[10:]], axis=0).mean())
+        smoothed = run(Output(TrackerSettings(smoothing=SmoothingSettings(undelayed=share))), still)
+        shakes.append(np.std([b.joints for b in smoothed[10:]], axis=0).mean())
     assert shakes[1] < 1.03 * shakes[0]
 
 
@@ -168,8 +168,10 @@ def test_looking_ahead_is_nearer_to_what_comes(seconds):
     ahead = run(Output(settings_of(0.5, predict=seconds)), bodies)[: len(later)]
     plain = run(Output(settings_of(0.5)), bodies)[: len(later)]
     error = [
-        np.mean([np.linalg.norm(b.joints - t, axis=1).mean() for b, t in zip(made, later, strict=True)][15:])
-        for made in (ahead, plain)
+        np.mean(
+            [np.linalg.norm(b.joints - t, axis=1).mean() for b, t in zip(smoothed, later, strict=True)][15:]
+        )
+        for smoothed in (ahead, plain)
     ]
     assert error[0] < 0.8 * error[1]
 
@@ -184,9 +186,9 @@ def test_looking_ahead_keeps_every_bone_as_long_as_it_is():
 
 def test_still_people_stay_still_when_looked_ahead():
     body = truth("idle", 1)[0]
-    for made in run(Output(settings_of(1.0, predict=0.3)), [body] * 10):
-        np.testing.assert_allclose(made.joints, body.joints, atol=1e-9)
-        np.testing.assert_allclose(to_matrix(made.orientations), to_matrix(body.orientations), atol=1e-9)
+    for smoothed in run(Output(settings_of(1.0, predict=0.3)), [body] * 10):
+        np.testing.assert_allclose(smoothed.joints, body.joints, atol=1e-9)
+        np.testing.assert_allclose(to_matrix(smoothed.orientations), to_matrix(body.orientations), atol=1e-9)
 
 
 def test_measured_latency_is_looked_ahead_by_and_bounded():
@@ -208,14 +210,14 @@ def test_each_performer_has_a_smoothing_of_its_own():
     bodies = noisy(0, 6)
     for i, body in enumerate(bodies):
         people = [dataclasses.replace(body, id=p) for p in (1, 2, 3)]
-        one, two, three = output(people, i * STEP)
-    np.testing.assert_array_equal(one.joints, body.joints)
-    away = [np.abs(x.joints - body.joints).mean() for x in (two, three)]
+        first, second, third = output(people, i * STEP)
+    np.testing.assert_array_equal(first.joints, body.joints)
+    away = [np.abs(x.joints - body.joints).mean() for x in (second, third)]
     assert 0.0 < away[0] < away[1]
     output.smooth(3, 0.0)
     output.smooth(1, None)
-    (made,) = output([dataclasses.replace(body, id=3)], 7 * STEP)
-    np.testing.assert_array_equal(made.joints, body.joints)
+    (smoothed,) = output([dataclasses.replace(body, id=3)], 7 * STEP)
+    np.testing.assert_array_equal(smoothed.joints, body.joints)
     assert output.amount(1) == 2.0
 
 
@@ -234,8 +236,8 @@ def test_in_the_mirror_left_is_right_and_the_sensor_s_plane_is_the_mirror():
 )
 def test_the_mirror_stands_upright_however_the_sensor_hangs(mount):
     (body,) = truth("idle", 1)
-    (made,) = Output(settings_of(0.0, mirror=True))([body], 0, mount)
-    np.testing.assert_allclose(np.sort(made.joints[:, 1]), np.sort(body.joints[:, 1]), atol=1e-9)
+    (mirrored,) = Output(settings_of(0.0, mirror=True))([body], 0, mount)
+    np.testing.assert_allclose(np.sort(mirrored.joints[:, 1]), np.sort(body.joints[:, 1]), atol=1e-9)
 
 
 @given(st.integers(0, 500))
@@ -258,10 +260,10 @@ def test_the_output_turns_with_the_world(seed):
 def test_filter_resets_after_long_gap_or_clock_reset():
     output, bodies = Output(settings_of(5.0)), noisy(1, 3)
     for time_ns, body in zip((0, 60_000_000_000, 1_000_000), bodies, strict=True):
-        (made,) = output([body], time_ns)
-        np.testing.assert_array_equal(made.joints, body.joints)
+        (smoothed,) = output([body], time_ns)
+        np.testing.assert_array_equal(smoothed.joints, body.joints)
 
 
 def test_stature_and_identity_go_through():
-    (made,) = Output()([dataclasses.replace(truth("idle", 1)[0], id=7)], 0)
-    assert (made.id, made.stature) == (7, 1.8)
+    (smoothed,) = Output()([dataclasses.replace(truth("idle", 1)[0], id=7)], 0)
+    assert (smoothed.id, smoothed.stature) == (7, 1.8)

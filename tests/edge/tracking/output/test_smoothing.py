@@ -51,13 +51,13 @@ def test_places_are_filtered_as_in_the_paper(seed, amount):
         return 1.0 / (1.0 + 1.0 / (2 * np.pi * cutoff * STEP * 1e-9))
 
     values, cutoffs = np.random.default_rng(seed).normal(0, 0.1, (15, 20, 3)).cumsum(0), SmoothingSettings()
-    place, velocity, made = values[0], np.zeros((20, 3)), [values[0]]
+    place, velocity, smoothed = values[0], np.zeros((20, 3)), [values[0]]
     for value in values[1:]:
         velocity = velocity + alpha(1.0) * ((value - place) / (STEP * 1e-9) - velocity)
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         place = place + alpha((cutoffs.cutoff + cutoffs.speed * speed) / amount) * (value - place)
-        made.append(place)
-    np.testing.assert_allclose(filtered(amount, values), made, atol=1e-9)
+        smoothed.append(place)
+    np.testing.assert_allclose(filtered(amount, values), smoothed, atol=1e-9)
 
 
 def test_steady_motion_is_followed_within_a_centimetre_or_two():
@@ -89,10 +89,10 @@ def turned(amount: float, values: np.ndarray) -> np.ndarray:
 def tumbling(seed: int, frames: int = 20) -> np.ndarray:
     """Returns (F, 20, 4) orientations of bones that rotate by a few degrees per frame."""
     random = np.random.default_rng(seed)
-    made = [normalized(random.normal(size=(20, 4)))]
+    turns = [normalized(random.normal(size=(20, 4)))]
     for _ in range(frames - 1):
-        made.append(multiply(made[-1], from_rotation_vector(random.normal(0, 0.06, (20, 3)))))
-    return np.stack(made)
+        turns.append(multiply(turns[-1], from_rotation_vector(random.normal(0, 0.06, (20, 3)))))
+    return np.stack(turns)
 
 
 def test_zero_is_off_for_turns():

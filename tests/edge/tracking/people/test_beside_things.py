@@ -44,9 +44,9 @@ def found(view, pixels):
 )
 def test_person_touching_a_table_is_detected(stagecraft, does, x, low, high):
     player = stagecraft.Player(stagecraft.still(x, -2.4), does)
-    made = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
-    assert made is not None
-    who, how_well = made
+    result = found(*group(stagecraft, [player], (stagecraft.Box(low, high),)))
+    assert result is not None
+    who, how_well = result
     assert how_well > GOOD
     off = np.linalg.norm(who.posture.joints() - player.figure(0.0).joints, axis=1)
     assert off[Joint.HEAD] < HEAD_WITHIN

@@ -66,8 +66,8 @@ def test_fit_information_excludes_the_prediction(turned, built, steps):
     """At the final posture, without the temporal prediction, with free or frozen lengths."""
     fitter, observation = Fitter(FitSettings()), in_full_view()
     firmness = np.full(12, 40.0) if built else None
-    told = {"predicted": standing(), "proportions": firmness, "iterations": steps}
-    ended, report = fitter.fit(observation, standing(turned), **told)
+    options = {"predicted": standing(), "proportions": firmness, "iterations": steps}
+    ended, report = fitter.fit(observation, standing(turned), **options)
     alone = fitter.fit(observation, ended, iterations=0)[1].information
     # The prediction is added and subtracted again; matrix entries reach a hundred thousand.
     np.testing.assert_allclose(report.information, alone, rtol=1e-9, atol=1e-8)
@@ -104,13 +104,13 @@ def test_the_network_is_evidence_where_there_is_one():
     estimate = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.3]), np.linspace(0.02, 0.4, 20))
     last = [NAMES.index("spread"), NAMES.index("apart")]
     alone = of_joints.evidence(posture, report, observation, np.zeros(20))
-    found = of_joints.evidence(posture, report, observation, np.zeros(20), estimate)
-    assert found.shape == (20, len(NAMES)) and not alone[:, last].any()
-    assert_alike(np.delete(found, last, 1), np.delete(alone, last, 1), SOLVED)
-    np.testing.assert_allclose(np.exp(found[:, last[0]]), estimate.spread)
+    evidence = of_joints.evidence(posture, report, observation, np.zeros(20), estimate)
+    assert evidence.shape == (20, len(NAMES)) and not alone[:, last].any()
+    assert_alike(np.delete(evidence, last, 1), np.delete(alone, last, 1), SOLVED)
+    np.testing.assert_allclose(np.exp(evidence[:, last[0]]), estimate.spread)
     nearer = estimate_of(posture.joints() + np.array([0.0, 0.0, 0.1]))
     near = of_joints.evidence(posture, report, observation, np.zeros(20), nearer)
-    assert (near[:, last[1]] < found[:, last[1]]).all()
+    assert (near[:, last[1]] < evidence[:, last[1]]).all()
 
 
 @given(st.integers(0, 10_000), st.booleans())
@@ -119,21 +119,25 @@ def test_gathered_evidence_matches_the_slow_reference(seed, alone):
     random = np.random.default_rng(seed)
     shares, support, violated = random.random((20, 4)), random.integers(0, 90, 20) * 1.0, random.random(20)
     loose, unsupported = random.uniform(0.01, 2, 20), random.integers(0, 50, 20) * 1.0
-    joints, seen, spread = random.normal(size=(20, 3)), random.normal(size=(20, 3)), random.uniform(0, 1, 20)
+    joints, network_joints, spread = (
+        random.normal(size=(20, 3)),
+        random.normal(size=(20, 3)),
+        random.uniform(0, 1, 20),
+    )
     first, second = of_joints._beside()
     of_network = np.zeros((20, 2))
     if not alone:
-        apart = np.linalg.norm(joints - seen, axis=1)
-        of_network = np.stack([np.log(spread), np.log(0.02 + apart)], 1)
+        distances = np.linalg.norm(joints - network_joints, axis=1)
+        of_network = np.stack([np.log(spread), np.log(0.02 + distances)], 1)
     counted = np.log1p(support)[:, None]
     slow = [np.ones((20, 1)), first @ counted, first @ shares, second @ counted, second @ shares]
     slow += [np.log(loose)[:, None], np.full((20, 1), 0.9), np.full((20, 1), violated.mean())]
     slow += [np.log1p(unsupported)[:, None], of_network]
-    told = (np.zeros((0, 3)), np.zeros(0)) if alone else (seen, spread)
-    found = of_joints.gathered(
-        shares, support, violated, 0.9, loose, unsupported, joints, *told, first, second
+    estimates = (np.zeros((0, 3)), np.zeros(0)) if alone else (network_joints, spread)
+    gathered = of_joints.gathered(
+        shares, support, violated, 0.9, loose, unsupported, joints, *estimates, first, second
     )
-    np.testing.assert_allclose(found, np.concatenate(slow, 1), atol=1e-12)
+    np.testing.assert_allclose(gathered, np.concatenate(slow, 1), atol=1e-12)
 
 
 @cache
@@ -153,31 +157,31 @@ def test_a_capsule_is_believed_by_its_share_of_the_points(seed):
     observation = in_full_view()
     expected = len(observation.points) * area / area.sum()
     slow = np.minimum(1.0, report.support / np.maximum(1.0, 0.35 * expected)) * (1.0 - report.violated)
-    found = of_joints.capsule_confidence(report, observation, standing())
-    np.testing.assert_allclose(found, slow, atol=1e-12)
+    confidences = of_joints.capsule_confidence(report, observation, standing())
+    np.testing.assert_allclose(confidences, slow, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_confidence_is_the_logistic_regression_of_the_joints_group(seed, alone):
-    found = np.random.default_rng(seed).normal(0, 3, (20, len(NAMES)))
-    found[:, NAMES.index("outside")] = np.random.default_rng(seed).choice([0.5, 0.98, 1.0], 20)
+    evidence = np.random.default_rng(seed).normal(0, 3, (20, len(NAMES)))
+    evidence[:, NAMES.index("outside")] = np.random.default_rng(seed).choice([0.5, 0.98, 1.0], 20)
     table = _weights(ALONE if alone else WITH_NETWORK)
     likely = [
-        1 / (1 + np.exp(-(row @ table[group]))) for row, group in zip(found, GROUP_OF_JOINT, strict=True)
+        1 / (1 + np.exp(-(row @ table[group]))) for row, group in zip(evidence, GROUP_OF_JOINT, strict=True)
     ]
-    slow = np.where(found[:, NAMES.index("outside")] == 1.0, 0.0, likely)
-    np.testing.assert_allclose(confidence(found, alone=alone), slow, atol=1e-12)
+    slow = np.where(evidence[:, NAMES.index("outside")] == 1.0, 0.0, likely)
+    np.testing.assert_allclose(confidence(evidence, alone=alone), slow, atol=1e-12)
 
 
 @given(st.integers(0, 10_000), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_confidence_is_a_probability_and_alike_for_both_sides(seed, alone):
-    found = np.random.default_rng(seed).uniform(0, 3, (20, len(NAMES)))
-    found[:, NAMES.index("outside")] = 0.0
+    evidence = np.random.default_rng(seed).uniform(0, 3, (20, len(NAMES)))
+    evidence[:, NAMES.index("outside")] = 0.0
     left, right = slice(4, 8), slice(8, 12)
-    found[right] = found[left]
-    sure = confidence(found, alone=alone)
+    evidence[right] = evidence[left]
+    sure = confidence(evidence, alone=alone)
     assert ((sure >= 0) & (sure <= 1)).all()
     assert_alike(sure[left], sure[right])
     assert (GROUP_OF_JOINT[left] == GROUP_OF_JOINT[right]).all()
@@ -185,10 +189,10 @@ def test_confidence_is_a_probability_and_alike_for_both_sides(seed, alone):
 
 @pytest.mark.parametrize("alone", [False, True])
 def test_joints_outside_the_image_are_not_invented(alone):
-    found = np.ones((20, len(NAMES)))
-    found[15, NAMES.index("outside")] = 1.0
-    found[19, NAMES.index("outside")] = 0.0
-    sure = confidence(found, alone=alone)
+    evidence = np.ones((20, len(NAMES)))
+    evidence[15, NAMES.index("outside")] = 1.0
+    evidence[19, NAMES.index("outside")] = 0.0
+    sure = confidence(evidence, alone=alone)
     assert sure[15] == 0.0
     assert sure[19] > 0.0
 

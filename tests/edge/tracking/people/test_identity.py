@@ -16,11 +16,11 @@ HERE = np.array([0.0, 0.9, -2.5])
 
 
 def looks(height, frames=20, noise=0.0, seed=0):
-    random, made = np.random.default_rng(seed), Looks()
+    random, appearance = np.random.default_rng(seed), Looks()
     for _ in range(frames):
         lengths = lengths_for_height(height) * (1 + noise * random.standard_normal(12))
-        made.see(lengths, height - 0.05 + noise * random.standard_normal())
-    return made
+        appearance.see(lengths, height - 0.05 + noise * random.standard_normal())
+    return appearance
 
 
 def test_numbers_are_never_given_twice():
@@ -35,10 +35,10 @@ def test_a_percentile_is_numpys(values, share):
 
 
 def test_the_stature_is_that_of_standing_upright():
-    made = Looks()
+    appearance = Looks()
     for i in range(60):
-        made.see(lengths_for_height(1.7), 1.7 if i % 2 else 1.2)
-    assert made.stature == pytest.approx(1.7, abs=0.01)
+        appearance.see(lengths_for_height(1.7), 1.7 if i % 2 else 1.2)
+    assert appearance.stature == pytest.approx(1.7, abs=0.01)
     assert Looks().stature is None
 
 
@@ -55,8 +55,8 @@ def test_two_people_returning_together_are_distinguished():
     register = Register(PeopleSettings())
     register.leave(1, looks(1.65), HERE, 0)
     register.leave(2, looks(1.85), HERE, 0)
-    found = [(looks(1.83, 8), HERE), (looks(1.66, 8), HERE)]
-    (first, sure), (second, also) = register.matched(found, SECOND)
+    newcomers = [(looks(1.83, 8), HERE), (looks(1.66, 8), HERE)]
+    (first, sure), (second, also) = register.matched(newcomers, SECOND)
     assert sure
     assert also
     assert (first.id, second.id) == (2, 1)
@@ -128,12 +128,12 @@ def test_single_newcomer_near_a_loss_is_reidentified():
     """Independent of the first bone-length estimate; but not much later, elsewhere, or if clearly taller."""
     register = Register(PeopleSettings())
     register.leave(1, looks(1.7), HERE, 0)
-    there, elsewhere = HERE + 0.1, HERE + 1.0
+    nearby, elsewhere = HERE + 0.1, HERE + 1.0
     unlike = Looks()
     unlike.see(1.25 * lengths_for_height(1.7), None)
     assert unlike.mismatch(looks(1.7)) > 5.0
-    ((absent, sure),) = register.matched([(unlike, there)], SECOND)
+    ((absent, sure),) = register.matched([(unlike, nearby)], SECOND)
     assert sure and absent.id == 1
-    for found, time in (((looks(1.95), there), SECOND), ((looks(1.95), elsewhere), 5 * SECOND)):
-        ((absent, _),) = register.matched([found], time)
+    for newcomer, time in (((looks(1.95), nearby), SECOND), ((looks(1.95), elsewhere), 5 * SECOND)):
+        ((absent, _),) = register.matched([newcomer], time)
         assert absent is None

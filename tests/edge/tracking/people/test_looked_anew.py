@@ -43,22 +43,22 @@ def looks(scene, monkeypatch):
 
     def watched(frames: int, doubtful, finds=lambda frame: False) -> list[int]:
         view, mask, posture = scene
-        someone, found = Follower(FEW, Fitter(FEW.fit), posture.copy()), []
+        someone, searches = Follower(FEW, Fitter(FEW.fit), posture.copy()), []
 
         def detect_another(fitter, observation, *_):
-            found.append(frame)
+            searches.append(frame)
             if not finds(frame):
                 return None
             yield 1
-            made, report = fitter.fit(observation, posture)
-            return made, replace(report, energy=-1e6)
+            fitted, report = fitter.fit(observation, posture)
+            return fitted, replace(report, energy=-1e6)
 
         monkeypatch.setattr(redetection, "detect_another", detect_another)
         for frame in range(frames):
             monkeypatch.setattr(follower, "_DOUBTED", -np.inf if doubtful(frame) else np.inf)
             moment = replace(view, time_ns=frame * 33_333_333)
             assert someone.follow(moment, mask)
-        return found
+        return searches
 
     return watched
 
@@ -68,9 +68,9 @@ def test_well_explained_person_is_never_searched_again(looks):
 
 
 def test_unsuccessful_searches_become_rarer(looks):
-    found = looks(360, lambda frame: frame >= KNOWN)
-    assert found[0] == FIRST
-    assert np.diff(found).tolist() == [60, 120, 120]
+    searches = looks(360, lambda frame: frame >= KNOWN)
+    assert searches[0] == FIRST
+    assert np.diff(searches).tolist() == [60, 120, 120]
 
 
 def test_a_good_frame_brings_the_patience_back(looks):

@@ -49,10 +49,10 @@ def view_of(z: np.ndarray) -> FrameView:
 
 def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
     """Returns a pixel group like one found in the first frame."""
-    made = Candidate(view.points[pixels].mean(0), 0)
+    candidate = Candidate(view.points[pixels].mean(0), 0)
     area = area_of(view, pixels)
-    made.update(pixels, made.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
-    return made
+    candidate.update(pixels, candidate.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
+    return candidate
 
 
 def area_of(view: FrameView, pixels: np.ndarray) -> float:
@@ -66,9 +66,9 @@ def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
 
 
 def searched(view: FrameView, newcomers: list[Candidate]):
-    made: list[Found] = []
-    whole(looking().found(view, newcomers, made, alone=True))
-    return made
+    results: list[Found] = []
+    whole(looking().found(view, newcomers, results, alone=True))
+    return results
 
 
 def looking() -> Search:
@@ -79,14 +79,14 @@ def test_two_halves_of_a_person_become_one(scene):
     view, mask = scene
     parts = halves(view, mask)
     two = [newcomer(view, part) for part in parts]
-    for one, part in zip(two, parts, strict=True):
-        one.pixels, one.parts = part, parts
-    found = searched(view, two)
-    assert [made[0] for made in found] == [two[0]]
+    for candidate, part in zip(two, parts, strict=True):
+        candidate.pixels, candidate.parts = part, parts
+    results = searched(view, two)
+    assert [result[0] for result in results] == [two[0]]
     np.testing.assert_array_equal(two[0].pixels, mask)
     np.testing.assert_allclose(two[0].centre, view.points[mask].mean(0))
     assert two[0].shape == newcomer(view, mask).shape
-    assert abs(float(found[0][1].posture.position[0])) < 0.1
+    assert abs(float(results[0][1].posture.position[0])) < 0.1
 
 
 def test_two_people_holding_hands_stay_two():
@@ -96,12 +96,12 @@ def test_two_people_holding_hands_stay_two():
     view = view_of(np.minimum(np.roll(z, -23, 1), np.roll(z, 23, 1)))
     parts[1] &= ~parts[0]
     two = [newcomer(view, part) for part in parts]
-    for one, part in zip(two, parts, strict=True):
-        one.pixels, one.parts = part, parts
-    found = searched(view, two)
-    assert len(found) == 2
-    apart = found[0][1].posture.position - found[1][1].posture.position
-    assert 0.7 < float(np.linalg.norm(apart)) < 1.1
+    for candidate, part in zip(two, parts, strict=True):
+        candidate.pixels, candidate.parts = part, parts
+    results = searched(view, two)
+    assert len(results) == 2
+    offset = results[0][1].posture.position - results[1][1].posture.position
+    assert 0.7 < float(np.linalg.norm(offset)) < 1.1
 
 
 @given(st.integers(1, 5), st.integers(0, 1000))
@@ -111,13 +111,13 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
     whose = random.integers(-1, count, (8, 8))
     parts = [whose == k for k in range(count)]
     part = parts[seed % count]
-    made = _unions(part, parts)
-    assert len(made) == (0 if count == 1 else 1 if count == 2 else count)
-    sizes = [int(union.sum()) for union in made[1:]]
+    unions = _unions(part, parts)
+    assert len(unions) == (0 if count == 1 else 1 if count == 2 else count)
+    sizes = [int(union.sum()) for union in unions[1:]]
     assert sizes == sorted(sizes, reverse=True)
-    assert all((union | ~part).all() for union in made)
-    if made:
-        np.testing.assert_array_equal(made[0], whose >= 0)
+    assert all((union | ~part).all() for union in unions)
+    if unions:
+        np.testing.assert_array_equal(unions[0], whose >= 0)
     assert _unions(part.copy(), parts) == [], "of what is none of the parts"
 
 
@@ -206,12 +206,12 @@ def test_network_is_queried_only_if_useful(scene):
 @pytest.mark.parametrize(("share", "due"), [(0.6, True), (0.8, False)])
 def test_blob_without_removed_furniture_is_searched_at_once(scene, share, due):
     view, pixels = scene
-    found = newcomer(view, pixels)
-    found.recognised = True
-    tried = copy.copy(found)
+    candidate = newcomer(view, pixels)
+    candidate.recognised = True
+    tried = copy.copy(candidate)
     tried.failed(0)
-    found.settle(tried)
+    candidate.settle(tried)
     now = 33_000_000
-    assert not found.due(now, 0.1, alone=False, missing=False)
-    found.update(pixels, found.centre, found.shape, share * found.area, (0.0, 1.0), now)
-    assert found.due(now, 0.1, alone=False, missing=False) == due
+    assert not candidate.due(now, 0.1, alone=False, missing=False)
+    candidate.update(pixels, candidate.centre, candidate.shape, share * candidate.area, (0.0, 1.0), now)
+    assert candidate.due(now, 0.1, alone=False, missing=False) == due

@@ -36,8 +36,8 @@ def test_misfits_are_mean_distances_both_ways(seed):
     postures = [random_posture(seed + k, 0.8) for k in range(2)]
     points = np.random.default_rng(seed).normal([0, 1, -2.5], 0.5, (30, 3)).astype(np.float32)
     shapes = [posture.capsules() for posture in postures]
-    made = misfits(np.ascontiguousarray(points.T), np.stack([e for e, _ in shapes]), shapes[0][1], 0.4)
-    for (ends, _), value in zip(shapes, made, strict=True):
+    distances = misfits(np.ascontiguousarray(points.T), np.stack([e for e, _ in shapes]), shapes[0][1], 0.4)
+    for (ends, _), value in zip(shapes, distances, strict=True):
         radii = shapes[0][1]
         away = np.array([[abs(foot(*p, e, r)[1]) for e, r in zip(ends, radii, strict=True)] for p in points])
         assert value == pytest.approx(np.minimum(away.min(1), 0.4).mean() + away.min(0).mean(), rel=1e-3)

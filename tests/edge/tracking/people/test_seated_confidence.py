@@ -20,9 +20,9 @@ def posture(height: float, pitch: float = 0.0, **pose: float) -> Posture:
 
 @pytest.mark.parametrize("sure", [0.95, 0.3])
 def test_legs_of_a_seated_person_are_bounded(sure):
-    made = bounded_when_seated(np.full(20, sure), posture(0.15, hip=1.5))
-    assert (made[LEGS] == min(sure, 0.7)).all()
-    assert (made[OTHERS] == sure).all()
+    bounded = bounded_when_seated(np.full(20, sure), posture(0.15, hip=1.5))
+    assert (bounded[LEGS] == min(sure, 0.7)).all()
+    assert (bounded[OTHERS] == sure).all()
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def random_view(random) -> FrameView:
 
 def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
     """Returns (S,) flags of the frames' capsule ends and middles: in the image, occluded, on own pixels."""
-    made = []
+    rows = []
     camera_from_world = np.linalg.inv(view.world_from_camera)
     fx, fy, cx, cy = view.camera.camera
     for frame, (a, b), radii in zip(model.CAPSULES.frame, *posture.capsules(), strict=True):
@@ -64,14 +64,14 @@ def samples_slowly(view: FrameView, posture: Posture, pixels, frames=range(13)):
         for point in (a, 0.5 * (a + b), b):
             x, y, z = camera_from_world[:3, :3] @ point + camera_from_world[:3, 3]
             if z <= 0.1:
-                made.append((False, False, False))
+                rows.append((False, False, False))
                 continue
             v, u = round(fy * y / z + cy), round(fx * x / z + cx)
             if not (0 <= v < SHAPE[0] and 0 <= u < SHAPE[1]):
-                made.append((False, False, False))
+                rows.append((False, False, False))
                 continue
-            made.append((True, 0 < view.z[v, u] < z - radii.max() - 0.12, bool(pixels[v, u])))
-    return np.array(made).T
+            rows.append((True, 0 < view.z[v, u] < z - radii.max() - 0.12, bool(pixels[v, u])))
+    return np.array(rows).T
 
 
 @given(st.integers(0, 100_000))

@@ -74,19 +74,19 @@ def seen_room(seed: int, height: float, tilt: float, floor_share: float = 0.5, n
 def test_the_foot_of_a_wall_tilts_no_floor(height, tilt, seed):
     """To 0.2 degrees and a centimetre, at the noise of a structured-light sensor."""
     mount, points = seen_room(seed, height, tilt)
-    found = world_from_floor(points)
-    assert found is not None
-    assert np.degrees(np.arccos(min(1.0, found[1, :3] @ mount[1, :3]))) < 0.2
-    assert found[1, 3] == pytest.approx(height, abs=0.01)
+    estimated = world_from_floor(points)
+    assert estimated is not None
+    assert np.degrees(np.arccos(min(1.0, estimated[1, :3] @ mount[1, :3]))) < 0.2
+    assert estimated[1, 3] == pytest.approx(height, abs=0.01)
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_a_floor_that_is_a_tenth_of_the_image_is_found_with_any_seed(seed):
     mount, points = seen_room(3, 1.1, 0.1, floor_share=0.11)
-    found = world_from_floor(points, seed=seed)
-    assert found is not None
-    assert np.degrees(np.arccos(min(1.0, found[1, :3] @ mount[1, :3]))) < 0.4
-    assert found[1, 3] == pytest.approx(1.1, abs=0.015)
+    estimated = world_from_floor(points, seed=seed)
+    assert estimated is not None
+    assert np.degrees(np.arccos(min(1.0, estimated[1, :3] @ mount[1, :3]))) < 0.4
+    assert estimated[1, 3] == pytest.approx(1.1, abs=0.015)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -94,13 +94,13 @@ def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
     """By its gain: the floor points are flatter and nearer to height 0 in the corrected world."""
     points, usable, (a, b, c) = seen_floor(seed)
     before = world_from_level_camera(1.2)
-    made = corrected(before, points, usable, GAIN)
-    between = made @ np.linalg.inv(before)
+    updated = corrected(before, points, usable, GAIN)
+    between = updated @ np.linalg.inv(before)
     up = between[:3, :3] @ np.array([-a, 1.0, -b])
     assert np.hypot(up[0], up[2]) / up[1] == pytest.approx((1 - GAIN) * np.hypot(a, b), abs=2e-3)
     place = between @ np.array([0.0, c, 0.0, 1.0])
     assert place[1] == pytest.approx((1 - GAIN) * c, abs=4e-3)
-    np.testing.assert_allclose(made[:3, :3] @ made[:3, :3].T, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(updated[:3, :3] @ updated[:3, :3].T, np.eye(3), atol=1e-9)
 
 
 def test_little_visible_floor_gives_no_correction():

@@ -25,8 +25,8 @@ NOBODY = np.zeros((8, 8), bool)
 
 def in_front(room: RoomModel, z: np.ndarray, *, guess: bool) -> np.ndarray:
     """Returns (h, w) pixels in front of the background; unseen ones have a similar depth, or any."""
-    known = filled(room.z) if guess else room.z
-    return (z > 0) & ((known == 0) | (z < known - (0.05 + 0.012 * z * z)))
+    background = filled(room.z) if guess else room.z
+    return (z > 0) & ((background == 0) | (z < background - (0.05 + 0.012 * z * z)))
 
 
 def learn(room, z, seconds, start=0.0, person=NOBODY, hold=None, rate=30):
@@ -128,8 +128,8 @@ def test_constant_depth_on_a_person_before_unknown_background_is_furniture(seed,
     assert room.still[:, :4].mean() > 0.9 and not room.still[:, 4:].any()
     room.absorb(room.still)
     assert not room.still.any()
-    known = room.z[room.z > 0.0]
-    np.testing.assert_allclose(known, metres, atol=0.01 * metres)
+    depths = room.z[room.z > 0.0]
+    np.testing.assert_allclose(depths, metres, atol=0.01 * metres)
 
 
 def test_dropped_blob_becomes_background_at_its_depth():
@@ -245,9 +245,9 @@ def test_learnt_fringe_does_not_predict_unseen_background():
     """In a hall too deep for the sensor, a person's own feet would otherwise make all of the person
     background.
     """
-    for known, expected in ((1, UNSEEN), (20, UNLIKELY)):
+    for count, expected in ((1, UNSEEN), (20, UNLIKELY)):
         room, fringe = RoomModel((8, 8)), np.zeros((8, 8))
-        fringe.ravel()[-known:] = 2.0
+        fringe.ravel()[-count:] = 2.0
         learn(room, fringe, 0.05)
         z = np.zeros((8, 8))
         z[2:4, 3] = 2.02
@@ -276,20 +276,20 @@ def test_pixels_are_classified():
 def test_filling_takes_about_the_nearest_known_value(seed, share):
     random = np.random.default_rng(seed)
     z = np.where(random.random((20, 30)) < share, random.uniform(1, 4, (20, 30)), 0.0)
-    made = filled(z)
-    np.testing.assert_array_equal(made[z > 0], z[z > 0])
+    completed = filled(z)
+    np.testing.assert_array_equal(completed[z > 0], z[z > 0])
     if (z > 0).any():
-        assert np.isin(made, z[z > 0]).all()
+        assert np.isin(completed, z[z > 0]).all()
         exact = ndimage.distance_transform_edt(z == 0)
         near = [
-            np.isclose(made[v, u], z[v2, u2])
+            np.isclose(completed[v, u], z[v2, u2])
             for v, u in ((0, 0), (19, 29), (10, 15))
-            for v2, u2 in [nearest(z, v, u, made[v, u])]
+            for v2, u2 in [nearest(z, v, u, completed[v, u])]
             if np.hypot(v - v2, u - u2) <= 1.1 * exact[v, u] + 1e-9
         ]
         assert len(near) == 3
     else:
-        assert not made.any()
+        assert not completed.any()
 
 
 def nearest(z, v, u, value):
@@ -310,12 +310,12 @@ def chamfer(z):
 @settings(max_examples=40, deadline=None)
 def test_filling_takes_a_known_value_than_which_none_is_nearer(seed, share):
     random = np.random.default_rng(seed)
-    known = random.random((13, 17)) < share
-    known[random.integers(13), random.integers(17)] = True
-    z = np.zeros(known.shape)
-    z[known] = 1 + np.arange(known.sum())
-    far, made = chamfer(z), filled(z).astype(int) - 1
-    np.testing.assert_allclose(np.take_along_axis(far, made[None], 0)[0], far.min(0), atol=1e-9)
+    is_known = random.random((13, 17)) < share
+    is_known[random.integers(13), random.integers(17)] = True
+    z = np.zeros(is_known.shape)
+    z[is_known] = 1 + np.arange(is_known.sum())
+    far, chosen = chamfer(z), filled(z).astype(int) - 1
+    np.testing.assert_allclose(np.take_along_axis(far, chosen[None], 0)[0], far.min(0), atol=1e-9)
 
 
 HALL_CAMERA = WorkingCamera(Intrinsics(96, 72, 80, 80, 47.5, 35.5), 96)
@@ -343,9 +343,9 @@ def guess(z, mount):
 def test_known_background_is_not_filled_in(seed, share):
     random = np.random.default_rng(seed)
     z = np.where(random.random((72, 96)) < share, random.uniform(0.5, 6.0, (72, 96)), 0.0)
-    made = guess(z, world_from_level_camera(random.uniform(0.3, 2.5), random.uniform(-0.4, 0.6)))
-    np.testing.assert_array_equal(made[z > 0], z[z > 0])
-    assert (made >= 0).all()
+    guessed = guess(z, world_from_level_camera(random.uniform(0.3, 2.5), random.uniform(-0.4, 0.6)))
+    np.testing.assert_array_equal(guessed[z > 0], z[z > 0])
+    assert (guessed >= 0).all()
 
 
 def test_unknown_room_is_not_filled_in():
@@ -377,9 +377,9 @@ def test_background_known_on_one_side_is_filled_in_on_the_other(height, tilt, wa
     z = np.zeros((72, 96))
     z[:, half] = room[:, half]
     stands = rise_of(mount) * wall + height > FLOOR_BAND + 1e-6
-    made = guess(z, mount)
-    np.testing.assert_allclose(made[room < wall], floor[room < wall])
-    assert (made[(room == wall) & stands] == wall).all()
+    guessed = guess(z, mount)
+    np.testing.assert_allclose(guessed[room < wall], floor[room < wall])
+    assert (guessed[(room == wall) & stands] == wall).all()
 
 
 @given(st.integers(0, 1000), st.floats(0.5, 2.4), st.floats(-0.2, 0.5))
@@ -390,17 +390,17 @@ def test_by_the_floor_only_the_floor_is_known(seed, height, tilt):
     floor, z = floor_of(mount), np.zeros((72, 96))
     z[50:, 10:50] = floor[50:, 10:50]
     z += (z > 0) * np.random.default_rng(seed).uniform(-0.01, 0.01, z.shape)
-    unknown, made = z == 0, guess(z, mount)
-    np.testing.assert_allclose(made[unknown], floor[unknown])
+    unknown, guessed = z == 0, guess(z, mount)
+    np.testing.assert_allclose(guessed[unknown], floor[unknown])
 
 
 def guessed_slowly(z, ray, mount, floor_band):
     """Computes the same on whole images."""
     rise, height = ray @ mount[1, :2] + mount[1, 2], mount[1, 3]
     patches = ndimage.uniform_filter((z > 0).astype(np.float64), 31) > 0.12
-    made = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
+    completed = filled(np.where(patches, np.where(rise * z + height < floor_band, -z, z), 0.0))
     floor = np.where(rise < -1e-3, -height / np.minimum(rise, -1e-3), 0.0)
-    return np.where(z > 0, z, np.where(made < 0, np.maximum(floor, 0.0), made))
+    return np.where(z > 0, z, np.where(completed < 0, np.maximum(floor, 0.0), completed))
 
 
 @given(st.integers(0, 10_000), st.integers(1, 70), st.integers(1, 70), st.floats(0.2, 4.0))
@@ -408,8 +408,8 @@ def guessed_slowly(z, ray, mount, floor_band):
 def test_background_filling_matches_the_slow_reference(seed, h, w, coarse):
     """Also in images smaller than a patch, which are mirrored repeatedly."""
     random = np.random.default_rng(seed)
-    known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
-    z, ray = random.uniform(1, 4, (h, w)) * known, random.standard_normal((h, w, 2))
+    is_known = ndimage.gaussian_filter(random.standard_normal((h, w)), coarse) > random.uniform(-0.1, 0.1)
+    z, ray = random.uniform(1, 4, (h, w)) * is_known, random.standard_normal((h, w, 2))
     mount = world_from_level_camera(random.uniform(0.5, 2.5), random.uniform(-0.5, 0.5))
     np.testing.assert_allclose(background_fill(z, ray, mount, 0.08), guessed_slowly(z, ray, mount, 0.08))
 

@@ -24,14 +24,14 @@ from enliven_edge.tracking.scene.room_kernels import (
 @settings(max_examples=25, deadline=None)
 def test_pixel_classes_match_the_slow_reference(seed):
     random, shape = np.random.default_rng(seed), (9, 11)
-    z, known, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
+    z, background, likely = (random.uniform(0.2, 5.0, shape) * (random.random(shape) < 0.8) for _ in range(3))
     points = random.uniform(-0.3, 2.0, (*shape, 3))
-    kind = classified(z, points, known, likely, 0.4, 4.5, 0.05)
+    kind = classified(z, points, background, likely, 0.4, 4.5, 0.05)
     for at in np.ndindex(shape):
-        nearer = z[at] - np.array([known[at], likely[at]]) < -(0.05 + 0.012 * z[at] ** 2)
+        nearer = z[at] - np.array([background[at], likely[at]]) < -(0.05 + 0.012 * z[at] ** 2)
         if not 0.4 < z[at] < 4.5 or points[at][1] <= 0.05:
             expected = ROOM
-        elif known[at] > 0:
+        elif background[at] > 0:
             expected = BEFORE if nearer[0] else ROOM
         else:
             expected = UNSEEN if nearer[1] or likely[at] == 0 else UNLIKELY
@@ -73,19 +73,19 @@ def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate
             if p["away"] > rate.dark:
                 p["z"] = p["away"] = p["waited"] = 0.0
         return 0, 0, 0
-    known = p["z"] > 0.0
-    if not known and not hold:
+    is_known = p["z"] > 0.0
+    if not is_known and not hold:
         same = abs(d - p["nearer"]) <= margin
         if rate.seen_for == 0.0 or (same and p["waited"] + step > rate.seen_for):
             p["z"], p["waited"] = d, 0.0
             return 0, 0, 0
-    if known and abs(d - p["z"]) <= margin:
+    if is_known and abs(d - p["z"]) <= margin:
         p["z"] += min(1.0, 0.3 * step) * (d - p["z"])
         p["flips"] = -abs(p["flips"]) * (1.0 - 0.1 * step)
         p["waited"] = max(0.0, p["waited"] - step)
         p["away"], p["guarded"] = 0.0, -1
         return 1, 0, 0
-    if known and d > p["z"]:
+    if is_known and d > p["z"]:
         p["guarded"], p["waited"] = -1, max(0.0, p["waited"] - step)
         p["away"] += step
         if p["away"] > rate.clear_after:
@@ -93,12 +93,12 @@ def learnt_alone(p: dict, d: float, person: bool, hold: bool, rate: LearningRate
             p["z"], p["away"] = d, 0.0
         return 1, 0, 1
     p["away"] = 0.0
-    counted = (int(known), int(known), 0)
+    counted = (int(is_known), int(is_known), 0)
     if p["guarded"] >= 0 and abs(d - p["guard_z"]) <= 2.0 * margin:
         return counted
     if p["flips"] <= 0.0 and not hold and abs(d - p["nearer"]) <= 2.0 * margin:
         p["flips"] = 1.0 - p["flips"]
-        if p["flips"] > 6.0 and known:
+        if p["flips"] > 6.0 and is_known:
             p["z"], p["flips"] = p["nearer"], 0.0
             return counted
     if abs(d - p["nearer"]) <= margin:

@@ -30,10 +30,10 @@ def floor_and_wall(mount: np.ndarray, seed: int) -> np.ndarray:
 @settings(max_examples=20, deadline=None)
 def test_the_floor_is_found_from_any_mounting(height, tilt, upside_down, seed):
     mount = world_from_level_camera(height, tilt, np.pi if upside_down else 0.0)
-    found = world_from_floor(floor_and_wall(mount, seed), upside_down)
-    assert found is not None
-    assert found[1, 3] == pytest.approx(height, abs=0.03)
-    np.testing.assert_allclose(found[:3, :3], mount[:3, :3], atol=0.03)
+    world_from_camera = world_from_floor(floor_and_wall(mount, seed), upside_down)
+    assert world_from_camera is not None
+    assert world_from_camera[1, 3] == pytest.approx(height, abs=0.03)
+    np.testing.assert_allclose(world_from_camera[:3, :3], mount[:3, :3], atol=0.03)
 
 
 def test_a_wall_alone_is_no_floor():
@@ -64,8 +64,8 @@ def test_reducing_is_the_lower_median_of_the_known(seed, stride, holes):
     for v, u in np.ndindex(h, w):
         far = min(stride, 3 * step)
         block = depth[v * stride : v * stride + far : step, u * stride : u * stride + far : step].ravel()
-        known = np.sort(block[(block > 0) & (block < 65535)])
-        expected[v, u] = known[(len(known) - 1) // 2] * 1e-3 if len(known) else 0.0
+        values = np.sort(block[(block > 0) & (block < 65535)])
+        expected[v, u] = values[(len(values) - 1) // 2] * 1e-3 if len(values) else 0.0
     np.testing.assert_array_equal(reduce_depth(depth, stride, h, w), expected)
 
 
@@ -76,9 +76,9 @@ def test_normals_of_a_slanted_plane():
     z = (normal @ np.array([0, 0, 2.0])) / (ray @ normal)
     points = world_points(z, camera.ray, np.eye(4))
     pixels = np.array([(20, 30), (60, 80), (100, 120)])
-    found, normals = surface_samples(points, z, pixels, np.zeros(3))
+    samples, normals = surface_samples(points, z, pixels, np.zeros(3))
     np.testing.assert_allclose(normals, np.tile(normal, (3, 1)), atol=1e-6)
-    np.testing.assert_allclose(found, points[tuple(pixels.T)], atol=1e-6)
+    np.testing.assert_allclose(samples, points[tuple(pixels.T)], atol=1e-6)
 
 
 def normal_slowly(points, z, v, u, eye):
@@ -102,10 +102,10 @@ def test_normals_match_the_slow_reference(seed, rough):
     mount = world_from_level_camera(1.2, random.uniform(-0.5, 0.5))
     points, eye = world_points(z, camera.ray, mount), mount[:3, 3].copy()
     pixels = np.ascontiguousarray(np.argwhere(z > 0))
-    found, normals = surface_samples(points, z, pixels, eye)
+    samples, normals = surface_samples(points, z, pixels, eye)
     expected = [normal_slowly(points, z, v, u, eye) for v, u in pixels]
     np.testing.assert_allclose(normals, expected, atol=1e-5)
-    np.testing.assert_array_equal(found, points[tuple(pixels.T)].astype(np.float32))
+    np.testing.assert_array_equal(samples, points[tuple(pixels.T)].astype(np.float32))
 
 
 @given(st.integers(0, 10_000), st.floats(0.0, 1.0))
@@ -113,9 +113,9 @@ def test_normals_match_the_slow_reference(seed, rough):
 def test_the_nearest_column_is_that_of_the_obvious_search(seed, share):
     random = np.random.default_rng(seed)
     mask = (random.random((9, 13)) < share) & (random.random((9, 1)) < 0.8)
-    for row, found in zip(mask, nearest_columns(mask), strict=True):
+    for row, columns in zip(mask, nearest_columns(mask), strict=True):
         masked = np.flatnonzero(row)
-        for u, nearest in enumerate(found):
+        for u, nearest in enumerate(columns):
             # Of two equally near values, argmin takes the first: the left one.
             assert nearest == (masked[np.abs(masked - u).argmin()] if len(masked) else -1)
 

@@ -42,22 +42,22 @@ def filled(points, centre, top):
 def standing_people(seed):
     """Returns (M, 3) points of up to four upright cylinders with a head, and of a table between them."""
     random = np.random.default_rng(seed)
-    made = [random.uniform((-1.5, 0.0, -3.0), (1.5, 0.75, -2.0), (150, 3))]
+    parts = [random.uniform((-1.5, 0.0, -3.0), (1.5, 0.75, -2.0), (150, 3))]
     for _ in range(random.integers(0, 5)):
         centre, tall = random.uniform((-1.5, 0.0, -3.0), (1.5, 0.0, -2.0)), random.uniform(0.8, 1.9)
         around = random.uniform(0, np.pi, 400)
         height = random.uniform(0, tall, 400)
         radius = np.where(height > tall - 0.25, 0.09, 0.18)
-        made.append(centre + np.stack([radius * np.cos(around), height, radius * np.sin(around)], 1))
-    return np.concatenate(made)
+        parts.append(centre + np.stack([radius * np.cos(around), height, radius * np.sin(around)], 1))
+    return np.concatenate(parts)
 
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=40, deadline=None)
 def test_the_people_are_those_of_the_obvious_search(seed):
     points = standing_people(seed)
-    found = columns_of(np.ascontiguousarray(points.T))
-    np.testing.assert_allclose(found, obvious_columns(points), atol=1e-9)
+    columns = columns_of(np.ascontiguousarray(points.T))
+    np.testing.assert_allclose(columns, obvious_columns(points), atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9, 12])

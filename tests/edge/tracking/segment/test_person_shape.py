@@ -37,11 +37,11 @@ PERSON = ((-0.22, 0.22, 0.8, 1.45, 2.5), (-0.09, 0.09, 1.45, 1.72, 2.5), (-0.16,
 
 def test_a_head_above_shoulders_is_human():
     view = drawn(*PERSON)
-    found = shape(view, view.z < 3.0)
-    assert found.upright
-    assert found.human
-    assert found.whole
-    assert abs(found.crown - 1.72) < 0.06
+    measured = shape(view, view.z < 3.0)
+    assert measured.upright
+    assert measured.human
+    assert measured.whole
+    assert abs(measured.crown - 1.72) < 0.06
 
 
 def test_a_flat_panel_and_a_post_are_not_upright_people():
@@ -196,9 +196,9 @@ def test_person_partly_occluded_by_others_counts_as_free():
     """An occluder in front of a person is no evidence against a free outline."""
     view = drawn(*PERSON, (0.02, 0.6, 0.1, 1.3, 1.8))
     mask = (view.z < 3.0) & (view.z > 2.0)
-    found = shape(view, mask)
-    assert found.behind > 0.2
-    assert found.possible
+    measured = shape(view, mask)
+    assert measured.behind > 0.2
+    assert measured.possible
 
 
 def test_a_thin_body_with_a_head_is_no_panel():
@@ -210,9 +210,9 @@ def test_a_thin_body_with_a_head_is_no_panel():
     ):
         z[v, u] = 2.5
     flat = FrameView(0, z, world_points(z, CAMERA.ray, MOUNT), CAMERA, MOUNT)
-    found = shape(flat, flat.z > 0)
-    assert found.thickness < 0.022 and found.wide > 0.35
-    assert found.upright
+    measured = shape(flat, flat.z > 0)
+    assert measured.thickness < 0.022 and measured.wide > 0.35
+    assert measured.upright
 
 
 @given(st.integers(0, 10_000))
@@ -227,7 +227,7 @@ def test_the_measures_of_a_shape_are_those_of_the_obvious_way(seed):
     ]
     view = drawn(*boxes)
     mask = (view.z < 3.2) & (random.uniform(size=view.z.shape) < 0.9)
-    found, points = shape(view, mask), view.points[mask]
+    measured, points = shape(view, mask), view.points[mask]
     points = points[:: max(1, len(points) // 1500)]
     centred = points - points.mean(0)
     values = np.linalg.eigh(centred.T @ centred / len(points))[0]
@@ -242,10 +242,10 @@ def test_the_measures_of_a_shape_are_those_of_the_obvious_way(seed):
     cells = len(np.unique(np.floor(np.stack([along, height]) / 0.06), axis=1).T)
     box = np.ptp(np.percentile(along, [1, 99])) * np.ptp(np.percentile(height, [1, 99]))
     across = np.ptp(np.percentile(points, [3, 97], axis=0), axis=0)
-    assert found.crown == pytest.approx(crown, abs=1e-9)
-    assert found.thickness == pytest.approx(np.sqrt(values[0]), abs=1e-6)
-    assert found.wide == pytest.approx(max(across[0], across[2]), abs=1e-9)
+    assert measured.crown == pytest.approx(crown, abs=1e-9)
+    assert measured.thickness == pytest.approx(np.sqrt(values[0]), abs=1e-6)
+    assert measured.wide == pytest.approx(max(across[0], across[2]), abs=1e-9)
     # A point on the border of a step may fall to either side of it.
-    assert found.head_width == pytest.approx(width(-1.0, 0.14), abs=0.041)
-    assert found.head == pytest.approx(width(-1.0, 0.14) / shoulders, abs=0.041 / shoulders * 2)
-    assert found.fill == pytest.approx(cells * 0.06**2 / box, abs=2 * 0.06**2 / box)
+    assert measured.head_width == pytest.approx(width(-1.0, 0.14), abs=0.041)
+    assert measured.head == pytest.approx(width(-1.0, 0.14) / shoulders, abs=0.041 / shoulders * 2)
+    assert measured.fill == pytest.approx(cells * 0.06**2 / box, abs=2 * 0.06**2 / box)

@@ -83,7 +83,7 @@ def boxes_slowly(view, ends, radii, reach):
     """Returns (K, 4) boxes around the balls at the capsules' ends, by angles; NaN is handled separately."""
     mount, (fx, fy, cx, cy), (height, width) = view.world_from_camera, view.camera.camera, view.z.shape
     local = (ends - mount[:3, 3]) @ mount[:3, :3]
-    made = []
+    boxes = []
     for person, balls in enumerate(radii + reach):
         sides = []
         for axis, (f, c, size) in enumerate(((fy, cy, height), (fx, cx, width))):
@@ -97,8 +97,8 @@ def boxes_slowly(view, ends, radii, reach):
             least, most = least[numbers].min(), most[numbers].max()
             ends_of = np.floor(f * least + c), np.ceil(f * most + c) + 1
             sides.append([np.clip(end, 0, size) for end in ends_of])
-        made.append(np.transpose(sides).ravel())
-    return np.array(made)
+        boxes.append(np.transpose(sides).ravel())
+    return np.array(boxes)
 
 
 def random_capsules(random, people=3, count=6):
@@ -155,12 +155,12 @@ def test_a_step_in_depth_parts_two_groups():
 
 def contacts_slowly(view, owner, group, people):
     """Returns (K,) pixel sides of a group at which each person's pixel continues the surface."""
-    made = np.zeros(people, int)
+    counts = np.zeros(people, int)
     for v, u in np.argwhere(group):
         for q, p in ((v - 1, u), (v + 1, u), (v, u - 1), (v, u + 1)):
             if 0 <= q < 60 and 0 <= p < 80 and owner[q, p] >= 0:
-                made[owner[q, p]] += abs(view.z[q, p] - view.z[v, u]) < 0.035 + 0.012 * view.z[v, u] ** 2
-    return made
+                counts[owner[q, p]] += abs(view.z[q, p] - view.z[v, u]) < 0.035 + 0.012 * view.z[v, u] ** 2
+    return counts
 
 
 @given(st.integers(0, 100_000), st.integers(0, 2))

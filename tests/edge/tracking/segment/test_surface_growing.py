@@ -32,37 +32,37 @@ def scene(seed: int, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
 
 def after(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> tuple[np.ndarray, np.ndarray]:
     """Returns (owner, counts) after returning detached pixels."""
-    made = owner.copy()
-    counts = return_detached(made, z, np.bincount(owner[owner >= 0], minlength=people))
-    return made, counts
+    returned = owner.copy()
+    counts = return_detached(returned, z, np.bincount(owner[owner >= 0], minlength=people))
+    return returned, counts
 
 
 def neighbours(owner: np.ndarray, z: np.ndarray) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """Returns, for each person pixel, the neighbouring person pixels on the same surface."""
-    made = {(v, u): [] for v, u in product(*map(range, z.shape)) if owner[v, u] >= 0}
-    for v, u in made:
+    adjacent = {(v, u): [] for v, u in product(*map(range, z.shape)) if owner[v, u] >= 0}
+    for v, u in adjacent:
         for before in ((v - 1, u), (v, u - 1)):
-            if before in made and abs(z[v, u] - z[before]) < 0.035 + 0.012 * z[v, u] * z[before]:
-                made[v, u].append(before)
-                made[before].append((v, u))
-    return made
+            if before in adjacent and abs(z[v, u] - z[before]) < 0.035 + 0.012 * z[v, u] * z[before]:
+                adjacent[v, u].append(before)
+                adjacent[before].append((v, u))
+    return adjacent
 
 
 def pieces(owner: np.ndarray, beside) -> list[set[tuple[int, int]]]:
     """Returns connected pieces of one owner each, in reading order of their first pixel."""
-    found, done = [], set()
+    components, done = [], set()
     for start in beside:
         if start in done:
             continue
         piece, edge = {start}, [start]
         while edge:
-            here = edge.pop()
-            new = [p for p in beside[here] if owner[p] == owner[start] and p not in piece]
+            pixel = edge.pop()
+            new = [p for p in beside[pixel] if owner[p] == owner[start] and p not in piece]
             piece.update(new)
             edge.extend(new)
         done |= piece
-        found.append(piece)
-    return found
+        components.append(piece)
+    return components
 
 
 def largest(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> list[set[tuple[int, int]]]:
@@ -75,16 +75,16 @@ def largest(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> list[set[
 def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray:
     """Computes the owners piece by piece."""
     beside, main = neighbours(owner, z), largest(owner, z, people)
-    made = owner.copy()
+    returned = owner.copy()
     for piece in pieces(owner, beside):
         whose = owner[min(piece)]
-        contacts = [sum(p in main[k] for here in piece for p in beside[here]) for k in range(people)]
+        contacts = [sum(p in main[k] for place in piece for p in beside[place]) for k in range(people)]
         contacts[whose] = 0
         other = int(np.argmax(contacts))
         if piece != main[whose] and contacts[other] >= 3 and len(piece) < 0.4 * len(main[other]):
             for pixel in piece:
-                made[pixel] = other
-    return made
+                returned[pixel] = other
+    return returned
 
 
 @given(SCENES)
@@ -103,26 +103,26 @@ def test_the_scenes_have_something_to_give_back():
 @settings(max_examples=60, deadline=None)
 def test_every_pixel_is_still_counted_once(seed):
     owner, z = scene(seed)
-    made, counts = after(owner, z)
-    np.testing.assert_array_equal(counts, np.bincount(made[made >= 0], minlength=PEOPLE))
-    np.testing.assert_array_equal(made < 0, owner < 0)
+    returned, counts = after(owner, z)
+    np.testing.assert_array_equal(counts, np.bincount(returned[returned >= 0], minlength=PEOPLE))
+    np.testing.assert_array_equal(returned < 0, owner < 0)
 
 
 @given(SCENES)
 @settings(max_examples=60, deadline=None)
 def test_everyone_keeps_their_largest_piece(seed):
     owner, z = scene(seed)
-    made, _ = after(owner, z)
+    returned, _ = after(owner, z)
     for k, piece in enumerate(largest(owner, z)):
-        assert all(made[pixel] == k for pixel in piece)
+        assert all(returned[pixel] == k for pixel in piece)
 
 
 @given(SCENES)
 @settings(max_examples=30, deadline=None)
 def test_single_person_keeps_all_pixels(seed):
     owner, z = scene(seed, 1)
-    made, counts = after(owner, z, 1)
-    np.testing.assert_array_equal(made, owner)
+    returned, counts = after(owner, z, 1)
+    np.testing.assert_array_equal(returned, owner)
     assert counts.tolist() == [(owner == 0).sum()]
 
 
@@ -155,9 +155,9 @@ def test_arm_connected_with_the_other_person_is_given_to_them(touch, mirrored):
     owner, z, arm = two_with_an_arm(touch)
     if mirrored:
         owner, z, arm = (np.ascontiguousarray(each[::-1, ::-1]) for each in (owner, z, arm))
-    made, counts = after(owner, z, 2)
-    assert (made[arm] == 1).all()
-    np.testing.assert_array_equal(made[~arm], owner[~arm])
+    returned, counts = after(owner, z, 2)
+    assert (returned[arm] == 1).all()
+    np.testing.assert_array_equal(returned[~arm], owner[~arm])
     assert counts.tolist() == [200, 300 + arm.sum()]
 
 
@@ -186,8 +186,8 @@ def test_large_piece_is_not_given_to_the_other_person():
 
 def test_person_without_pixels_gets_none():
     owner, z, arm = two_with_an_arm(8)
-    made, counts = after(owner, z, 3)
-    assert (made[arm] == 1).all() and counts[2] == 0
+    returned, counts = after(owner, z, 3)
+    assert (returned[arm] == 1).all() and counts[2] == 0
 
 
 PLAIN = 0.1
@@ -199,9 +199,9 @@ def contested(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray
     owner, z = scene(seed)
     random = np.random.default_rng([seed, 1])
     distance = np.where(random.random(SHAPE) < 0.3, 0.02, 0.15)
-    made = owner.copy()
-    grow_surfaces(made, distance, z)
-    return owner, distance, z, made
+    grown = owner.copy()
+    grow_surfaces(grown, distance, z)
+    return owner, distance, z, grown
 
 
 def steps_from(sources: list[tuple[int, int]], beside) -> dict[tuple[int, int], int]:
@@ -226,10 +226,10 @@ def is_contested(owner: np.ndarray, distance: np.ndarray, beside) -> bool:
 @example(89)
 @settings(deadline=None, max_examples=60)
 def test_pixels_are_assigned_to_the_nearest_person_along_the_surface(seed):
-    owner, distance, z, made = contested(seed)
+    owner, distance, z, grown = contested(seed)
     beside = neighbours(owner, z)
     if not is_contested(owner, distance, beside):
-        np.testing.assert_array_equal(made, owner)
+        np.testing.assert_array_equal(grown, owner)
         return
     steps = [
         steps_from([p for p in beside if owner[p] == k and distance[p] <= PLAIN], beside)
@@ -238,18 +238,18 @@ def test_pixels_are_assigned_to_the_nearest_person_along_the_surface(seed):
     for pixel in beside:
         least = min(reach.get(pixel, np.inf) for reach in steps)
         if least == np.inf:
-            assert made[pixel] == owner[pixel]
+            assert grown[pixel] == owner[pixel]
         else:
-            assert steps[made[pixel]].get(pixel, np.inf) == least
+            assert steps[grown[pixel]].get(pixel, np.inf) == least
 
 
 @given(SCENES)
 @settings(deadline=None, max_examples=60)
 def test_clear_and_unowned_pixels_keep_their_owner(seed):
-    owner, distance, _, made = contested(seed)
+    owner, distance, _, grown = contested(seed)
     plain = (owner >= 0) & (distance <= PLAIN)
-    np.testing.assert_array_equal(made[plain], owner[plain])
-    np.testing.assert_array_equal(made < 0, owner < 0)
+    np.testing.assert_array_equal(grown[plain], owner[plain])
+    np.testing.assert_array_equal(grown < 0, owner < 0)
 
 
 def test_held_hands_are_parted_in_the_middle():

@@ -49,12 +49,12 @@ def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above,
     z[random.random(z.shape) < 0.2] = 0.0
     view = view_of(z)
     postures = [person(x, arm_raise=float(random.uniform(0.0, 1.5))) for x in random.uniform(-1, 1, people)]
-    found = lying_on(view, postures, above, reach)
+    near_body = lying_on(view, postures, above, reach)
     distance = surface_distance(view.points, postures)
     clear = np.abs(distance - reach) > 1e-6  # float32 capsules
     expected = (z > 0) & (view.points[..., 1] > above) & (distance < reach)
-    np.testing.assert_array_equal(found[clear], expected[clear])
-    assert found.any()
+    np.testing.assert_array_equal(near_body[clear], expected[clear])
+    assert near_body.any()
 
 
 def test_unmeasured_pixels_belong_to_no_body():
@@ -71,7 +71,7 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
         holed: the number of frames with the hole.
         high: (2,) lower and upper end of the hole above the floor, metres.
     """
-    made = []
+    recording = []
     with SyntheticSensor(choreography=choreography, width=320, realtime=False) as sensor:
         for i in range(frames):
             frame = sensor.read()
@@ -84,8 +84,8 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
             bottom, top = (camera.fy * at[:, 1] / at[:, 2] + camera.cy).astype(int)
             if i < holed:
                 depth[top:bottom] = 0
-            made.append((dataclasses.replace(frame, depth=depth, world_from_camera=None), truth))
-    return made
+            recording.append((dataclasses.replace(frame, depth=depth, world_from_camera=None), truth))
+    return recording
 
 
 @pytest.mark.parametrize(
@@ -94,10 +94,10 @@ def with_hole_across_the_shins(choreography, frames, holed, high):
 )
 def test_person_present_at_the_start_gets_their_legs_back(choreography, holed, high):
     """The legs below the hole are connected with no person, so the background model learns them at once."""
-    tracker, made = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
-    for n, (frame, _) in enumerate(made):
+    tracker, recording = Tracker(), with_hole_across_the_shins(choreography, 34, holed, high)
+    for n, (frame, _) in enumerate(recording):
         bodies = tracker.track(frame)
         assert len(bodies) == 1 or n < 6, "nobody a fifth of a second after the first frame"
     (body,) = bodies
-    off = np.linalg.norm(body.joints - made[-1][1].joints, axis=1)[LOWER_LEGS]
+    off = np.linalg.norm(body.joints - recording[-1][1].joints, axis=1)[LOWER_LEGS]
     assert off.max() < 0.1

@@ -38,25 +38,25 @@ def clothed(mesh, seed, names=("a", "b")):
     corners = np.concatenate([mesh.vertices[mesh.faces], np.ones((len(mesh.faces), 3, 1))], 2)
     values = np.einsum("fka,fab->fkb", corners, np.array([maps[name] for name in names])[of])
     textures = tuple(Texture(np.frombuffer(PNG + name.encode(), np.uint8)) for name in names)
-    told = (json.dumps({"name": n, "emissiveTexture": {"index": k}}) for k, n in enumerate(names))
+    definitions = (json.dumps({"name": n, "emissiveTexture": {"index": k}}) for k, n in enumerate(names))
     uvs = values[..., :4].reshape(-1, 3, 2, 2).astype(np.float32)
-    materials = MeshMaterials(tuple(told), textures, of, uvs, values[..., 4:].astype(np.float32))
+    materials = MeshMaterials(tuple(definitions), textures, of, uvs, values[..., 4:].astype(np.float32))
     return type(mesh)(mesh.vertices, mesh.faces, mesh.name, None, materials), maps
 
 
 def check(mesh, maps):
     """Every face of a material is where that material's map says; returns (F,) its name or empty."""
     own = mesh.materials
-    names = [json.loads(told)["name"] for told in own.definitions]
-    for name, told in zip(names, own.definitions, strict=True):
-        texture = own.textures[json.loads(told)["emissiveTexture"]["index"]]
+    names = [json.loads(definition)["name"] for definition in own.definitions]
+    for name, definition in zip(names, own.definitions, strict=True):
+        texture = own.textures[json.loads(definition)["emissiveTexture"]["index"]]
         assert texture.image.tobytes() == PNG + name.encode()
     for number, name in enumerate(names):
         faces = own.of == number
         places = mesh.vertices[mesh.faces[faces]]
         expected = np.concatenate([places, np.ones((*places.shape[:2], 1))], 2) @ maps[name]
-        made = np.concatenate([own.uvs[faces].reshape(-1, 3, 4), own.tints[faces]], 2)
-        np.testing.assert_allclose(made, expected, atol=CLOSE)
+        corners = np.concatenate([own.uvs[faces].reshape(-1, 3, 4), own.tints[faces]], 2)
+        np.testing.assert_allclose(corners, expected, atol=CLOSE)
     return np.array([*names, ""])[own.of]
 
 
@@ -95,8 +95,8 @@ def test_a_union_keeps_those_of_both(seed, way, far, flat):
 
 
 def flat_parts(mesh):
-    made = flat_shaded(mesh)
-    return made.vertices, made.faces, made.name, None, mesh.materials
+    flat = flat_shaded(mesh)
+    return flat.vertices, flat.faces, flat.name, None, mesh.materials
 
 
 def test_a_tidied_seam_keeps_them_nearly(seed=3):
@@ -108,7 +108,7 @@ def test_a_tidied_seam_keeps_them_nearly(seed=3):
     rough, tidy = (united(first, skins[0], moved, skins[1], tidy=tidy) for tidy in (False, True))
     assert len(tidy.mesh.faces) < len(rough.mesh.faces)
     own, maps_of = tidy.mesh.materials, {**maps, **more}
-    names = [json.loads(told)["name"] for told in own.definitions]
+    names = [json.loads(definition)["name"] for definition in own.definitions]
     off = []
     for face, number in enumerate(own.of):
         places = tidy.mesh.vertices[tidy.mesh.faces[face]]
@@ -132,9 +132,9 @@ def test_refinement_and_a_part_keep_them(seed, longest):
 def test_the_corners_of_a_mirrored_shape_have_the_places_in_textures_that_they_had():
     mesh, _ = clothed(tube(), 0)
     shape = still_shape("tube", line([[0, -1, 0], [0, 0, 0], [0, 1, 0]]), mesh, on_bone(mesh, 1))
-    made = mirror_character(Project().with_characters(shape), "tube", [1, 0, 0]).characters["tube"].mesh
-    np.testing.assert_array_equal(made.materials.uvs, mesh.materials.uvs[:, ::-1])
-    np.testing.assert_array_equal(made.faces, mesh.faces[:, ::-1])
+    mirrored = mirror_character(Project().with_characters(shape), "tube", [1, 0, 0]).characters["tube"].mesh
+    np.testing.assert_array_equal(mirrored.materials.uvs, mesh.materials.uvs[:, ::-1])
+    np.testing.assert_array_equal(mirrored.faces, mesh.faces[:, ::-1])
 
 
 def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
@@ -146,7 +146,7 @@ def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
     project, _ = merge(project, near, joint, far)
     write_gltf(tmp_path / "tube.glb", [performance_of(project, near)])
     back = read_gltf(tmp_path / "tube.glb").shape.mesh
-    names = [json.loads(told)["name"] for told in back.materials.definitions]
+    names = [json.loads(definition)["name"] for definition in back.materials.definitions]
     still = 0
     for face, number in enumerate(back.materials.of):
         places = back.vertices[back.faces[face]]
@@ -158,9 +158,9 @@ def test_a_shape_that_is_cut_and_merged_is_exported_with_them(tmp_path):
 
 
 def test_equal_materials_become_one_and_bare_faces_have_none():
-    one, _ = clothed(ball(0.1, detail=1), 0)
-    count = len(one.faces)
-    both = joined_materials([(one.materials, count), (None, 2), (one.materials, count)])
+    clothed_mesh, _ = clothed(ball(0.1, detail=1), 0)
+    count = len(clothed_mesh.faces)
+    both = joined_materials([(clothed_mesh.materials, count), (None, 2), (clothed_mesh.materials, count)])
     assert len(both.definitions) == len(both.textures) == 2 and (both.of[count : count + 2] == -1).all()
     np.testing.assert_array_equal(both.of[:count], both.of[count + 2 :])
     assert joined_materials([(None, 3), (None, 1)]) is None

@@ -117,8 +117,8 @@ def test_a_shell_that_is_not_cut_goes_with_its_bones():
 def test_second_cut_separates_ring_and_is_reported():
     import trimesh
 
-    made = trimesh.creation.torus(0.5, 0.1)
-    mesh = Mesh(made.vertices, made.faces, "ring")
+    torus = trimesh.creation.torus(0.5, 0.1)
+    mesh = Mesh(torus.vertices, torus.faces, "ring")
     skeleton = line([[0.5, -0.3, 0], [0.5, 0.3, 0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, 0.5)
     assert any("elsewhere" in note for note in cut.notes)
@@ -249,10 +249,10 @@ def test_caps_can_be_round(flat):
     skin, surface = random_skin(len(mesh.vertices), 3), PlaneCut([0, 0, 1.02], [0, 0, 1])
     plain = cut_by_stroke(mesh, skin, surface)
     half_balls = cut_by_stroke(mesh, skin, surface, settings=CutSettings(rounding=1.0))
-    for one, other in ((plain.near, half_balls.near), (plain.far, half_balls.far)):
-        assert watertight(other.mesh)
-        unchanged(other, mesh, skin)
-        added = volume(other.mesh) - volume(one.mesh)
+    for flat_cap, round_cap in ((plain.near, half_balls.near), (plain.far, half_balls.far)):
+        assert watertight(round_cap.mesh)
+        unchanged(round_cap, mesh, skin)
+        added = volume(round_cap.mesh) - volume(flat_cap.mesh)
         assert added == pytest.approx(2 / 3 * np.pi * 0.2**3, rel=0.1)
     assert half_balls.near.mesh.bounds[1, 2] == pytest.approx(1.02 + 0.2, abs=0.02)
     assert half_balls.far.mesh.bounds[0, 2] == pytest.approx(1.02 - 0.2, abs=0.02)

@@ -59,10 +59,10 @@ def test_triangulation_covers_outline_and_is_delaunay(radii):
 def test_refining_keeps_the_outline_and_the_area(radii):
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
-    made, cells = refined(points, triangles, np.full(len(points), 0.2))
-    assert (made[: len(points)] == points).all()
-    assert areas(made, cells).min() >= -1e-9
-    assert areas(made, cells).sum() == pytest.approx(area(points))
+    vertices, cells = refined(points, triangles, np.full(len(points), 0.2))
+    assert (vertices[: len(points)] == points).all()
+    assert areas(vertices, cells).min() >= -1e-9
+    assert areas(vertices, cells).sum() == pytest.approx(area(points))
     border = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
     edges, counts = np.unique(border, axis=0, return_counts=True)
     assert counts.max() <= 2 and (edges[counts == 1] < len(points)).all()
@@ -72,9 +72,9 @@ def test_a_hole_stays_a_hole():
     outer, inner = flower([2.0] * 40), flower([1.0] * 20)[::-1]
     points = np.concatenate([outer, inner])
     cap = cap_of([np.arange(40), 40 + np.arange(20)], points)
-    made = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
-    assert areas(made, cap.faces).sum() == pytest.approx(area(outer) + area(inner))
-    assert np.linalg.norm(made[cap.faces].mean(1), axis=1).min() > 0.9
+    vertices = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
+    assert areas(vertices, cap.faces).sum() == pytest.approx(area(outer) + area(inner))
+    assert np.linalg.norm(vertices[cap.faces].mean(1), axis=1).min() > 0.9
 
 
 @settings(max_examples=20, deadline=None)
@@ -82,11 +82,11 @@ def test_a_hole_stays_a_hole():
 def test_cap_interpolates_border_values_linearly(radii, plane):
     points = flower(radii)
     triangles = triangulated(points, [np.arange(len(points))])
-    made, cells = refined(points, triangles, np.full(len(points), 0.3))
-    spread = HarmonicInterpolation(made, cells, len(points))
+    vertices, cells = refined(points, triangles, np.full(len(points), 0.3))
+    spread = HarmonicInterpolation(vertices, cells, len(points))
     inside = spread(np.eye(len(points)))
-    assert len(inside) == spread.count == len(made) - len(points)
+    assert len(inside) == spread.count == len(vertices) - len(points)
     assert inside.min(initial=0) >= -1e-9
     np.testing.assert_allclose(inside.sum(1), 1, atol=1e-6)
-    height = made @ plane[:2] + plane[2]
+    height = vertices @ plane[:2] + plane[2]
     np.testing.assert_allclose(spread(height[: len(points)]), height[len(points) :], atol=2e-3)

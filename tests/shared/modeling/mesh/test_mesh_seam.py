@@ -96,8 +96,8 @@ def test_cut_and_merge_restore_the_mesh(u, around):
     mesh, skeleton = tube(0.3, 2.0, around), line([[0, 0, 0], [0, 0, 2.0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, u)
     union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
-    made = smoothed(union.mesh, union.seam)
-    assert same_bits(made.vertices, union.mesh.vertices)
+    smooth = smoothed(union.mesh, union.seam)
+    assert same_bits(smooth.vertices, union.mesh.vertices)
 
 
 def test_fairing_continues_surrounding_surface():
@@ -106,11 +106,11 @@ def test_fairing_continues_surrounding_surface():
         free = np.abs(mesh.vertices[:, 2] - mesh.vertices[:, 2].mean()) < 0.17
         dented = mesh.vertices.copy()
         dented[free, :2] *= 0.9 + 0.05 * np.random.default_rng(1).random((free.sum(), 1))
-        made = fair(Mesh(dented, mesh.faces), free)
-        assert same_bits(made[~free], dented[~free])
+        fair_mesh = fair(Mesh(dented, mesh.faces), free)
+        assert same_bits(fair_mesh[~free], dented[~free])
         before = np.linalg.norm(dented[free] - mesh.vertices[free], axis=1).max()
         assert before > 0.02
-        assert np.abs(np.linalg.norm(made[free, :2], axis=1) - np.linalg.norm(mesh.vertices[free, :2], axis=1)).max() < most  # fmt: skip  # noqa: E501
+        assert np.abs(np.linalg.norm(fair_mesh[free, :2], axis=1) - np.linalg.norm(mesh.vertices[free, :2], axis=1)).max() < most  # fmt: skip  # noqa: E501
     grid = np.stack(np.meshgrid(np.arange(12.0), np.arange(12.0), [0.0]), -1).reshape(-1, 3)
     cells = [[12 * i + j, 12 * i + j + 1, 12 * i + j + 13] for i in range(11) for j in range(11)]
     cells += [[12 * i + j, 12 * i + j + 13, 12 * i + j + 12] for i in range(11) for j in range(11)]
@@ -129,11 +129,11 @@ def test_coarse_meshes_are_not_blown_up(detail, flat, far, size):
     union = united(first, on_bone(first, 0), second, on_bone(second, 0), tidy=True)
     if not union.fused:
         return
-    made = smoothed(union.mesh, union.seam)
-    assert watertight(made)
+    smooth = smoothed(union.mesh, union.seam)
+    assert watertight(smooth)
     low, high = union.mesh.bounds
-    assert (made.vertices > low - 0.05).all() and (made.vertices < high + 0.05).all()
-    assert 0.6 < volume(made) / volume(union.mesh) < 1.4
+    assert (smooth.vertices > low - 0.05).all() and (smooth.vertices < high + 0.05).all()
+    assert 0.6 < volume(smooth) / volume(union.mesh) < 1.4
 
 
 def test_zero_settings_change_nothing():

@@ -226,10 +226,10 @@ def test_any_triangles_become_a_closed_surface_and_leaves(seed, count, points):
     assert same_bits(closed.vertices[:points], mesh.vertices)
     own = faces[~closed.leaf]
     assert (closed.vertices[closed.faces[: len(own)]] == mesh.vertices[own]).all()
-    told = closed.vertices[:points]
+    rebuilt = closed.vertices[:points]
     for of, how in closed.made:
-        told = np.concatenate([told, how(told[of])])
-    np.testing.assert_allclose(told, closed.vertices, atol=1e-12)
+        rebuilt = np.concatenate([rebuilt, how(rebuilt[of])])
+    np.testing.assert_allclose(rebuilt, closed.vertices, atol=1e-12)
     label = closed.label[closed.faces]
     sides = [(a, b) for face in label.tolist() for a, b in zip(face, face[1:] + face[:1], strict=True)]
     assert {(b, a) for a, b in sides} == set(sides)

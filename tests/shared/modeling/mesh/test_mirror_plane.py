@@ -44,9 +44,9 @@ def test_plane_is_found_in_any_orientation(seed, scale):
     turn = rotation.to_matrix(rotation.normalized(rng.normal(size=4)))
     shift = rng.normal(0, 3, 3)
     mesh = beast()
-    found = plane_of_symmetry(Mesh(scale * (mesh.vertices @ turn.T + shift), mesh.faces))
-    assert found is not None
-    normal, point = np.array(found.normal), np.array(found.point)
+    plane = plane_of_symmetry(Mesh(scale * (mesh.vertices @ turn.T + shift), mesh.faces))
+    assert plane is not None
+    normal, point = np.array(plane.normal), np.array(plane.point)
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert abs(normal @ turn[:, 0]) > 0.9995
     # Points of the true plane lie in it.
@@ -66,24 +66,24 @@ def test_nearly_symmetric_counts_and_asymmetric_does_not():
 
 @pytest.mark.parametrize("wide, axis", [([0.6, 1.0, 0.4], 0), ([0.4, 0.5, 1.2], 2), ([0.5, 3.0, 0.05], 0)])
 def test_box_gets_the_plane_between_left_and_right(wide, axis):
-    found = plane_of_symmetry(box(-np.array(wide) / 2, np.array(wide) / 2))
-    assert found is not None
-    assert abs(found.normal[axis]) > 0.999
-    assert np.abs(found.point[axis]) < 0.01
+    plane = plane_of_symmetry(box(-np.array(wide) / 2, np.array(wide) / 2))
+    assert plane is not None
+    assert abs(plane.normal[axis]) > 0.999
+    assert np.abs(plane.point[axis]) < 0.01
 
 
 def test_the_sign_and_the_answer_are_always_the_same():
     mesh = beast()
-    one, other = plane_of_symmetry(mesh), plane_of_symmetry(mesh)
-    assert one == other and max(one.normal, key=abs) > 0
+    first, second = plane_of_symmetry(mesh), plane_of_symmetry(mesh)
+    assert first == second and max(first.normal, key=abs) > 0
 
 
 def test_a_fine_side_and_a_coarse_one_are_still_alike():
     halves = [box([0.0, 0, 0], [0.5, 1, 0.3]), box([-0.5, 0, 0], [0.0, 1, 0.3])]
     from enliven.meshes.mesh import refine
 
-    found = plane_of_symmetry(together(refine(halves[0], 0.05), halves[1]))
-    assert found is not None and abs(found.normal[0]) > 0.999
+    plane = plane_of_symmetry(together(refine(halves[0], 0.05), halves[1]))
+    assert plane is not None and abs(plane.normal[0]) > 0.999
 
 
 def test_without_area_there_is_no_plane_to_find():

@@ -66,9 +66,9 @@ def busy_project(seed=0):
 
 def world(project, time, puppet="stool"):
     """(P, 3) metres: where the control points are."""
-    made = project.puppets[puppet]
-    now = state_of(project, made, time)
-    return in_world(made, now, now.places)
+    character = project.puppets[puppet]
+    state = state_of(project, character, time)
+    return in_world(character, state, state.places)
 
 
 def test_edit_does_not_change_the_original_project():
@@ -103,9 +103,9 @@ def test_adding_and_removing_a_point_restores_the_puppet(seed, vertex):
 def test_a_new_point_is_where_the_surface_is_in_each_key_pose():
     project = puppet_project()
     puppet = project.puppets["stool"]
-    made = add_point(project, "stool", 222).puppets["stool"]
+    edited = add_point(project, "stool", 222).puppets["stool"]
     surface = PuppetSurface(puppet.mesh, [point.vertex for point in puppet.points])
-    for before, after in zip(puppet.poses, made.poses, strict=True):
+    for before, after in zip(puppet.poses, edited.poses, strict=True):
         assert_alike(after.places[:-1], before.places)
         np.testing.assert_allclose(after.places[-1], surface.settle(before.places)[222], atol=1e-9)
         assert (after.take, after.time) == (before.take, before.time)
@@ -155,9 +155,9 @@ def test_a_key_pose_mirrored_twice_is_itself(seed):
 
 def test_symmetry_plane_defaults_to_the_meshs_plane():
     project = puppet_project()
-    found = mirror_key_pose(project, "stool", 0).puppets["stool"].poses[0].places
+    mirrored = mirror_key_pose(project, "stool", 0).puppets["stool"].poses[0].places
     set_so = mirror_key_pose(set_symmetry(project, "stool", SIDES), "stool", 0)
-    np.testing.assert_allclose(found, set_so.puppets["stool"].poses[0].places, atol=0.02)
+    np.testing.assert_allclose(mirrored, set_so.puppets["stool"].poses[0].places, atol=0.02)
 
 
 @given(seeds, st.floats(-3, 3), st.floats(-2, 2))
@@ -175,8 +175,8 @@ def test_rotated_puppet_stays_in_place():
     project = move_character(puppet_project(), "stool", [3.0, 0.0, 1.0])
     turned = turn_character(project, "stool", from_rotation_vector(np.array([0.0, 1.0, 0.0])))
     rest = stool().vertices
-    for one in (project, turned):
-        puppet = one.puppets["stool"]
+    for each in (project, turned):
+        puppet = each.puppets["stool"]
         np.testing.assert_allclose(
             (rotate(puppet.turn, rest) + puppet.place).mean(0)[[0, 2]], [3, 1], atol=1e-9
         )
@@ -264,9 +264,9 @@ def test_constraints_that_contradict_are_all_named_and_nothing_changes():
 def test_the_feet_that_a_user_puts_somewhere_are_not_levelled():
     """Where equal heights contradict what was asked for, what was asked for goes first."""
     free = puppet_project()
-    made = motion_of(free, free.puppets["stool"], 0)
-    frames = [f for f in range(1, made.frames) if made.anchors[f] != made.anchors[f - 1]]
-    frame = next(f for f in frames if made.anchors[f] >= 0 and made.anchors[f - 1] >= 0)
+    solved = motion_of(free, free.puppets["stool"], 0)
+    frames = [f for f in range(1, solved.frames) if solved.anchors[f] != solved.anchors[f - 1]]
+    frame = next(f for f in frames if solved.anchors[f] >= 0 and solved.anchors[f - 1] >= 0)
     asked = (Position("left foot", frame, (0, 0.05, 0), "y"), Position("right foot", frame, (0, 0.0, 0), "y"))
     project = change_layers(free, "stool", [0], positions=asked)
     places = motion_of(project, project.puppets["stool"], 0).places[frame]
@@ -349,17 +349,17 @@ def test_invalid_edit_is_refused_with_the_reason(edit, said):
 def test_equal_examples_are_refused_by_number_and_the_last_good_motion_stays():
     project = puppet_project()
     puppet = project.puppets["stool"]
-    kept = motion_of(project, puppet, 0)
+    last_good = motion_of(project, puppet, 0)
     clip = project.takes["walk"]
     still = replace(clip, id="still", turns=clip.turns[[0, 0]], root=clip.root[[0, 0]])
     poses = (puppet.poses[0], replace(puppet.poses[1], take="still", time=STEP))
     wrong = project.with_takes(still).with_characters(puppet.with_changes(poses=poses))
     with pytest.raises(InputError, match="examples 0 and 1 have the same pose of the performer"):
         motion_of(wrong, wrong.puppets["stool"], 0)
-    one = remove_key_pose(remove_key_pose(remove_key_pose(project, "stool", 3), "stool", 2), "stool", 1)
+    single = remove_key_pose(remove_key_pose(remove_key_pose(project, "stool", 3), "stool", 2), "stool", 1)
     with pytest.raises(InputError, match="Pose one more example"):
-        motion_of(one, one.puppets["stool"], 0)
-    assert motion_of(project, puppet, 0) is kept
+        motion_of(single, single.puppets["stool"], 0)
+    assert motion_of(project, puppet, 0) is last_good
 
 
 def test_a_key_pose_of_a_pose_that_there_is_is_refused():

@@ -25,14 +25,14 @@ def suggested(mesh, **how):
 
 def test_the_studio_and_the_command_suggest_the_same():
     """Points, then pairs, as the panel asks for them, are the puppet that the command makes."""
-    whole = suggested(make_cactus(), points=6, poses=2).puppets["it"]
+    cactus = suggested(make_cactus(), points=6, poses=2).puppets["it"]
     project = make_puppet(Project().with_takes(walker()), make_cactus(), "it")
-    for vertex in suggested_vertices(whole.mesh, 6):
+    for vertex in suggested_vertices(cactus.mesh, 6):
         project = add_point(project, "it", vertex)
     pairs = suggested_pairs(project, "it", "walk")
     points = {point.name: point for point in project.puppets["it"].points}
-    found = {(points[pair.point].vertex, pair.joint, pair.foot) for pair in pairs}
-    assert {(point.vertex, point.joint, point.foot) for point in whole.points} <= found
+    placements = {(points[pair.point].vertex, pair.joint, pair.foot) for pair in pairs}
+    assert {(point.vertex, point.joint, point.foot) for point in cactus.points} <= placements
 
 
 def test_suggestion_keeps_pairs_and_mirrors_them():

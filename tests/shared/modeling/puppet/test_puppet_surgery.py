@@ -50,18 +50,18 @@ def whence(part, whole):
 @laws
 @given(st.floats(0.3, 0.7), st.floats(0.0, 2.4), st.floats(-0.4, 0.4))
 def test_at_the_time_of_a_cut_nothing_moves(bean, height, time, lean):
-    before, whole = seen(bean, "bean", time), bean.puppet("bean").mesh
-    at = before[int(np.abs(whole.vertices[:, 1] - height).argmin())]
+    before, mesh_before = seen(bean, "bean", time), bean.puppet("bean").mesh
+    at = before[int(np.abs(mesh_before.vertices[:, 1] - height).argmin())]
     notes = []
     after, names = cut_puppet(bean, "bean", PlaneCut(at + 1e-3, [lean, 1.0, 0.1]), time, notes=notes)
     assert names == ("bean", "bean 2") and len(notes) >= 2
-    found = 0
+    matched = 0
     for name in names:
-        new, old = whence(after.puppet(name).mesh, whole)
+        new, old = whence(after.puppet(name).mesh, mesh_before)
         off = np.linalg.norm(seen(after, name, time)[new] - before[old], axis=1)
         assert off.max() < 3 * TOLERANCE * size_of(bean)
-        found += len(new)
-    assert found == len(whole.vertices)
+        matched += len(new)
+    assert matched == len(mesh_before.vertices)
 
 
 @laws
@@ -174,14 +174,14 @@ def test_at_the_time_of_a_merge_both_are_where_they_were(pair):
     notes = []
     merged = merge_characters(project, "bean", other, 0.7, notes=notes)
     assert list(merged.puppets) == ["bean"] and any("Away from the seam" in note for note in notes)
-    whole = merged.puppet("bean")
-    assert not missing(merged, whole) and len({p.name for p in whole.points}) == len(whole.points)
-    now = cKDTree(seen(merged, "bean", 0.7))
+    puppet = merged.puppet("bean")
+    assert not missing(merged, puppet) and len({p.name for p in puppet.points}) == len(puppet.points)
+    placed = cKDTree(seen(merged, "bean", 0.7))
     host, graft = seen(project, "bean", 0.7), seen(project, other, 0.7)
-    for one, theirs in ((host, graft), (graft, host)):
-        away = one[cKDTree(theirs).query(one)[0] > 0.15]
+    for own, theirs in ((host, graft), (graft, host)):
+        away = own[cKDTree(theirs).query(own)[0] > 0.15]
         assert len(away) > 60
-        assert now.query(away)[0].max() < 0.03 * size_of(merged)
+        assert placed.query(away)[0].max() < 0.03 * size_of(merged)
 
 
 def test_key_poses_of_both_stay_and_both_go_on(pair):

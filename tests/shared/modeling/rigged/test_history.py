@@ -128,14 +128,14 @@ def test_a_drag_is_one_step():
 def test_history_steps_share_unchanged_data():
     project, _ = random_project(2)
     history = History(project)
-    one = history.megabytes
-    assert one > 0
+    before = history.megabytes
+    assert before > 0
     for _ in range(50):
         rebuilt = copy.deepcopy(dict(history.project.takes))
         history.do(
             "move", move_character(history.project, "shape 0", [0.1, 0, 0]).with_takes(*rebuilt.values())
         )
-    assert history.megabytes == pytest.approx(one + 50 * project.shape("shape 0").place.nbytes / 1e6)
+    assert history.megabytes == pytest.approx(before + 50 * project.shape("shape 0").place.nbytes / 1e6)
     assert history.project.takes["walk"] is project.takes["walk"]
 
 

@@ -36,11 +36,11 @@ def test_a_copy_does_the_same_elsewhere_and_later(seed, time, delay):
     project, random = random_project(seed)
     away = random.normal(size=3)
     edited, copy = copy_character(project, "shape 0", offset=away, delay=delay)
-    one, two = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
+    first, second = pose_of(edited, "shape 0", time), pose_of(edited, copy, time + delay)
     # A loop's seam may fall between the two times because the sum is rounded, so a millisecond is excluded.
     if not any(layer.loop for layer in project.shape("shape 0").layers):
-        assert angle(one.turns, two.turns) < 1e-7
-        np.testing.assert_allclose(one.joints + away, two.joints, atol=1e-7)
+        assert angle(first.turns, second.turns) < 1e-7
+        np.testing.assert_allclose(first.joints + away, second.joints, atol=1e-7)
     assert same(edited.shape("shape 0"), project.shape("shape 0"))
 
 
@@ -51,8 +51,8 @@ def test_a_copy_has_layers_of_its_own(seed, time):
     edited, copy = copy_character(project, "shape 0")
     for layer in edited.shape(copy).layers:
         edited = set_layer(edited, copy, layer.id, weight=0.0)
-    one = pose_of(project, "shape 0", time)
-    assert same(pose_of(edited, "shape 0", time).turns, one.turns)
+    before = pose_of(project, "shape 0", time)
+    assert same(pose_of(edited, "shape 0", time).turns, before.turns)
     modeled = posed(edited, edited.shape(copy), None)
     assert angle(pose_of(edited, copy, time).turns, modeled[0]) < 1e-9
 
@@ -64,9 +64,9 @@ def test_a_paste_into_another_project_moves_the_same(seed, time):
     other, _ = random_project(seed + 1)
     for target in (Project(), other, source):
         edited, copy = paste_character(target, source, "shape 1")
-        one, two = pose_of(source, "shape 1", time), pose_of(edited, copy, time)
-        assert same(one.turns, two.turns)
-        np.testing.assert_allclose(one.joints, two.joints, atol=1e-12)
+        first, second = pose_of(source, "shape 1", time), pose_of(edited, copy, time)
+        assert same(first.turns, second.turns)
+        np.testing.assert_allclose(first.joints, second.joints, atol=1e-12)
         for shape_id in target.shapes:
             assert same(edited.shape(shape_id), target.shape(shape_id))
         assert all(same(edited.takes[name], take) for name, take in target.takes.items())
@@ -97,11 +97,11 @@ def test_a_mirror_shows_every_joint_on_the_other_side_at_every_time(seed, time):
 def test_a_scaled_shape_turns_the_same_and_goes_as_much_farther(seed, time, factor):
     project, _ = random_project(seed)
     edited = scale_character(project, "shape 0", factor)
-    one, two = pose_of(project, "shape 0", time), pose_of(edited, "shape 0", time)
-    assert angle(one.turns, two.turns) < 1e-12
+    first, second = pose_of(project, "shape 0", time), pose_of(edited, "shape 0", time)
+    assert angle(first.turns, second.turns) < 1e-12
     shape = project.shape("shape 0")
     centre = shape.skeleton.positions[0] + shape.place
-    np.testing.assert_allclose(two.joints - centre, factor * (one.joints - centre), atol=1e-8)
+    np.testing.assert_allclose(second.joints - centre, factor * (first.joints - centre), atol=1e-8)
 
 
 @laws

@@ -37,13 +37,13 @@ def one_bone():
 def degrees(project, shape_id, time):
     """Where each bone points, by the name of its joint."""
     shape, pose = project.shape(shape_id), pose_of(project, shape_id, time)
-    made = {}
+    by_name = {}
     for j, parent in enumerate(shape.skeleton.parents):
         if parent >= 0:
             x, y, z = pose.joints[j] - pose.joints[parent]
             assert abs(z) < 1e-12
-            made[shape.skeleton.names[j]] = float(np.degrees(np.arctan2(y, x)))
-    return made
+            by_name[shape.skeleton.names[j]] = float(np.degrees(np.arctan2(y, x)))
+    return by_name
 
 
 def assert_degrees(found, expected):
@@ -83,30 +83,30 @@ def test_figure_six():
         assert_degrees(degrees(d, "a", time), first | second)
 
     # (e), (f) cut at t = 1 in the middle of the second bone: no bone turns.
-    f, (kept, off) = cut_bone(d, "a", "q", 1 / 2, 1.0, name="cut")
-    whole = degrees(d, "a", 1.0)
-    assert_degrees(degrees(f, kept, 1.0), {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270})
+    f, (near, off) = cut_bone(d, "a", "q", 1 / 2, 1.0, name="cut")
+    at_one = degrees(d, "a", 1.0)
+    assert_degrees(degrees(f, near, 1.0), {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270})
     assert_degrees(degrees(f, off, 1.0), {q: 60, "a 1": 90})
-    assert whole["q"] == pytest.approx(60)
+    assert at_one["q"] == pytest.approx(60)
     # The halves have half of the motion each: 15 of 30 degrees, which the cut put back at t = 1.
     for time in TIMES:
-        assert degrees(f, kept, time)["cut"] == pytest.approx(30 * time + 15 + 15 * time, abs=1e-7)
+        assert degrees(f, near, time)["cut"] == pytest.approx(30 * time + 15 + 15 * time, abs=1e-7)
         assert degrees(f, off, time)[q] == pytest.approx(45 + 15 * time, abs=1e-7)
         assert degrees(f, off, time)["a 1"] == pytest.approx(45 + 45 * time, abs=1e-7)
 
     # (g), (h) the part that was cut off goes to the end of the other arm: no bone turns at t = 1.
-    h, names = merge(f, kept, "a 1 2", off, 1.0)
+    h, names = merge(f, near, "a 1 2", off, 1.0)
     assert list(h.shapes) == ["a"]
     at_the_merge = {p: 30, "cut": 60, "p 2": 210, "q 2": 240, "a 1 2": 270, names[q]: 60, names["a 1"]: 90}
-    assert_degrees(degrees(h, kept, 1.0), at_the_merge)
+    assert_degrees(degrees(h, near, 1.0), at_the_merge)
 
     # (i) and all motions go on: the part rides on the arm (180 + 90 t) and turns by itself (15 t, and 30 t).
     for time in TIMES:
-        found = degrees(h, kept, time)
+        angles = degrees(h, near, time)
         rides = 90 * time - 90
         assert_degrees(
-            found,
-            degrees(f, kept, time) | {names[q]: rides + 45 + 15 * time, names["a 1"]: rides + 45 + 45 * time},
+            angles,
+            degrees(f, near, time) | {names[q]: rides + 45 + 15 * time, names["a 1"]: rides + 45 + 45 * time},
         )
     assert len(h.takes) == 1
     assert list(h.layer_names) == ["swing", "swing 2"]
@@ -131,16 +131,16 @@ def test_figure_thirteen():
     for time in TIMES:
         # The other take is seen from behind: it turns the other way.
         assert_degrees(degrees(merged, "a", time), {"a 1": 36 * time, "b 1": 36 * time - 54 * time})
-    one = remove_node(merged, "a", "a 1")
+    removed = remove_node(merged, "a", "a 1")
     for time in TIMES:
-        pose = pose_of(one, "a", time)
+        pose = pose_of(removed, "a", time)
         np.testing.assert_allclose(pose.turns[1], pose_of(merged, "a", time).turns[2], atol=1e-12)
-    (first, second) = one.shape("a").spans[1]
+    (first, second) = removed.shape("a").spans[1]
     assert (first.share, first.refs) == (0.25, (Ref("swing", 0.2, 0.6),))
     assert (second.share, second.refs) == (0.75, (Ref("other", 0.3, 0.9),))
     # A node put in elsewhere splits what falls on it, and no more.
-    again, _ = insert_node(one, "a", "b 1", 0.5)
-    upper, lower = again.shape("a").spans[1:]
+    inserted, _ = insert_node(removed, "a", "b 1", 0.5)
+    upper, lower = inserted.shape("a").spans[1:]
     assert upper[0].refs == (Ref("swing", 0.2, 0.6),)
     assert [ref.layer for span in lower for ref in span.refs] == ["other"]
     assert upper[1].refs[0].end == lower[0].refs[0].start == pytest.approx(0.5)

@@ -160,16 +160,20 @@ def test_a_merge_turns_nothing_at_its_time(seed, time, place):
     j = int(random.integers(1 if place < 1 else 0, len(host.skeleton)))
     edited, names = merge(project, "shape 0", j, "shape 1", time, at=place)
     assert "shape 1" not in edited.shapes
-    one, two, both = at(project, "shape 0", time), at(project, "shape 1", time), at(edited, "shape 0", time)
-    assert_same_turns(one[0], both[0])
-    assert_same_places(one[1], both[1])
+    first, second, both = (
+        at(project, "shape 0", time),
+        at(project, "shape 1", time),
+        at(edited, "shape 0", time),
+    )
+    assert_same_turns(first[0], both[0])
+    assert_same_places(first[1], both[1])
     root = project.shape("shape 1").skeleton.names[0]
-    moved = -two[1][root]
+    moved = -second[1][root]
     for old, new in names.items():
         assert direction_error(project, edited, time, old, new) < 1e-9
     node = both_node(project, edited, j, place)
     for old, new in names.items():
-        np.testing.assert_allclose(both[1][new], two[1][old] + moved + both[1][node], atol=1e-8)
+        np.testing.assert_allclose(both[1][new], second[1][old] + moved + both[1][node], atol=1e-8)
 
 
 @laws
@@ -211,9 +215,9 @@ def test_a_merge_leaves_the_host_its_motion_and_the_graft_its_own(seed, time, la
     project, random = random_project(seed)
     j = int(random.integers(0, len(project.shape("shape 0").skeleton)))
     edited, names = merge(project, "shape 0", j, "shape 1", time)
-    one, both = at(project, "shape 0", later), at(edited, "shape 0", later)
-    assert_same_turns(one[0], both[0])
-    assert_same_places(one[1], both[1])
+    first, both = at(project, "shape 0", later), at(edited, "shape 0", later)
+    assert_same_turns(first[0], both[0])
+    assert_same_places(first[1], both[1])
     # The graft moves in the node's frame as it moved in the world: only the frame differs, by a fixed turn
     # since the merge, W(later) W(merge)^-1.
     host = project.shape("shape 0")
@@ -249,11 +253,11 @@ def test_a_node_between_two_takes_is_taken_out_with_both_kept(seed, time, later)
     host = project.shape("shape 0")
     leaf = next(j for j in range(len(host.skeleton) - 1, 0, -1) if not host.skeleton.children[j])
     edited, names = merge(project, "shape 0", leaf, "shape 1", time)
-    one = remove_node(edited, "shape 0", host.skeleton.names[leaf])
-    before, after = at(edited, "shape 0", later)[0], at(one, "shape 0", later)[0]
+    removed = remove_node(edited, "shape 0", host.skeleton.names[leaf])
+    before, after = at(edited, "shape 0", later)[0], at(removed, "shape 0", later)[0]
     assert_same_turns(before, after, after)
-    again, _ = insert_node(one, "shape 0", next(iter(names.values())), 0.37)
-    assert_same_turns(after, at(again, "shape 0", later)[0])
+    inserted, _ = insert_node(removed, "shape 0", next(iter(names.values())), 0.37)
+    assert_same_turns(after, at(inserted, "shape 0", later)[0])
 
 
 def test_impossible_edit_is_reported_and_changes_nothing():

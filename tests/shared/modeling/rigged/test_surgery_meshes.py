@@ -90,8 +90,8 @@ def test_a_cut_makes_two_closed_meshes_that_lie_where_they_lay(arm, place, time)
 def test_both_parts_go_on_moving(arm):
     edited, parts = cut_bone(arm, "arm", "arm 2", 0.5, 0.5)
     for part in parts:
-        one, two = surface(edited, part, 0.0), surface(edited, part, 1.0)
-        assert np.linalg.norm(one - two, axis=1).max() > 0.1
+        first, second = surface(edited, part, 0.0), surface(edited, part, 1.0)
+        assert np.linalg.norm(first - second, axis=1).max() > 0.1
 
 
 def test_a_merge_in_the_rest_pose_makes_a_cut_arm_whole(arm):
@@ -137,11 +137,11 @@ def test_weights_and_places_away_from_the_seam_stay_to_the_bit(arm):
     project = turn_bone(project, copy, 0, about_z(90), 0.0)
     merged, _ = merge(project, "arm", "arm 1", copy, 0.0)
     old, new = arm.shape("arm"), merged.shape("arm")
-    known = {tuple(v): i for i, v in enumerate(new.mesh.vertices)}
+    index_of = {tuple(v): i for i, v in enumerate(new.mesh.vertices)}
     away = np.flatnonzero(np.abs(old.mesh.vertices[:, 0] - 2.0) > 1.3)
     assert len(away) > 50
     for i in away:
-        k = known[tuple(old.mesh.vertices[i])]
+        k = index_of[tuple(old.mesh.vertices[i])]
         np.testing.assert_array_equal(new.skin.weights[k], old.skin.weights[i])
         np.testing.assert_array_equal(new.skin.indices[k], old.skin.indices[i])
 
