@@ -12,6 +12,10 @@ import time
 from pathlib import Path
 from typing import Any
 
+import zstandard
+
+_LEVEL = 9
+"""Compression level of Zstandard: 40 % of the size for 2 ms a kernel. Higher ones take ten times as long for 5 %."""
 _MAX_UNUSED_S = 60 * 86400.0
 """Seconds after which an unused file in the user's folder is deleted: two months."""
 _SHIPPED = "enliven_kernels"
@@ -51,7 +55,7 @@ def load_kernel(name: str) -> Any:
             data = path.read_bytes()
             with contextlib.suppress(OSError):
                 os.utime(path)
-            return pickle.loads(data)
+            return pickle.loads(zstandard.decompress(data))
     return None
 
 
@@ -65,10 +69,12 @@ def save_kernel(name: str, data: Any) -> None:
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         _delete_unused(folder)
+        # The checksum finds damage that would otherwise be run as machine code.
+        packed = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(dumps(data))
         handle, part = tempfile.mkstemp(dir=folder, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(dumps(data))
+                file.write(packed)
             os.replace(part, folder / name)
         except OSError:
             Path(part).unlink(missing_ok=True)

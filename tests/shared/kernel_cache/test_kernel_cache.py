@@ -147,6 +147,11 @@ def test_a_damaged_file_is_compiled_again(checkout):
         path.write_bytes(path.read_bytes()[:-20])
     assert run_caller(checkout) == (12.0, 0), "a power cut leaves such files"
     for path in kernels_of(checkout):
+        damaged = bytearray(path.read_bytes())
+        damaged[len(damaged) // 2] ^= 1
+        path.write_bytes(damaged)
+    assert run_caller(checkout) == (12.0, 0), "one wrong bit is found, and not run as machine code"
+    for path in kernels_of(checkout):
         path.write_bytes(b"no pickle")
     assert run_caller(checkout) == (12.0, 0)
     assert run_caller(checkout) == (12.0, 1)
