@@ -15,7 +15,7 @@ from typing import Any
 import zstandard
 
 _LEVEL = 9
-"""Compression level of Zstandard: 40 % of the size for 2 ms a kernel; higher ones save 5 % in ten times that."""
+"""Compression level of Zstandard: 40 % of the size for 2 ms a kernel; higher ones save 5 % in ten times it."""
 _MAX_UNUSED_S = 60 * 86400.0
 """Seconds after which an unused file in the user's folder is deleted: two months."""
 _SHIPPED = "enliven_kernels"
