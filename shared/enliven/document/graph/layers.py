@@ -14,6 +14,18 @@ from enliven.document.time_map import Playing
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
+_UNIT_TOLERANCE = 1e-3
+"""Maximum deviation of a rotation's length from 1: only values that are no rotation are refused."""
+
+
+def _is_rotation(turn: Float) -> bool:
+    """Returns True for a unit quaternion (4,)."""
+    return turn.shape == (4,) and bool(abs(np.linalg.norm(turn) - 1.0) < _UNIT_TOLERANCE)
+
+
+def _is_finite(values: Float, shape: tuple[int, ...]) -> bool:
+    return values.shape == shape and bool(np.isfinite(values).all())
+
 
 @dataclass(frozen=True, eq=False)
 class Ride:
@@ -34,6 +46,9 @@ class Ride:
 
     def __post_init__(self) -> None:
         freeze(self, "turn", "place")
+        if self.node < 0 or not (_is_rotation(self.turn) and _is_finite(self.place, (3,))):
+            problem = f"node {self.node} cannot carry it with the rotation {self.turn} at {self.place}"
+            raise InputError(problem, where="part of a merged mesh", mend="Merge the meshes again.")
 
 
 class Solved(Playing):
@@ -97,13 +112,20 @@ class GraphPart(Solved):
         freeze(self, "nodes", kind=np.int64)
         freeze(self, "axes", "turn", "place")
         self.check_time(f"part {self.take!r}")
-        if not self.size > 0.0:
-            raise InputError(f"it cannot be {self.size} times as large", where=f"part {self.take!r}")
-
+        where = f"part {self.take!r}"
+        if not 0.0 < self.size < np.inf:
+            raise InputError(f"it cannot be {self.size} times as large", where=where)
+        if not (_is_rotation(self.axes) and _is_rotation(self.turn) and _is_finite(self.place, (3,))):
+            problem = (
+                f"it cannot be turned by {self.turn}, its axes by {self.axes}, and moved by {self.place}"
+            )
+            raise InputError(
+                problem, where=where, mend="Move the character again, or possess the mesh again."
+            )
         node_count = np.inf if self.possession is None else len(self.possession.rest)
         if self.nodes.size and not self.nodes.max() < node_count:
             problem = f"it plays node {self.nodes.max()} of {node_count} that were solved"
-            raise InputError(problem, where=f"part {self.take!r}", mend="Possess the mesh again.")
+            raise InputError(problem, where=where, mend="Possess the mesh again.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +171,10 @@ class GraphLayer(Solved):
         if not (fits and self.nodes.max() < len(self.rest)):
             problem = f"{self.nodes.shape} nodes of {self.rest.shape} move {self.own.shape}"
             raise InputError(problem, where=where, mend="Record it again.")
-        if not (self.size > 0.0 and 0.0 <= self.weight <= 1.0):
+        if not (np.isfinite(self.rest).all() and _is_rotation(self.axes)):
+            problem = f"its nodes at rest, or its rotation {self.axes}, are no numbers that can be played"
+            raise InputError(problem, where=where, mend="Record it again.")
+        if not (0.0 < self.size < np.inf and 0.0 <= self.weight <= 1.0):
             problem = f"it cannot be {self.size} times as large, with a weight of {self.weight}"
             raise InputError(problem, where=where, mend="Give a size above 0, and a weight from 0 to 1.")
 
