@@ -27,19 +27,19 @@ from enliven_edge.stage import Carried, Peer, Stage
 
 log = logging.getLogger(__name__)
 
-_MOST_WAITING = 4
+_MAX_UPLOADS_PER_VIEWER = 4
 """Maximum number of characters of one viewer that are collected at a time, with ``MAX_SENT_BYTES`` in
 total."""
-_MOST_WAITING_IN_ALL = 12
+_MAX_UPLOADS = 12
 """Maximum number of characters of all viewers that are collected at a time."""
-_MOST_BYTES_IN_ALL = 2 * MAX_SENT_BYTES
+_MAX_BYTES = 2 * MAX_SENT_BYTES
 """Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
 them."""
-_GIVEN_UP = 10.0
+_TIMEOUT_S = 10.0
 """Time without a new part after which an upload is dropped, in seconds."""
-_SLOWEST = 32 * 1024
-"""Minimum bytes per second after the first ``_GIVEN_UP`` seconds: a slow wireless network carries more."""
-_MOST_REFUSED = 32
+_MIN_BYTES_PER_SECOND = 32 * 1024
+"""Minimum bytes per second after the first ``_TIMEOUT_S`` seconds: a slow wireless network carries more."""
+_MAX_REFUSALS = 32
 """Maximum number of remembered refusals, so that equal data is not prepared again."""
 MAX_REVISION_JUMP = 64
 """Largest step from the newest revision to the next. Clients count by one, and skip those of lost answers."""
@@ -61,8 +61,8 @@ class _Arrival:
 
     def is_late(self, now: float) -> bool:
         """Returns True if the upload has timed out: no parts arrive, or they arrive too slowly."""
-        due = (now - self.begun - _GIVEN_UP) * _SLOWEST
-        return now - self.heard >= _GIVEN_UP or self.received < due
+        due = (now - self.begun - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
+        return now - self.heard >= _TIMEOUT_S or self.received < due
 
     def pace(self, now: float) -> tuple[float, float]:
         """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
@@ -222,7 +222,7 @@ class Arrivals:
                 problem, where="stage", mend="Look at the log."
             )
             log.warning("%s", self._refused[order])
-            for old in list(self._refused)[:-_MOST_REFUSED]:
+            for old in list(self._refused)[:-_MAX_REFUSALS]:
                 del self._refused[old]
         elif current is None or current.revision < order.revision:
             self._stage.put(ready.actor, ready.carried, ready.peer)
@@ -269,10 +269,10 @@ class Arrivals:
             own = [each for each in on_way if each.peer is arrival.peer]
             room = MAX_SENT_BYTES - sum(each.order.size for each in own)
             mend = "Send it again in a moment."
-            if len(own) >= _MOST_WAITING or order.size > room:
+            if len(own) >= _MAX_UPLOADS_PER_VIEWER or order.size > room:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)
-            room = _MOST_BYTES_IN_ALL - sum(each.order.size for each in on_way)
-            if len(on_way) < _MOST_WAITING_IN_ALL and order.size <= room:
+            room = _MAX_BYTES - sum(each.order.size for each in on_way)
+            if len(on_way) < _MAX_UPLOADS and order.size <= room:
                 return
             counts = Counter(each.peer for each in on_way)
             others = [entry for entry in self._waiting.items() if entry[1].peer is not arrival.peer]

@@ -12,14 +12,14 @@ from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
 from enliven_edge.stage import cast_mesh
 
-_MOST_UNPACKED = 256 * 1024 * 1024
+_MAX_UNPACKED_BYTES = 256 * 1024 * 1024
 """Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
-_MOST_NODES = 1024
+_MAX_NODES = 1024
 """Maximum nodes of an uploaded possessed mesh: their distances form a matrix, and each frame moves all of
 them."""
-_FARTHEST = 1e3
+_MAX_DISTANCE_M = 1e3
 """Maximum metres of an uploaded mesh from the origin: no stage is larger."""
-_FARTHEST_UNFITTED = 1e9
+_MAX_DISTANCE_UNFITTED = 1e9
 """Maximum units of a mesh that will be fitted: a house in micrometres."""
 
 
@@ -33,7 +33,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
         InputError: for data that is not a project of one character, or a character that cannot be moved.
     """
     where = f"character {order.id!r}"
-    project = project_of(data, where, _MOST_UNPACKED)
+    project = project_of(data, where, _MAX_UNPACKED_BYTES)
     if len(project.characters) != 1:
         problem = f"{len(project.characters)} characters were sent as one"
         raise InputError(problem, where=where, mend="Send each by itself.")
@@ -41,7 +41,7 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
     mesh = character.mesh
     if mesh is None or not len(mesh.faces):
         raise InputError("it has no mesh", where=where, mend="Give it one.")
-    farthest = _FARTHEST_UNFITTED if order.fit else _FARTHEST
+    farthest = _MAX_DISTANCE_UNFITTED if order.fit else _MAX_DISTANCE_M
     if not (np.abs(mesh.vertices) < farthest).all():
         problem = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(problem, where=where, mend="Scale it to metres.")
@@ -57,8 +57,8 @@ def _actor_of(
     """Returns the actor of a character by its rig. Only the required modules are loaded."""
     if isinstance(character, GraphShape):
         nodes = len(character.positions) if len(character.positions) > 1 else settings.nodes
-        if nodes > _MOST_NODES:
-            mend = f"Give it {_MOST_NODES} at most."
+        if nodes > _MAX_NODES:
+            mend = f"Give it {_MAX_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=character.where, mend=mend)
         ends_and_joints = {"ends": character.ends, "joints": character.joints}
         like = former if isinstance(former, EmbeddedActor) and not len(character.ends) else None

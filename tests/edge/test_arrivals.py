@@ -226,7 +226,7 @@ def test_two_characters_and_more_nodes_than_a_frame_moves_are_refused(monkeypatc
     data = project_bytes(Project())
     with pytest.raises(InputError, match="0 characters"):
         send(Arrivals(Stage(), SETTINGS), data, order_of(data))
-    monkeypatch.setattr("enliven_edge.sent_characters._MOST_NODES", 31)
+    monkeypatch.setattr("enliven_edge.sent_characters._MAX_NODES", 31)
     with pytest.raises(InputError, match="32 nodes"):
         send(Arrivals(Stage(), SETTINGS), CHAIR, order_of(CHAIR))
 

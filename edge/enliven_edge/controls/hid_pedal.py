@@ -98,7 +98,7 @@ class Edges:
 
 _OPENING = threading.Lock()
 """Lock for listing devices: hidapi's enumeration is not thread-safe."""
-_LONGEST_REPORT = 64
+_MAX_REPORT_BYTES = 64
 """Maximum bytes read of a report: the most that USB's full speed sends at once."""
 _KEYBOARD = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
@@ -130,7 +130,7 @@ class HidPedal(Device):
         self._device = device
 
     def read(self) -> list[str]:
-        report = bytes(self._device.read(_LONGEST_REPORT, int(PATIENCE * 1000)))
+        report = bytes(self._device.read(_MAX_REPORT_BYTES, int(PATIENCE * 1000)))
         return self._edges.feed(report) if report else []
 
     def close(self) -> None:

@@ -138,7 +138,7 @@ class Microphone:
 
 log = logging.getLogger(__name__)
 
-_LONGEST = 3.0
+_MAX_UTTERANCE_S = 3.0
 """Maximum seconds of an utterance: a longer one is not a command."""
 _TALK = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
@@ -215,7 +215,7 @@ class Recogniser:
             self._utterance.clear()
         if speech is not None:
             self._bytes += len(speech)
-            if self._bytes < _LONGEST * RATE * 2:
+            if self._bytes < _MAX_UTTERANCE_S * RATE * 2:
                 self._decoder.process_raw(speech, False, False)
                 self._utterance += speech
         if before and not self._ends.in_speech:
@@ -248,7 +248,7 @@ class Recogniser:
         """Returns the utterance since the last silence, if it is a phrase."""
         self._decoder.end_utt()
         best = self._decoder.hyp()
-        if self._bytes >= _LONGEST * RATE * 2:
+        if self._bytes >= _MAX_UTTERANCE_S * RATE * 2:
             return None
         if best is not None and best.hypstr in self._phrases:
             log.debug("heard %r", best.hypstr)

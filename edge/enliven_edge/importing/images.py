@@ -25,7 +25,7 @@ _USUAL = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
 """Sensors by name, which are recognised by the shape of their images."""
 _COLOUR = ("PNG", "JPEG")
 """Image formats of the layouts. Pillow's other decoders start programs or trust hostile bytes."""
-_MOST_PIXELS = 1 << 26
+_MAX_PIXELS = 1 << 26
 """Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
 
@@ -107,7 +107,7 @@ def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
         InputError: if it declares more pixels than any sensor has.
     """
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
-    if image.width * image.height > _MOST_PIXELS:
+    if image.width * image.height > _MAX_PIXELS:
         image.close()
         problem = f"it states {image.width} x {image.height} pixels"
         raise InputError(problem, where=str(path), mend="Take a smaller image.")

@@ -8,7 +8,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors import DiaryEntry, SensorFault
 
-_MOST_TOLD = 5
+_MAX_DESCRIBED_LOSSES = 5
 """Maximum number of losses that are described one by one. Further ones are only counted."""
 
 
@@ -66,7 +66,7 @@ class SensorLog:
             facts.append(("lens", "that of its kind, as the camera did not know its own"))
         if self._losses:
             facts.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
-            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MOST_TOLD]]
+            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]
         if self._bad:
             facts.append(("unusable", f"{self._bad} frames, left out"))
         return facts

@@ -15,7 +15,7 @@ _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
 )
 """(6, 3) sRGB tints of the people, in turn: easy to distinguish."""
-_NEAREST = 0.12
+_MIN_JOINT_DEPTH_M = 0.12
 """Minimum distance from the camera of joints that are drawn, in metres. The projection of nearer joints
 leaves the image."""
 _HOLE = 12
@@ -83,7 +83,7 @@ def draw_bodies(
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
     for body in bodies:
         local = (body.joints - origin) @ rotation
-        ahead = local[:, 2] > _NEAREST
+        ahead = local[:, 2] > _MIN_JOINT_DEPTH_M
         uv = np.zeros((len(local), 2))
         uv[ahead] = (project(local[ahead], intrinsics) + 0.5) * scale
         for a, b in BONES:

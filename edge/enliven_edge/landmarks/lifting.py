@@ -67,7 +67,7 @@ def visibility_of(visibility: Float) -> Float:
 
 _PATCH = 0.03
 """Metres to each side of a landmark within which depth is read."""
-_FEWEST = 3
+_MIN_MEDIAN_SAMPLES = 3
 """Minimum number of measured values for a median, to outvote a single wrong one."""
 _BEYOND_BONES = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
 """Metres of a person's height beyond the bones, above the head and below the ankles."""
@@ -125,7 +125,7 @@ class Lifter:
         ray, inside = self._ray(pixels, camera)
         first = self._measured(frame, pixels, posture[:, 2], inside, np.inf)
         usable = np.isfinite(first) & (seen >= self.settings.visible)
-        if usable.sum() >= _FEWEST:
+        if usable.sum() >= _MIN_MEDIAN_SAMPLES:
             posture = posture * float(np.median((first + SURFACE)[usable] / posture[usable, 2]))
         depth = self._measured(frame, pixels, posture[:, 2], inside, self.settings.depth_margin) + SURFACE
         measured = np.isfinite(depth) & inside
@@ -194,7 +194,7 @@ class Lifter:
             patch = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
             metres = patch[(patch > 0) & (patch < 65535)] * 1e-3
             metres = metres[np.abs(metres + SURFACE[joint] - expected[joint]) <= margin]
-            if len(metres) >= _FEWEST:
+            if len(metres) >= _MIN_MEDIAN_SAMPLES:
                 joint_depths[joint] = np.median(metres)
         return joint_depths
 

@@ -10,7 +10,7 @@ from enliven.wire import SUPERSEDED, Refused
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
-_MOST = 1024
+_MAX_QUEUED_COMMANDS = 1024
 """Maximum number of queued commands. Beyond it the commands of disconnected viewers are dropped."""
 _RESERVED = 0.4
 """Fraction of the time budget for viewers with few requests, so that a flood of others does not delay
@@ -57,7 +57,7 @@ class CommandQueue:
             own.remove(older)
             older.reply(Refused(SUPERSEDED))
         own.append(command)
-        if sum(map(len, self._waiting.values())) > _MOST:
+        if sum(map(len, self._waiting.values())) > _MAX_QUEUED_COMMANDS:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}
 
     def work(self, do: Callable[[Command], None]) -> None:

@@ -10,12 +10,12 @@ import sys
 
 from enliven.errors import InputError, ResourceError
 
-_ENOUGH = 65_536
+_MAX_DESCRIPTORS = 65_536
 """Maximum number of descriptors. Some systems allow a billion, and programs that close "all of them" then
 hang."""
 _OTHERS = 128
 """Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
-_FEWEST = 4
+_MIN_CONNECTIONS = 4
 """Minimum number of connections of a server, even if hardly any descriptors are allowed."""
 _UNKNOWN = 512
 """Number of descriptors assumed if the system does not report a limit, such as Windows: its limit of
@@ -29,7 +29,7 @@ def raise_descriptor_limit() -> int:
     import resource
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = _ENOUGH if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH)
+    wanted = _MAX_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _MAX_DESCRIPTORS)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         try:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
@@ -52,7 +52,7 @@ def connections_allowed(most: int) -> int:
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         if limit == resource.RLIM_INFINITY:
             return most
-    return max(_FEWEST, min(most, (limit - _OTHERS) // 2))
+    return max(_MIN_CONNECTIONS, min(most, (limit - _OTHERS) // 2))
 
 
 _BACKLOG = 4096

@@ -32,7 +32,7 @@ _AROUND = np.array(
     ]
 )
 """(A, 2) metres, candidate offsets that move a tower to free space, the nearest first."""
-_MOST = 200
+_MAX_BOXES = 200
 """Maximum number of boxes of all towers: with more, physics does not keep pace with a camera."""
 _BLOCK_COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
@@ -48,9 +48,9 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
     """
     layer = np.repeat(np.arange(settings.high), settings.wide**2)
     count = len(settings.at) * len(layer)
-    if count > _MOST:
+    if count > _MAX_BOXES:
         raise InputError(
-            f"the towers have {count} boxes, at most {_MOST} keep pace with a camera",
+            f"the towers have {count} boxes, at most {_MAX_BOXES} keep pace with a camera",
             where="physics.boxes",
             mend="Ask for fewer, lower or narrower towers.",
         )
@@ -153,7 +153,7 @@ _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 9
 _ROOM = 0.7
 """Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
 inside the target."""
-_NEAREST = 0.8
+_MIN_THROW_DISTANCE_M = 0.8
 """Shortest throw, in metres. A ball that is thrown from nearer could not be seen coming."""
 
 
@@ -233,7 +233,7 @@ class Dodgeball:
         if len(here) > 1 and other is not None:
             across = (other - aim) * [1.0, 0.0, 1.0]
             room = float(np.linalg.norm(across)) - _ROOM
-            if room > _NEAREST:
+            if room > _MIN_THROW_DISTANCE_M:
                 way, far = across / np.linalg.norm(across), min(far, room)
         begin = aim + far * way
         begin[1] = self.settings.hand

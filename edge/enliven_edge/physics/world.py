@@ -31,9 +31,9 @@ _PARKED = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
 _SPARE = 64
 """Number of spheres that the model grows by. Rebuilding takes time, so a few newcomers must not cause it."""
-_FASTEST_TURN = 40.0
+_MAX_TURN_RATE = 40.0
 """Maximum radians per second of a prop: a faster rotation is a contact error."""
-_FARTHEST = 500.0
+_MAX_PROP_DISTANCE_M = 500.0
 """Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
 
 
@@ -158,7 +158,7 @@ class World:
                 break
         self._data.mocap_pos[:] = self._to
         far = np.abs(self.positions).max(initial=0.0)
-        return "" if far < _FARTHEST else "a prop was flung out of the world"
+        return "" if far < _MAX_PROP_DISTANCE_M else "a prop was flung out of the world"
 
     def _substep(self, speeds: Float) -> str:
         """Runs one step of the engine. Returns an error text, or ""."""
@@ -184,7 +184,7 @@ class World:
             mujoco.mj_step2(model, data)
         except mujoco.FatalError as error:
             return f"the engine gave up ({error})"
-        if not limit_speeds(self.velocities, self.settings.fastest_prop, _FASTEST_TURN):
+        if not limit_speeds(self.velocities, self.settings.fastest_prop, _MAX_TURN_RATE):
             return "a speed was no longer a number"
         return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
 

@@ -10,7 +10,7 @@ from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _CHANGED = 0.25
 """Minimum change before a piece is sent again: its weights grew by a fifth, or a quarter of it is new."""
-_MOST_PIECES = 2000
+_MAX_PIECES = 2000
 """Maximum number of pieces that are shown: a hall at 1 cm. A viewer that connects late gets all of them at
 once."""
 
@@ -43,7 +43,7 @@ class GrowingSurface:
             place = places[k]
             if most <= 0 or amounts[k] < _CHANGED:
                 break
-            if place not in self._sent and len(self._sent) >= _MOST_PIECES:
+            if place not in self._sent and len(self._sent) >= _MAX_PIECES:
                 continue
             self._sent[place] = int(sums.counts[k]), float(sums.weights[k])
             message = as_message(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)

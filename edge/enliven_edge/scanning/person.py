@@ -45,7 +45,7 @@ _HELD = 0.12
 """Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
 _OFTEN = 0.2
 """Minimum fraction of images with a moved joint before the user is notified."""
-_FEWEST = 5
+_MIN_JOINT_IMAGES = 5
 """Minimum number of images to estimate a joint."""
 _RIM = 0.04
 """Height above the floor at which feet are cut, in metres. Lower parts are visible in some images only."""
@@ -269,6 +269,6 @@ class PersonScanner(Scanner):
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
             places = [place[joint] for place, sure in self._joints if sure[joint] >= _SEEN]
-            if len(places) >= _FEWEST:
+            if len(places) >= _MIN_JOINT_IMAGES:
                 joints[joint] = np.median(places, axis=0)
         return joints

@@ -28,7 +28,7 @@ CONDITION_TOPIC = "/sensor/condition"
 """Topic of the messages :class:`~enliven_edge.sensors.base.Condition`."""
 EVENTS_TOPIC = "/sensor/events"
 """Topic of the messages :class:`SensorEvent`."""
-_MOST_HELD = 100
+_MAX_EARLY_EVENTS = 100
 """Maximum number of kept events before the first frame, the newest: bounds the memory if a camera sends no
 frame."""
 
@@ -68,7 +68,7 @@ class Diary:
     def __init__(self, recorder: Any) -> None:
         self._recorder = recorder
         self._condition: Condition | None = None
-        self._held: deque[SensorEvent] = deque(maxlen=_MOST_HELD)
+        self._held: deque[SensorEvent] = deque(maxlen=_MAX_EARLY_EVENTS)
         self._last: Frame | None = None
         self._heard = 0.0
         self._lost = False

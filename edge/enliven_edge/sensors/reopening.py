@@ -32,7 +32,7 @@ GOOD_FRAMES = 30
 """Number of good frames, one second, after which the back-off starts again."""
 BAD_FRAMES = 30
 """Number of unusable frames in a row after which the device is reopened."""
-_LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
+_CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
 _TURN = 0.25
 """Maximum seconds that one call waits for a frame. The device can be closed between two calls."""
@@ -202,7 +202,7 @@ class ReopeningSensor(Sensor):
         Raises:
             SensorFault: if a call was abandoned.
         """
-        limit = _LONGEST[self._doing]
+        limit = _CALL_TIMEOUTS_S[self._doing]
         self._left = [errands for errands in self._left if errands.alive]
         if self._errands.waited < limit or len(self._left) >= _LEFT_TO_THEMSELVES:
             return

@@ -27,7 +27,7 @@ _YOUNG = 1.0
 _SURFACE = 0.05
 """Metres from a person's surface within which a part of the background is taken for the person. It covers the
 error of the fit."""
-_GIVES_UP = 5.0
+_FURNITURE_RATE_HZ = 5.0
 """Searches per second for furniture next to people. Furniture does not move, so this is enough."""
 
 _LEGS_WITHOUT_FLOOR = 0.5
@@ -228,8 +228,8 @@ class Tracker:
         They are furniture that was there when the people were first seen.
         """
         people = [p.follower.posture for p in self._people.people]
-        if people and self._owner is not None and round(room.age * _GIVES_UP) != self._gave_up:
-            self._gave_up = round(room.age * _GIVES_UP)
+        if people and self._owner is not None and round(room.age * _FURNITURE_RATE_HZ) != self._gave_up:
+            self._gave_up = round(room.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
             room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
 

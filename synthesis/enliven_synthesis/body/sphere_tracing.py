@@ -27,7 +27,7 @@ ellipsoids are first-order approximations."""
 _FAR = 1e9
 """Initial distance, metres, before any primitive has been evaluated. It is larger than any room."""
 
-X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST, _APART = range(0, 11 * LANES, LANES)
+X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST_HIT, _APART = range(0, 11 * LANES, LANES)
 """Offsets into the array of lanes: the rays' x/z and y/z, their lengths per unit of depth, and the depths (m)
 at which they end; then the depths (m) reached and the primitives hit (-1: none); then scratch."""
 LANES_SIZE = 11 * LANES
@@ -71,7 +71,7 @@ def _advance(lanes: Float) -> int:
         if lanes[DEPTH + k] >= lanes[END + k]:
             continue
         if lanes[_WHOLE + k] < _CLOSE:
-            lanes[MET + k] = lanes[_NEAREST + k]
+            lanes[MET + k] = lanes[_NEAREST_HIT + k]
         else:
             active += 1
     return active
@@ -89,7 +89,12 @@ def _distances(
     until a ray has ``travelled`` past its ``clear``, the depth up to which all rays found it distant.
     """
     for k in range(LANES):
-        lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST + k] = _FAR, _FAR, _FAR, -1.0
+        lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST_HIT + k] = (
+            _FAR,
+            _FAR,
+            _FAR,
+            -1.0,
+        )
     current, bound = -1, _FAR
     for n in range(len(near_by)):
         i = near_by[n]
@@ -141,7 +146,7 @@ def _add(lanes: Float, width: float, i: float) -> None:
         h = 1.0 - abs(d) * inverse
         h = 0.0 if h < 0.0 else h
         lanes[_PART + k] = (a if d < 0.0 else b) - h * h * quarter
-        lanes[_NEAREST + k] = i if b < so_far else lanes[_NEAREST + k]
+        lanes[_NEAREST_HIT + k] = i if b < so_far else lanes[_NEAREST_HIT + k]
         lanes[_LEAST + k] = b if b < so_far else so_far
 
 

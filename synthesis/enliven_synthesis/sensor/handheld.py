@@ -34,9 +34,9 @@ _SQUARE = 0.25
 """Side of a square of the floor pattern, metres. Several squares are in view at a time."""
 _SWAYS = 4
 """Number of sine waves that make up the motion of the hand, from slow sway to tremor."""
-_SLOWEST = 0.3
+_MIN_SWAY_HZ = 0.3
 """Frequency of the slowest wave, Hz. An arm sways about once in three seconds."""
-_QUICKEST = 6.0
+_MAX_SWAY_HZ = 6.0
 """Frequency of the fastest wave, Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
 measures."""
 _NOWHERE = 65.0
@@ -87,7 +87,7 @@ class HandheldPath:
     def _unrest(self, time: float) -> Float:
         """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
-        rates = _SLOWEST * (_QUICKEST / _SLOWEST) ** random.random((_SWAYS, 6))
+        rates = _MIN_SWAY_HZ * (_MAX_SWAY_HZ / _MIN_SWAY_HZ) ** random.random((_SWAYS, 6))
         # Let the amplitude fall with the frequency, so that all waves have about the same speed.
         sizes = 1.0 / rates
         sizes *= math.sqrt(2.0) / np.sqrt(np.square(sizes).sum(0))

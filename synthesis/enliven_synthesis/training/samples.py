@@ -27,7 +27,7 @@ _FLOOR_OFF = 0.02
 """Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
 _IN_THE_AIR = 0.1
 """Fraction of samples in which people jump, or stand on an object."""
-_HIGHEST = 0.6
+_MAX_JUMP_HEIGHT_M = 0.6
 """Maximum height at which people jump, or stand above the floor, metres: a high jump, or a chair."""
 _LOST = (
     BodyPart.HAND_LEFT,
@@ -40,11 +40,11 @@ _LOST = (
 """Body parts, of the left side or the head, that a tracker may lose."""
 _CLUTTER = 0.12
 """Fraction of samples without a person: one in eight."""
-_LOSES = 0.1
+_LOST_LIMB_FRACTION = 0.1
 """Fraction of samples in which a limb is lost."""
-_TAKES_IN = 0.1
+_FOREIGN_PIECE_FRACTION = 0.1
 """Fraction of samples in which a piece of another object is assigned to the person."""
-_TAKES_IN_WALL = 0.12
+_WALL_PIECE_FRACTION = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
 to the wall, the depth has no step there."""
 _BEHIND = (0.0, 0.6)
@@ -56,7 +56,7 @@ _LEFT_BESIDE = 0.3
 cuts this piece out, so it has the side and the height of a person."""
 _STRAIGHT = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
-_FEWEST = 60
+_MIN_WALL_PIXELS = 60
 """Minimum number of pixels of such a piece of wall. The tracker ignores smaller blobs."""
 _SHREDS = 0.03
 """Fraction of samples in which depth is measured only in small discs."""
@@ -93,20 +93,20 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     z = np.where(mask, rendered.z, rendered.around)
     if beside:
         z, mask = _left_beside(z, mask, rng)
-    elif not clutter and rng.random() < _LOSES:
+    elif not clutter and rng.random() < _LOST_LIMB_FRACTION:
         mask &= ~_lost_limb(rendered, rng)
-    if mask.sum() < (_FEWEST if beside else 1):
+    if mask.sum() < (_MIN_WALL_PIXELS if beside else 1):
         return training_sample(renderer, rng, frontal)
-    if rng.random() < _TAKES_IN:
+    if rng.random() < _FOREIGN_PIECE_FRACTION:
         z, mask = _taken_in(z, mask, rng)
-    if not beside and rng.random() < _TAKES_IN_WALL:
+    if not beside and rng.random() < _WALL_PIECE_FRACTION:
         z, mask = _with_wall(z, mask, rng)
     if rng.random() < _SHREDS:
         shreds = _shreds(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
     raised = rng.normal(0.0, _FLOOR_OFF)
     if rng.random() < _IN_THE_AIR:
-        raised += rng.uniform(0.0, _HIGHEST)
+        raised += rng.uniform(0.0, _MAX_JUMP_HEIGHT_M)
     shift = rng.normal(0.0, 1.0, 4) * _MISPLACED
     pose = rendered.world_from_camera
     crop = crop_person(z.astype(np.float64), mask, rendered.camera, pose, shift, raised)

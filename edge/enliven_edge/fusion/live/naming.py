@@ -46,7 +46,7 @@ def exchanged(body: Body) -> Body:
     )
 
 
-_CLEARLY = 0.06
+_MIN_SIDE_SWAP_GAIN_M = 0.06
 """Minimum improvement of the fit in metres per joint for exchanged sides to be accepted."""
 _WALKING = 0.4
 """Minimum speed of the hips in metres per second at which walking shows the facing direction."""
@@ -85,14 +85,14 @@ class SideKeeper:
         margins = {}
         for sensor, body in bodies.items():
             margin = self._margin(sensor, body, expected)
-            if margin < (-_CLEARLY if spoke[sensor] else 0.0):
+            if margin < (-_MIN_SIDE_SWAP_GAIN_M if spoke[sensor] else 0.0):
                 self._crossed[sensor] ^= True
                 margin = -margin
             margins[sensor] = margin
         if len(bodies) > 1 and known:
             least = min(margins, key=lambda s: margins[s])
             others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
-            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_CLEARLY:
+            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_MIN_SIDE_SWAP_GAIN_M:
                 self._crossed[least] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:

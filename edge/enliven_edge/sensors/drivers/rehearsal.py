@@ -23,13 +23,13 @@ WAITING = 4
 _HEAD_START = 0.002
 """Time that the driver gets for an image before the next one is decoded, in seconds. A real device needs no
 decoding here."""
-_LONGEST_PAUSE = 0.5
+_MAX_PAUSE_S = 0.5
 """Maximum seconds of silence: after one second a driver would count as lost, and restart endlessly."""
 _GRACE = 0.5
 """Time in which the last images pass through a library, in seconds, also on a busy machine."""
 _CLOCK_NS = 2_000
 """Nanoseconds of rounding by a library's clock: a frame interval is several thousand times longer."""
-_MOST_COUNTED = 1 << 31
+_MAX_FRAME_NUMBER = 1 << 31
 """An image number that every library can represent."""
 
 
@@ -59,7 +59,7 @@ class Rehearsal:
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
         self.first = first
         self._over, self._ended = threading.Event(), 0.0
-        self._sensor = ReplaySensor(path, loop=loop, longest_pause=_LONGEST_PAUSE)
+        self._sensor = ReplaySensor(path, loop=loop, longest_pause=_MAX_PAUSE_S)
         self._send, self._room = send, threading.Semaphore(WAITING)
         self._paced, self._sent = paced, deque[int]()
         self.fps = self._sensor.fps or 30.0
@@ -116,7 +116,7 @@ class Rehearsal:
                 if self._paced:
                     self._sent.append(frame.time_ns)
                 self._send(
-                    frame, sequence if sequence is not None and 0 <= sequence < _MOST_COUNTED else number
+                    frame, sequence if sequence is not None and 0 <= sequence < _MAX_FRAME_NUMBER else number
                 )
                 number += 1
                 time.sleep(_HEAD_START)

@@ -26,7 +26,7 @@ OPENING = 45.0
 """Maximum seconds for opening: a library that searches a network needs some twenty."""
 _CLOSING = 0.4
 """Time that a driver gets to close its device before its process is killed, in seconds."""
-_MOST_WAITING = 3
+_MAX_WAITING_IMAGES = 3
 """Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
 
 
@@ -101,7 +101,7 @@ class HelperProcess:
             if message[0] != "frame":
                 return message
             frames -= 1
-            if self._every or frames < _MOST_WAITING:
+            if self._every or frames < _MAX_WAITING_IMAGES:
                 return message
             self._skip(*message[1:])
         return None

@@ -8,7 +8,7 @@ import os
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 
-_MOST_BYTES = 1 << 16
+_MAX_BYTES = 1 << 16
 """Maximum bytes of a report: a pipe holds this much without a reader."""
 
 
@@ -33,7 +33,7 @@ class LastWords:
             return ""
         report = b""
         with contextlib.suppress(OSError), self._near:
-            while len(report) < _MOST_BYTES and (more := os.read(self._near.fileno(), _MOST_BYTES)):
+            while len(report) < _MAX_BYTES and (more := os.read(self._near.fileno(), _MAX_BYTES)):
                 report += more
         return report.decode(errors="replace")
 

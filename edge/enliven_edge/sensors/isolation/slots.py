@@ -17,7 +17,7 @@ SLOTS = 8
 """Number of images in memory: one being written, two waiting, the others for readers that keep some."""
 MOST_SLOTS = 64
 """Maximum number of images in memory if every image is wanted: two seconds, in which a disk catches up."""
-_MOST_BYTES = 32 << 20
+_MAX_SLOTS_BYTES = 32 << 20
 """Maximum bytes of these images, except that :data:`SLOTS` images always fit. Containers often have 64 MiB
 of shared memory for all programs."""
 SPARE = 3
@@ -28,7 +28,7 @@ _HEAD = 64
 
 def slots_for_all(size: int) -> int:
     """Returns the number of slots for images of ``size`` bytes if every image is wanted."""
-    return min(max(_MOST_BYTES // size, SLOTS), MOST_SLOTS)
+    return min(max(_MAX_SLOTS_BYTES // size, SLOTS), MOST_SLOTS)
 
 
 class FrameSlots:

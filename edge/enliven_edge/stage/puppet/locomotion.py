@@ -43,11 +43,11 @@ _WINDOW = 0.1
 """Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
 _LEG = 0.5
 """Length of a leg as a fraction of body height."""
-_HIGHEST = 1.0
+_MAX_LIFT = 1.0
 """Maximum lift as a fraction of body height: people do not jump higher."""
-_ADULT = 1.7
+_DEFAULT_HEIGHT_M = 1.7
 """Height that is assumed for a performer of unknown height, in metres: that of an average adult."""
-_LOWEST = 0.3
+_MIN_HEIGHT_M = 0.3
 """Minimum plausible height of a performer, in metres. A smaller height comes from missing joints, and counts
 as unknown."""
 LEFT_FOOT = 0
@@ -96,7 +96,7 @@ class Feet:
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._contacts(body).any():
             return Footing(stands=stands)
-        lift = min(float(above.min()) / height_of(body), _HIGHEST)
+        lift = min(float(above.min()) / height_of(body), _MAX_LIFT)
         if lift <= _DEAD:
             return Footing(stands=stands)
         return Footing(False, lift - _DEAD)
@@ -132,7 +132,7 @@ class Feet:
 def height_of(body: Body) -> float:
     """Returns the performer's height in metres, or an adult's height if it is unknown."""
     height = body.height
-    return height if np.isfinite(height) and height > _LOWEST else _ADULT
+    return height if np.isfinite(height) and height > _MIN_HEIGHT_M else _DEFAULT_HEIGHT_M
 
 
 def side_of_foot(joint: Joint) -> int:
@@ -157,7 +157,7 @@ def leg_length(body: Body) -> float:
     if not seen.any():
         return _LEG * height_of(body)
     bones = np.linalg.norm(np.diff(body.joints[joints[seen]], axis=1), axis=2)
-    return max(float(bones.sum(1).mean()), _LEG * _LOWEST)
+    return max(float(bones.sum(1).mean()), _LEG * _MIN_HEIGHT_M)
 
 
 class Locomotion:

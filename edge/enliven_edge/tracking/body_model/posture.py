@@ -167,9 +167,9 @@ def _both(angle: float) -> tuple[float, float]:
 _CARRY_ON = 0.8
 """Fraction of a frame's motion that is predicted for the next frame. Predicting all of it would overshoot at
 stops."""
-_FASTEST_STEP = 0.1
+_MAX_STEP = 0.1
 """Maximum predicted motion per frame in metres: 3 m/s at 30 frames per second."""
-_FASTEST_TURN = 0.25
+_MAX_TURN = 0.25
 """Maximum predicted rotation of a joint per frame in radians: 7.5 rad/s at 30 frames per second."""
 
 
@@ -180,8 +180,8 @@ def continued(before: Posture, now: Posture) -> Posture:
     """
     predicted = now.copy()
     step = _CARRY_ON * (now.position - before.position)
-    predicted.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
-    carry_on(predicted.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
+    predicted.position += step * min(1.0, _MAX_STEP / max(1e-9, math.hypot(*step)))
+    carry_on(predicted.rotations, before.rotations, _CARRY_ON, _MAX_TURN)
     return predicted
 
 

@@ -31,7 +31,7 @@ accepted, and as many joints got worse as better. Of 583 attempts with two or th
 and 70 frames got better while 21 got worse."""
 _GLANCES = 4
 """Places tried per frame. With eight, hands gained 0.2 %, but wrong joints had a higher confidence."""
-_RAREST = 3
+_MAX_ATTEMPT_INTERVAL = 3
 """Maximum number of frames between two attempts while no place is promising."""
 _GLANCE = 2
 """Steps of a coarse trial. With three arms were no better, with one they were worse."""
@@ -49,7 +49,7 @@ class ArmRecovery:
         self._fitter = fitter
         self._turn = 0
         self._usual = np.inf
-        self._backoff = Backoff(_RAREST)
+        self._backoff = Backoff(_MAX_ATTEMPT_INTERVAL)
 
     def tried(
         self,

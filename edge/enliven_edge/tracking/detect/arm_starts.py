@@ -26,7 +26,7 @@ ARM_JOINTS: dict[Arm, Int] = {
 """The joints of each arm beyond its shoulder."""
 _RADIUS = 0.035
 """Metres from an arm's surface to its axis: the radius of a wrist."""
-_FARTHEST = 0.25
+_MAX_RAY_SHIFT_M = 0.25
 """Maximum shift in metres of a joint along its ray towards the measured depth. Depth farther away is another
 part of the body."""
 _DEEPER = 0.03
@@ -45,7 +45,7 @@ _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 _GROUP = 0.16
 """Radius in metres around a protruding point in which other points belong to the same forearm."""
-_FEWEST = 8
+_MIN_GROUP_POINTS = 8
 """Minimum number of points of a group. Of 500 points a hand has about as many."""
 _LONG = 0.14
 """Minimum length in metres of a group to show a forearm's direction. A hand is shorter."""
@@ -117,7 +117,7 @@ def _at_surface(view, joints):
         if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0] and mask[v, u]):
             continue
         along = depth[v, u] + _RADIUS
-        if abs(along - in_camera[2]) >= _FARTHEST:
+        if abs(along - in_camera[2]) >= _MAX_RAY_SHIFT_M:
             continue
         for a in range(3):
             # Place the point on the line through the sensor and the joint, at the depth of the surface.
@@ -133,10 +133,10 @@ def _where_it_stands_out(
     Both directions of the forearm are tried.
     """
     out = _before_trunk(observation, posture)
-    if len(out) < _FEWEST:
+    if len(out) < _MIN_GROUP_POINTS:
         return []
     group = out[fullest_ball(out, np.float32(_GROUP))].astype(float)
-    if len(group) < _FEWEST:
+    if len(group) < _MIN_GROUP_POINTS:
         return []
     middle = group.mean(0)
     apart = group - middle

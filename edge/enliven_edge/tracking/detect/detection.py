@@ -29,7 +29,7 @@ front from back better."""
 _SAME = 0.12
 """Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
 the same fit."""
-_LIKELIEST = 3
+_FACING_CANDIDATES = 3
 """Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
 costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
@@ -209,7 +209,7 @@ def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
 ) -> Steps[list[Estimate]]:
     """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
-    ways = np.argsort(-estimate.facing)[:_LIKELIEST]
+    ways = np.argsort(-estimate.facing)[:_FACING_CANDIDATES]
     turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
     estimates: list[Estimate] = []
     for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):

@@ -133,9 +133,9 @@ explains the frame badly."""
 _SPREAD = 0.15
 """Metres from the likeliest stature at which a third of that cost applies: about two standard deviations of
 adults."""
-_SHORTEST = 0.9
+_MIN_STATURE_M = 0.9
 """Minimum visible height in metres to be taken for the height of a standing person: a child."""
-_TALLEST = 2.1
+_MAX_STATURE_M = 2.1
 """Maximum visible height in metres to be a person's height. A higher one includes raised arms."""
 _ALIKE = 0.08
 """Maximum relative difference of two statures that are searched as one: 14 cm of 1.72 m, which a fit can
@@ -178,7 +178,7 @@ def likely_builds(observation: Observation, height: float) -> list[Float]:
     tall person, or of raised arms.
     """
     seen = float(observation.crown[1]) + 0.01
-    if observation.cut or not _SHORTEST < seen < _TALLEST:
+    if observation.cut or not _MIN_STATURE_M < seen < _MAX_STATURE_M:
         return [model.lengths_for_height(height)]
     if abs(seen / height - 1.0) < _ALIKE:
         return [model.lengths_for_height(seen)]

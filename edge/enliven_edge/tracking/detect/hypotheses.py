@@ -80,7 +80,7 @@ _YAWS = (0.0, 1.57, 3.14, -1.57)
 apart."""
 _THINNED = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
-_FARTHEST_POINT = 0.4
+_MAX_MISFIT_M = 0.4
 """Metres to which a point's distance from a posture is clipped, so that one stray point does not decide."""
 BEHIND_SURFACE = 0.1
 """Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
@@ -165,7 +165,7 @@ def banked_starts(
     ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
     radii = bank_postures[0].capsules()[1]
     positions = _around(points, centre, ends, radii, eye)
-    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
+    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _MAX_MISFIT_M)
     starts = []
     for index in np.argsort(misfit, kind="stable")[:most]:
         rotations = _turned(bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
@@ -253,7 +253,7 @@ def _end_anchors() -> tuple[Int, Float]:
 _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: zero."""
-_FARTHEST = 0.45
+_MAX_EXTREMITY_DISTANCE_M = 0.45
 """Maximum distance in metres between a limb and its extremity: a forearm and a hand. A farther one belongs to
 another limb."""
 
@@ -267,8 +267,8 @@ def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     away = ends.points - eye
     targets = ends.points + _BEHIND_TIP * away / np.linalg.norm(away, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
-    limb, extremity = least_cost(np.minimum(distance, _FARTHEST))
-    matched = distance[limb, extremity] < _FARTHEST
+    limb, extremity = least_cost(np.minimum(distance, _MAX_EXTREMITY_DISTANCE_M))
+    matched = distance[limb, extremity] < _MAX_EXTREMITY_DISTANCE_M
     frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])
     wanted = np.concatenate([targets[extremity[matched]], posture.position[None]])

@@ -62,13 +62,13 @@ _WIDE_STEPS = 6
 """Steps of the preceding wide fit of a whole body."""
 _WIDE = 0.25
 """Robust width of the wide fit in metres. A limb of a proposal may be wrong by as much."""
-_RAREST = 4
+_MAX_BODY_INTERVAL = 4
 """Maximum number of frames between two failed proposals of a whole body. A person that falls must be caught
 soon."""
-_RAREST_LIMB = 6
+_MAX_LIMB_INTERVAL = 6
 """Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
 trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
-_BADLY = 0.9
+_DOUBTFUL_QUALITY = 0.9
 """Fraction of points below which the whole body is doubtful: those explained minus those seen through."""
 _YAWS = (0.8, -0.8)
 """Rotations in radians at which a whole body is tried: about half a right angle to either side, never to the
@@ -84,7 +84,7 @@ class PoseRecovery:
         self._fitter = fitter
         self._arms = ArmRecovery(fitter)
         self._turn = self._limb_turn = 0
-        self._bodies, self._limbs = Backoff(_RAREST), Backoff(_RAREST_LIMB)
+        self._bodies, self._limbs = Backoff(_MAX_BODY_INTERVAL), Backoff(_MAX_LIMB_INTERVAL)
         self._remembered: dict[tuple[int, ...], Float] = {}
         self._proposals: Iterator[Posture] = iter(())
 
@@ -109,7 +109,7 @@ class PoseRecovery:
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._doubtful(posture, confidence)
-        badly = quality(report) < _BADLY
+        badly = quality(report) < _DOUBTFUL_QUALITY
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful

@@ -20,10 +20,10 @@ ROWS = 80
 """Cells from top to bottom of a crop, fixed by the network. A person with raised arms fits."""
 COLUMNS = 64
 """Cells from left to right of a crop, fixed by the network. Outstretched arms fit."""
-_SMALLEST = 0.02
+_MIN_CELL_M = 0.02
 """Minimum size of a cell in metres at the person's depth. A finer crop shows no more than the sensor
 measures."""
-_LARGEST = 0.036
+_MAX_CELL_M = 0.036
 """Maximum size of a cell in metres at the person's depth. 80 of them are a tall person's height with raised
 arms."""
 _MARGIN = 1.2
@@ -41,7 +41,7 @@ above."""
 _BEFORE = 0.1
 """Metres in front of the person's middle beyond which depth may hide the person. Other depth is next to the
 person."""
-_NEAREST = 0.1
+_MIN_DEPTH_M = 0.1
 """Minimum distance of a joint in front of the sensor in metres. A nearer one would be next to or behind the
 sensor."""
 _GROUND = 0.08
@@ -86,11 +86,11 @@ class Crop:
 
 @njit(cache=True, nogil=True)
 def _to_camera(points, depth, centre, axes):
-    """Computes :meth:`Crop.to_camera`. The depth is at least ``_NEAREST``."""
+    """Computes :meth:`Crop.to_camera`. The depth is at least ``_MIN_DEPTH_M``."""
     out = np.empty((len(points), 3))
     for i in range(len(points)):
         right, down = points[i, 0] / depth + centre[0], points[i, 1] / depth + centre[1]
-        z = max(points[i, 2] + depth, _NEAREST)
+        z = max(points[i, 2] + depth, _MIN_DEPTH_M)
         out[i, 0] = (right * axes[0, 0] + down * axes[1, 0]) * z
         out[i, 1] = (right * axes[0, 1] + down * axes[1, 1]) * z
         out[i, 2] = z
@@ -132,7 +132,7 @@ def crop_person(
     depth = max(0.2, depth + float(off[2]))
     centre = 0.5 * (low + high) + off[:2] / depth
     seen = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
-    cell = min(max(_MARGIN * seen * math.exp(off[3]), _SMALLEST), _LARGEST)
+    cell = min(max(_MARGIN * seen * math.exp(off[3]), _MIN_CELL_M), _MAX_CELL_M)
     image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
     _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
     return Crop(image, depth, cell, axes, centre)

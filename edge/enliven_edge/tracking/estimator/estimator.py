@@ -22,15 +22,15 @@ from enliven_edge.tracking.estimator.part_map import parts_at_rays
 _DISTANCE = 3.0
 """Mean distance of the distribution that the network learns, in units of its scale. In space the density
 falls off exponentially with the distance, so the mean is 3."""
-_FARTHEST = 1.0
+_MAX_SPREAD_M = 1.0
 """Maximum reported spread in metres. A joint with a larger error is simply unknown."""
-_SUREST = 0.03
+_MIN_SPREAD_M = 0.03
 """Spread in metres below which a joint's weight does not increase. The network is not more accurate."""
 _USUAL = 0.05
 """Spread in metres at which a joint has one twentieth of the total weight."""
-_SUREST_BESIDE_DEPTH = 0.05
-"""The same as ``_SUREST`` for a fit to depth, which is more accurate. Limbs of real people deviate by more
-than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
+_MIN_FUSED_SPREAD_M = 0.05
+"""The same as ``_MIN_SPREAD_M`` for a fit to depth, which is more accurate. Limbs of real people deviate
+by more than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) factors on that weight. Legs are found by their surface, and the network easily confuses a crouch
 with a kneel."""
@@ -70,12 +70,12 @@ class Estimate:
     @property
     def landmarks(self) -> Float:
         """Returns (20, 5) places, weights and robust widths of the joints, for ``terms.near_landmarks``."""
-        return self._landmarks(_SUREST)
+        return self._landmarks(_MIN_SPREAD_M)
 
     @property
     def guides(self) -> Float:
         """Returns (20, 5) the same with lower weights, for a fit to depth, which is more accurate."""
-        return self._landmarks(_SUREST_BESIDE_DEPTH)
+        return self._landmarks(_MIN_FUSED_SPREAD_M)
 
     def _landmarks(self, surest: float) -> Float:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
@@ -185,7 +185,7 @@ def _decoded(here, spread, facing, pose):
         for a in range(3):
             world[j, a] = pose[a, 0] * here[j, 0] + pose[a, 1] * here[j, 1] + pose[a, 2] * here[j, 2]
             world[j, a] += pose[a, 3]
-        off[j] = min(_FARTHEST, _DISTANCE * np.exp(np.float64(spread[j])))
+        off[j] = min(_MAX_SPREAD_M, _DISTANCE * np.exp(np.float64(spread[j])))
     person = np.exp(_log_softmax(facing)[:FACINGS]).sum()
     return world, off, _log_softmax(facing[:FACINGS]), person
 

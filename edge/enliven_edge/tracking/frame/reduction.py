@@ -66,9 +66,9 @@ def _survey(depth, step, near):
 
 _SIDE = 3
 """Samples per block, along each axis."""
-_NEAREST = np.uint16(0)
+_UNKNOWN_MIN_MM = np.uint16(0)
 """Value of a sample without a measurement, in millimetres. No known sample is as near."""
-_FARTHEST = np.uint16(65535)
+_UNKNOWN_MAX_MM = np.uint16(65535)
 """Value of a sample without a measurement on some other sensors, in millimetres. No known sample is as
 far."""
 
@@ -121,8 +121,8 @@ def _balance(samples, odd):
     for k in range(len(samples)):
         for u in range(len(odd)):
             sample = samples[k, u]
-            unknown = (sample == _NEAREST) | (sample == _FARTHEST)
-            outermost = _FARTHEST if odd[u] else _NEAREST
+            unknown = (sample == _UNKNOWN_MIN_MM) | (sample == _UNKNOWN_MAX_MM)
+            outermost = _UNKNOWN_MAX_MM if odd[u] else _UNKNOWN_MIN_MM
             samples[k, u] = outermost if unknown else sample
             odd[u] ^= unknown
 

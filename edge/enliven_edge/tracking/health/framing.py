@@ -12,7 +12,7 @@ _TOUCH = 0.12
 """Maximum distance in metres between joints of two people that touch: half of two limbs and a little air."""
 _ARMS_LENGTHS = 2.5
 """Distance in metres between two people's hips, along each axis, beyond which no joints can touch."""
-_NEAREST = 0.05
+_MIN_DEPTH_M = 0.05
 """Minimum depth in metres along the optical axis for projecting a joint. It avoids a division by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
@@ -38,7 +38,7 @@ def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
         local: (4, 3) metres, the watched joints in the camera frame.
         camera: the intrinsics.
     """
-    z = np.maximum(local[:, 2], _NEAREST)
+    z = np.maximum(local[:, 2], _MIN_DEPTH_M)
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy
     borders = (

@@ -22,7 +22,7 @@ begins within a few frames."""
 _STEEP = 5.0
 """Slope of the logistic function from a foot's fraction of its limits to a probability: 0.92 at half of
 them."""
-_LONGEST_GAP = 1.0
+_MAX_GAP_S = 1.0
 """Seconds without a frame after which the state of the feet is reset."""
 _SEEN = 0.1
 """Confidence of a foot's joints above which its contact counts fully. Below, it counts in proportion."""
@@ -57,7 +57,7 @@ class FootContacts:
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
-        if self._last is None or not 0.0 < seconds < _LONGEST_GAP:
+        if self._last is None or not 0.0 < seconds < _MAX_GAP_S:
             self._last, seconds = np.zeros((2, 2, 3)), 0.0
         feet = (self._last, self._speed, self._ground, self._stands)
         return np.asarray(step_feet(joints, confidence, *feet, seconds, *self._limits))

@@ -12,10 +12,10 @@ from enliven_edge.tracking.output.smoothing import step_between, turn
 _PARENTS = np.array(PARENTS)
 _CUTOFF = 3.0
 """Cut-off in Hz of the low-pass on the speeds. The prediction multiplies their noise, and must not jitter."""
-_FASTEST = 6.0
+_MAX_SPEED = 6.0
 """Maximum speed in metres per second of the extrapolation of a joint: a fast hand. Higher speeds are mostly
 bad frames."""
-_FASTEST_TURN = 10.0
+_MAX_TURN_RATE = 10.0
 """Maximum angular speed in radians per second of the extrapolation of a bone: a fast forearm. Higher speeds
 are mostly bad frames."""
 _MOVES = 0.5
@@ -23,7 +23,7 @@ _MOVES = 0.5
 jitter, and has no visible lag. On the tuning sequences a lag of 16 ms becomes 8 ms with 2 % more jitter."""
 _TURNS = 3.0
 """The same for the rotation of a bone, in radians per second."""
-_LONGEST_GAP = 0.5
+_MAX_GAP_S = 0.5
 """Maximum seconds between two frames for a speed to be computed from them."""
 
 
@@ -57,7 +57,7 @@ class Predictor:
             turn_delay: (20,) seconds, the same for the orientations.
         """
         passed = (time_ns - self._time_ns) * 1e-9
-        if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
+        if self._joints is None or not 0.0 < passed < _MAX_GAP_S:
             passed = 0.0
         if passed == seconds == 0.0:
             self._speed[:], self._spin[:] = 0.0, 0.0
@@ -146,7 +146,7 @@ def turned_on(turns, spin, seconds):
     """Returns (J, 4) rotations after (J,) seconds at (J, 3) angular velocities."""
     out = turns.copy()
     for j in range(len(out)):
-        far = seconds[j] * _limit(spin[j], _FASTEST_TURN)
+        far = seconds[j] * _limit(spin[j], _MAX_TURN_RATE)
         turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
     return out
 
@@ -156,7 +156,7 @@ def moved_on(joints, speed, seconds):
     """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds. Every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
-        far = seconds[j] * _limit(speed[j], _FASTEST)
+        far = seconds[j] * _limit(speed[j], _MAX_SPEED)
         for a in range(3):
             out[j, a] = joints[j, a] + far * speed[j, a]
     for j in range(len(out)):  # Parents come before their children.

@@ -52,12 +52,12 @@ _MOSTLY_EXPLAINED = 0.87
 """Fraction of explained points below which a doubtful person is detected again, whatever the network sees."""
 _LIMB = 3
 """Joints of a limb that moves by itself: elbow, wrist and hand, or knee, ankle and foot."""
-_CLEARLY = 0.8
+_MAX_COST_RATIO = 0.8
 """Maximum cost of a new detection relative to the present cost. A smaller gain may be chance."""
 _AGAIN_AFTER = 30
 """Initial number of frames between two detections of a doubtful person. Each takes several frames. The
 tuning, close and held-out films were no better with twice as many detections."""
-_LONGEST = 120
+_MAX_REDETECTION_INTERVAL = 120
 """Maximum number of frames between two detections. The wait doubles up to this while nothing better is
 found."""
 _WORSE = 1.2
@@ -77,14 +77,14 @@ _SOME_POINTS = np.log1p(4)
 """Minimum evidence of support, log(1 + points), for a joint to count as supported in a frame."""
 _SEEN_SHARE = 0.3
 """Minimum visible fraction of a joint's bone for its support to count. Fewer samples may be an edge."""
-_HARDLY = 0.02
+_MIN_PROBABILITY = 0.02
 """Blobs below this network probability of being a person are skipped without a fit."""
-_MAYBE = 0.3
+_MIN_FLOORLESS_PROBABILITY = 0.3
 """The same limit if the floor is guessed. Heights, which exclude most objects, are then unknown."""
 _BESIDE = 0.12
 """Distance in metres from the model's surface beyond which a point belongs to another object. Clothes stay
 within."""
-_MOSTLY = 0.5
+_MIN_BARE_FRACTION = 0.5
 """Minimum fraction of a blob on the model for a search without the other pixels to be worth it."""
 FEWEST_PIXELS = 60
 """Minimum number of pixels of the working image in which a posture is visible."""
@@ -153,7 +153,9 @@ class Follower:
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.person_probability < (_HARDLY if view.has_floor else _MAYBE):
+            if seen.estimate.person_probability < (
+                _MIN_PROBABILITY if view.has_floor else _MIN_FLOORLESS_PROBABILITY
+            ):
                 return None
             network, pose = shipped_estimator(), view.world_from_camera
             by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
@@ -162,7 +164,7 @@ class Follower:
         if quality(report) < _GOOD:
             bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
             # Search again without the pixels of objects that touch the person, such as a table.
-            if entire or not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
+            if entire or not _MIN_BARE_FRACTION < bare.sum() / pixels.sum() < 1.0:
                 return None
             return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
@@ -282,13 +284,14 @@ class Follower:
         # present frame.
         better = (
             detection is not None
-            and cost(detection[1], detection[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
+            and cost(detection[1], detection[0], under_way.seen, eye, height)
+            <= _MAX_COST_RATIO * under_way.cost
         )
         if detection is not None and better and under_way.observation is not observation:
             detection = self._brought(detection[0], posture.position - under_way.posture.position, plain)
-            better = cost(detection[1], detection[0], seen, eye, height) <= _CLEARLY * current_cost
+            better = cost(detection[1], detection[0], seen, eye, height) <= _MAX_COST_RATIO * current_cost
         if not better:
-            self._wait = min(2 * self._wait, _LONGEST)
+            self._wait = min(2 * self._wait, _MAX_REDETECTION_INTERVAL)
             self._cost_in_vain = current_cost
             return None
         self._wait = _AGAIN_AFTER

@@ -14,7 +14,7 @@ from enliven_edge.tracking.scene import RoomModel
 from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 
-_SMALLEST_STEP_M = 0.1
+_MIN_STEP_M = 0.1
 """Minimum correction of the guess while no person is tracked. Smaller ones would only follow noise."""
 _MIN_PERSON_AREA_M2 = 0.14
 """Minimum visible area of a blob for a guess from it: a head and a chest."""
@@ -24,7 +24,7 @@ _MIN_PROBABILITY = 0.8
 """Minimum network probability of a blob to be a person. Nearly all people exceed 0.85."""
 _WHOLE_BELOW = 0.1
 """Maximum occluded fraction of an outline for its lowest pixels to be feet."""
-_LOWEST_SHARE = 0.01
+_SOLE_QUANTILE = 0.01
 """Quantile of the heights of a person's pixels that is taken for the soles. Noise produces lower pixels."""
 _MIN_HEIGHT_M = 0.9
 """Minimum height of the visible pixels of a whole standing person: a small child."""
@@ -64,7 +64,7 @@ class GuessedFloor:
         for group in likely[:_MAX_TRIED]:
             step = self._step_for(group, view)
             if self._is_person(view.raised(step), group):
-                return step if abs(step) > _SMALLEST_STEP_M else 0.0
+                return step if abs(step) > _MIN_STEP_M else 0.0
         return 0.0
 
     def _is_person(self, view: FrameView, group: Candidate) -> bool:
@@ -76,7 +76,7 @@ class GuessedFloor:
     def _step_for(self, person: Candidate, view: FrameView) -> float:
         """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
-        lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _LOWEST_SHARE))
+        lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))
         whole = not shape.cut and shape.behind < _WHOLE_BELOW
         if whole and _MIN_HEIGHT_M < shape.crown - lowest < _MAX_HEIGHT_M:
             return -lowest

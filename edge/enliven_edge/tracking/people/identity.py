@@ -21,14 +21,14 @@ _STRIDE = 2.0
 _ELSEWHERE = 0.8
 """Distance in metres from the place of leaving at which an immediate return costs one squared standard
 deviation."""
-_FARTHEST_COST = 4.0
+_MAX_DISTANCE_COST = 4.0
 """Maximum cost of a far place in squared standard deviations. People also walk around behind the sensor."""
 _JUST_NS = 2_000_000_000
 """Maximum absence in nanoseconds for the only absent person to be matched with the only new one at the same
 place."""
 _THERE = 0.5
 """Horizontal distance in metres that counts as the same place for that: a step."""
-_PLAINLY_OTHER = 0.15
+_MIN_STATURE_DIFFERENCE_M = 0.15
 """Minimum difference in stature, in metres, of two clearly different people, whatever the place: five
 standard deviations."""
 _TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
@@ -39,7 +39,7 @@ _KNOWN_FRAMES = 6
 """Minimum number of frames with the whole body in view before proportions can distinguish a person."""
 _LEAD = 3.0
 """Minimum lead of the best match over the next one to be certain, in squared standard deviations."""
-_MOST_FRAMES = 90.0
+_MAX_MEAN_FRAMES = 90.0
 """Maximum number of frames in the running mean of the lengths. They may still drift after that."""
 _CROWNS = 240
 """Number of crown heights that are kept for the stature."""
@@ -64,7 +64,7 @@ class Looks:
 
     def see(self, lengths: Float, crown: float | None) -> None:
         """Takes in (12,) lengths of a frame's fit, and the visible crown's metres above the floor."""
-        self.weight = min(self.weight + 1.0, _MOST_FRAMES)
+        self.weight = min(self.weight + 1.0, _MAX_MEAN_FRAMES)
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
             self._crowns.append(crown)
@@ -154,7 +154,7 @@ class Register:
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _JUST_NS:
             return False
         mine, theirs = looks.stature, absent.looks.stature
-        other = mine is not None and theirs is not None and abs(mine - theirs) > _PLAINLY_OTHER
+        other = mine is not None and theirs is not None and abs(mine - theirs) > _MIN_STATURE_DIFFERENCE_M
         return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _THERE
 
     def take(self, absent: Absent) -> None:
@@ -168,4 +168,4 @@ def _far(absent: Absent, place: Float, time_ns: int) -> float:
         return 0.0
     away = float(np.linalg.norm((place - absent.place)[[0, 2]]))
     reach = _ELSEWHERE + _STRIDE * max(0.0, (time_ns - absent.left_ns) * 1e-9)
-    return min(_FARTHEST_COST, (away / reach) ** 2)
+    return min(_MAX_DISTANCE_COST, (away / reach) ** 2)

@@ -25,7 +25,7 @@ _FRAGMENT = 0.12
 _FRAGMENT_NEAR = 0.6
 """Maximum horizontal distance in metres between a person and a small blob that is a fragment of the
 person."""
-_LEAST = 4
+_MIN_BUDGET = 4
 """Minimum search budget of every frame in coarse fits, however many candidates are measured in it."""
 _WHILE_FOLLOWING = 0.6
 """Fraction of the search budget while people are tracked in a known scene. Their fits take time too."""
@@ -134,7 +134,7 @@ class PeopleFinder:
             self._budget, self._first_budget = self._first_budget, None
             return
         share = min(1.0, _FOR_ONE * sum(1 + len(n.unions) for n in self._search.sought))
-        self._budget.left = max(_LEAST, share * self._budget.left)
+        self._budget.left = max(_MIN_BUDGET, share * self._budget.left)
 
     def _held_pixels(
         self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel

@@ -24,15 +24,15 @@ causes less."""
 _MOVED = 0.1
 """Minimum movement of two confident joints in metres for a doubtful body to be accepted. Their noise causes
 less."""
-_FASTEST = 2.0
+_MAX_HIDDEN_SPEED = 2.0
 """Maximum speed in metres per second of the extrapolation of a hidden person: a brisk walk."""
 _SLOWING = 0.5
 """Seconds in which the speed of a hidden person falls to 1/e. People stop or turn behind objects."""
-_LONGEST_STEP = 0.2
+_MAX_TIME_STEP_S = 0.2
 """Maximum time step in seconds of a hidden person's motion. After a longer gap the speed is outdated."""
 _SPEED_MEMORY = 0.15
 """Seconds over which a person's velocity is averaged: a few frames, against the fit's noise."""
-_LONGEST_GAP = 0.5
+_MAX_VELOCITY_GAP_S = 0.5
 """Maximum seconds between two good frames for a velocity to be computed from them."""
 _COASTED = 0.15
 """Maximum movement per frame, in metres, of an unfitted person with the mean of its pixels. An arm that
@@ -43,7 +43,7 @@ _SPREADING = 0.7
 """Growth of that radius in metres per second: slower than a walk, because most hidden people stay near."""
 _FAITH = 0.1
 """Weight of a frame in the mean confidence of the most confident joints: a mean over ten frames."""
-_SUREST = 6
+_CONFIDENT_JOINTS = 6
 """Number of most confident joints, of 20, in this mean. A half hidden person shows as many."""
 _VAGUE = 0.4
 """Mean confidence of these joints below which hardly any joint is visible: an object, most likely."""
@@ -157,7 +157,7 @@ class Person:
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels, None if self.hidden else expected)
-        surest = sum(sorted(self.follower.confidence.tolist())[-_SUREST:]) / _SUREST
+        surest = sum(sorted(self.follower.confidence.tolist())[-_CONFIDENT_JOINTS:]) / _CONFIDENT_JOINTS
         self._clear += _FAITH * (surest - self._clear)
         self._person_probability += _DOUBT * (self.follower.person_probability - self._person_probability)
         self._plain += self._person_probability > _PLAIN
@@ -179,7 +179,7 @@ class Person:
         """Handles a frame without the person: continues its motion with falling speed and confidence 0."""
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
-        seconds = min(_LONGEST_STEP, max(0.0, (time_ns - self._time_ns) * 1e-9))
+        seconds = min(_MAX_TIME_STEP_S, max(0.0, (time_ns - self._time_ns) * 1e-9))
         self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
         self.follower.carry(self._velocity * seconds)
         self.follower.hide()
@@ -205,10 +205,10 @@ class Person:
     def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
         """Updates velocity, proportions and stature after a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
-        if 0.0 < seconds < _LONGEST_GAP:
+        if 0.0 < seconds < _MAX_VELOCITY_GAP_S:
             velocity = step / seconds
             velocity[1] = 0.0
-            velocity *= min(1.0, _FASTEST / max(1e-9, math.hypot(*velocity)))
+            velocity *= min(1.0, _MAX_HIDDEN_SPEED / max(1e-9, math.hypot(*velocity)))
             self._velocity += min(1.0, seconds / _SPEED_MEMORY) * (velocity - self._velocity)
         self._time_ns = self.seen_ns = view.time_ns
         self.hidden_ns = None

@@ -26,9 +26,9 @@ _TALLER = 0.12
 """Maximum height of a crown above a hidden person's stature in metres: a hat, and noise."""
 _WELL_KNOWN = 10
 """Frames after which a person's proportions are known well enough to use in a search."""
-_SHORTEST = 0.5
+_MIN_BODY_HEIGHT_M = 0.5
 """Minimum body height in metres to start a search with: the bound of the setting ``body_height``."""
-_TALLEST = 2.5
+_MAX_BODY_HEIGHT_M = 2.5
 """Maximum body height in metres to start a search with: the bound of the setting ``body_height``."""
 
 
@@ -124,7 +124,7 @@ class Roster:
         """Returns the settings with a person's own height, if it is well known."""
         if looks.weight < _WELL_KNOWN:
             return self.settings
-        height = min(_TALLEST, max(_SHORTEST, height_of(looks.lengths)))
+        height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, height_of(looks.lengths)))
         return dataclasses.replace(self.settings, body_height=height)
 
     def hidden_near(self, newcomer: Candidate, time_ns: int) -> Person | None:

@@ -37,7 +37,7 @@ def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -
 
 TRIES = 3
 """Blobs per search while no person is tracked. Otherwise it is one, because the fits need the time."""
-_CLEARLY = 0.05
+_MIN_EXPLAINED_LEAD = 0.05
 """Minimum lead of a less likely blob over a likelier one, as a fraction of explained points."""
 _SHOWN = 0.6
 """Minimum fraction of a guessed body's trunk on the blob's pixels. Most people behind objects exceed it."""
@@ -53,7 +53,7 @@ _CLEAR = 0.68
 one."""
 _PERSON = 0.8
 """Minimum network probability for a body to be a person's. Nearly all people exceed 0.85."""
-_PLAINLY = 0.9
+_CERTAIN_EXPLAINED = 0.9
 """Fraction of explained points that compensates for a lower probability, if a head is visible above
 shoulders."""
 _ONE = 0.9
@@ -62,7 +62,7 @@ person."""
 _SAME = 0.25
 """Distance in metres between two hip centres below which both belong to one person. Raised arms were found as
 a second person."""
-_MOSTLY = 0.5
+_MAX_OVERLAP = 0.5
 """If more than this fraction of a blob lies on a body that was just found, the blob is not searched."""
 Found = tuple[Candidate, Follower, float]
 """The candidate in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
@@ -157,7 +157,7 @@ class Search:
             borne_out = borne_out and float(guess[1].posture.position[1]) < _HIGH
             if not borne_out or not (alone or guess[0].awaited or _certain(view, *guess)):
                 guess[0].failed(view.time_ns)
-            elif not best or guess[2] > best[0][2] + _CLEARLY:
+            elif not best or guess[2] > best[0][2] + _MIN_EXPLAINED_LEAD:
                 best = [guess]
         return best
 
@@ -170,13 +170,13 @@ def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained:
     """
     if follower.person_probability > _PERSON:
         return True
-    return view.has_floor and newcomer.shape.upright and explained > _PLAINLY
+    return view.has_floor and newcomer.shape.upright and explained > _CERTAIN_EXPLAINED
 
 
 def _within(newcomer: Candidate, found: list[Found]) -> bool:
     """Returns True if most of the candidate belongs to a person that was just found."""
     size = max(1, int(newcomer.pixels.sum()))
-    return any(int((newcomer.pixels & other.pixels).sum()) > _MOSTLY * size for other, _, _ in found)
+    return any(int((newcomer.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in found)
 
 
 def _again(follower: Follower, found: list[Found]) -> bool:

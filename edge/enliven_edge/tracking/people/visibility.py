@@ -13,9 +13,9 @@ _SAMPLES = 3
 """Samples along a capsule: its ends and its middle show whether it is occluded."""
 _BEFORE = 0.12
 """Metres in front of a capsule's surface beyond which depth occludes it. Nearer depth may be clothes."""
-_NEAREST = 0.1
+_MIN_DEPTH_M = 0.1
 """Minimum metres in front of the sensor for a sample to be projected into the image."""
-_FEWEST_DUE = 0.25
+_MIN_TRUNK_FRACTION = 0.25
 """Minimum fraction of the trunk that must be unoccluded and in the image for fractions of this part to be
 meaningful."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
@@ -42,7 +42,7 @@ def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
     at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
     inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *at)
     due = inside & ~(covered & ~own)
-    return float((own & due).sum() / len(own)) if due.mean() < _FEWEST_DUE else float(own[due].mean())
+    return float((own & due).sum() / len(own)) if due.mean() < _MIN_TRUNK_FRACTION else float(own[due].mean())
 
 
 @njit(cache=True, nogil=True)
@@ -66,7 +66,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
             x += pose[b, 0] * offset
             y += pose[b, 1] * offset
             z += pose[b, 2] * offset
-        if z <= _NEAREST:
+        if z <= _MIN_DEPTH_M:
             continue
         u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
         v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))

@@ -10,10 +10,10 @@ from enliven.kernels import njit
 TILTED_BY = np.deg2rad(40.0)
 """Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
 for a level sensor, and still 50 degrees off for one that is tilted by 40."""
-_LOWEST = 0.2
+_MIN_SENSOR_HEIGHT_M = 0.2
 """Minimum height of the sensor above the floor in metres. A nearer plane is the sensor's support, such as a
 table."""
-_HIGHEST = 4.0
+_MAX_SENSOR_HEIGHT_M = 4.0
 """Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400
 """RANSAC trials: planes through three points. Suppose that a tenth of the points is on the floor, and half of
@@ -21,7 +21,7 @@ the triples consist of neighbours. Then at least one trial hits the floor with a
 _NEIGHBOURS = 0.05
 """Maximum distance between the points of a neighbouring triple, as a fraction of all points in image order.
 That is a few rows."""
-_FEWEST = 200
+_MIN_PLANE_POINTS = 200
 """Minimum number of points for a plane. Fewer are noise, or a corner of the floor."""
 
 
@@ -31,7 +31,7 @@ def world_from_floor(
     *,
     up: Float | None = None,
     within: float = TILTED_BY,
-    lowest: float = _LOWEST,
+    lowest: float = _MIN_SENSOR_HEIGHT_M,
     seed: int = 0,
 ) -> Float | None:
     """Returns (4, 4) world_from_camera with y = 0 in the lowest large plane, or None if no floor is visible.
@@ -48,12 +48,12 @@ def world_from_floor(
     """
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
     points = points[np.isfinite(points).all(1) & (points[:, 2] > 0.3)]
-    if len(points) < _FEWEST:
+    if len(points) < _MIN_PLANE_POINTS:
         return None
     points = np.ascontiguousarray(points[:: max(1, len(points) // 6000)])
     tolerance = 0.01 + 0.002 * points[:, 2] ** 2
     trials = _triples(len(points), np.random.default_rng(seed))
-    plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
+    plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _MAX_SENSOR_HEIGHT_M, trials)
     if not plane.any():
         return None
     pose = world_above_floor(plane[:3], float(plane[3]))
@@ -143,7 +143,7 @@ _UNEVEN = 0.003
 _PASSES = 8
 """Number of fits. Each fit uses the inliers of the previous one. The inlier band converges after five
 fits."""
-_FARTHEST_OFF = 0.08
+_MAX_PLANE_DISTANCE_M = 0.08
 """Maximum distance in metres of floor points from the first plane."""
 _MANY = 2000
 """Approximate number of floor points used for the plane fit. With all of them, ten thousand or more, one
@@ -165,7 +165,7 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
         gain: the fraction of the correction that is applied, in (0, 1].
     """
     floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
-    if len(floor) < _FEWEST:
+    if len(floor) < _MIN_PLANE_POINTS:
         return world_from_camera
     floor = floor[:: max(1, len(floor) // _MANY)]
     ranges = (floor - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
@@ -224,10 +224,10 @@ def _level_plane(points, ranges):
         near = 0
         for i in range(points.shape[1]):
             off[i] = abs(points[1, i] - plane[0] * points[0, i] - plane[1] * points[2, i] - plane[2])
-            if off[i] < (_FARTHEST_OFF if step == 0 else 1.5 * _NOISES * noise * ranges[i] + _UNEVEN):
+            if off[i] < (_MAX_PLANE_DISTANCE_M if step == 0 else 1.5 * _NOISES * noise * ranges[i] + _UNEVEN):
                 weights[near] = off[i] / ranges[i]
                 near += 1
-        if near < _FEWEST:
+        if near < _MIN_PLANE_POINTS:
             return np.zeros(3), 0.0
         noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
         # Fit a plane to the inliers for that noise, with weights.
@@ -238,7 +238,7 @@ def _level_plane(points, ranges):
                 for a in range(3):
                     kept[a, count] = points[a, i]
                 count += 1
-        if count < _FEWEST or not _level_fit(plane, kept[:, :count], weights[:count]):
+        if count < _MIN_PLANE_POINTS or not _level_fit(plane, kept[:, :count], weights[:count]):
             return np.zeros(3), 0.0
         spread = min(kept[0, :count].std(), kept[2, :count].std())
     return plane, spread

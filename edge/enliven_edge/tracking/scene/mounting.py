@@ -14,10 +14,10 @@ from enliven_edge.tracking.settings import SceneSettings
 
 _USUAL_HEIGHT_M = 1.0
 """Assumed height of the sensor before a floor or a person is visible, if the settings contain none."""
-_LOWEST_SHARE = 0.01
+_LOWEST_QUANTILE = 0.01
 """Quantile of the visible points' heights that limits a guessed floor from above. Noise produces lower
 points."""
-_HIGHEST_GUESS_M = 1.8
+_MAX_GUESSED_HEIGHT_M = 1.8
 """Maximum sensor height that is guessed from the lowest points alone. They may be far away, where an error of
 the tilt matters most."""
 _MOVED = 0.02
@@ -28,7 +28,7 @@ _PUT_ELSEWHERE = 0.25
 would fit to the background there."""
 _LOOK_EVERY = 15
 """Frames between two searches for an unknown floor: half a second at 30 frames per second."""
-_ENOUGH_DEPTH = 0.1
+_MIN_DEPTH_FRACTION = 0.1
 """Minimum fraction of the image with known depth to search for the floor. With less the sensor is starting or
 covered."""
 _CORRECT_EVERY_NS = 1_000_000_000
@@ -55,14 +55,14 @@ _STILL = 0.85
 others."""
 _STILL_FRAMES = 3
 """Consecutive still frames that end a fall. A single one may lie between two movements."""
-_LONGEST_FALL_NS = 3_000_000_000
+_MAX_FALL_NS = 3_000_000_000
 """Maximum duration of a fall in nanoseconds. Moving people may never let the image be still."""
-_FELT_WITHIN = np.deg2rad(8.0)
+_MAX_GRAVITY_ANGLE = np.deg2rad(8.0)
 """Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
 and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""
 _LYING = 0.03
 """Minimum height above the floor in metres for a sensor that was knocked over and may lie on the floor."""
-_FALLS_BY = np.deg2rad(30.0)
+_MAX_TURN = np.deg2rad(30.0)
 """Maximum rotation of the floor's normal in radians between two frames of a fall: 900 degrees per second at
 30 Hz."""
 
@@ -215,7 +215,7 @@ class Mounting:
         self._still = self._still + 1 if _alike(z, self._before) > _STILL else 0
         self._before = z
         self._follow_floor(z)
-        if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _LONGEST_FALL_NS:
+        if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _MAX_FALL_NS:
             self.falling = False
             self.new_place = self.far_away = True
 
@@ -223,10 +223,10 @@ class Mounting:
         """Finds the floor near its pose in the previous frame, or else near the mounting's direction."""
         assert self.world_from_camera is not None
         has_depth = z > 0
-        if has_depth.mean() < _ENOUGH_DEPTH:
+        if has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
         points = unproject(z * 1e3, self.camera.ray)[has_depth]
-        pose = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY, lowest=_LYING)
+        pose = world_from_floor(points, up=self.world_from_camera[1, :3], within=_MAX_TURN, lowest=_LYING)
         if pose is None:
             pose = world_from_floor(points, self.settings.upside_down)
         if pose is not None:
@@ -239,13 +239,13 @@ class Mounting:
             roll = np.pi if scene.upside_down else 0.0
             self.world_from_camera = world_from_level_camera(self._guess, scene.tilt, roll)
         has_depth = z > 0
-        if has_depth.mean() < _ENOUGH_DEPTH:
+        if has_depth.mean() < _MIN_DEPTH_FRACTION:
             return  # The camera is still starting, or it is covered.
         self._looked += 1
         if self._looked % _LOOK_EVERY != 1:
             return
         points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
-        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _FELT_WITHIN)
+        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _MAX_GRAVITY_ANGLE)
         self._suggested = pose = world_from_floor(
             points, scene.upside_down, up=up, within=within, seed=self._looked
         )
@@ -264,8 +264,8 @@ class Mounting:
         near = points[points[:, 2] < self.settings.far]
         if len(near):
             pose = self.world_from_camera.copy()
-            lowest = float(np.quantile(near @ pose[1, :3] + pose[1, 3], _LOWEST_SHARE))
-            pose[1, 3] = max(self._guess, min(_HIGHEST_GUESS_M, pose[1, 3] - lowest))
+            lowest = float(np.quantile(near @ pose[1, :3] + pose[1, 3], _LOWEST_QUANTILE))
+            pose[1, 3] = max(self._guess, min(_MAX_GUESSED_HEIGHT_M, pose[1, 3] - lowest))
             self.world_from_camera, self._guess = pose, float(pose[1, 3])
 
 

@@ -29,7 +29,7 @@ _FILL_SHARE = 0.002
 """Change of the known part, as a fraction of the image, that triggers a new background fill."""
 _FILL_AFTER = 6
 """Checks after which a new fill is computed without such a change, because known depths change too."""
-_TELLS = 0.05
+_MIN_FILL_FRACTION = 0.05
 """Minimum fraction of known background pixels before unseen pixels are filled in. Below it the visible
 background may be only the outline of a person in front of a hall too deep for the sensor. The person would
 then be taken for background."""
@@ -44,7 +44,7 @@ _MEASURED = 0.5
 """Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
 _STILL = 0.5
 """Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
-_LONGEST_STEP = 0.5
+_MAX_TIME_STEP_S = 0.5
 """Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
 
 
@@ -103,7 +103,7 @@ class RoomModel:
             hold: (h, w) pixels of possible people. Never-seen background is not learnt at once there.
         """
         step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
-        step = min(max(step, 0.0), _LONGEST_STEP)
+        step = min(max(step, 0.0), _MAX_TIME_STEP_S)
         self._learnt_ns = time_ns
         self.age += step
         hold = np.zeros(z.shape, bool) if hold is None else hold
@@ -154,7 +154,7 @@ class RoomModel:
             known_count = int(np.count_nonzero(self.z))
             if abs(known_count - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
                 self._fill_z = np.zeros_like(self.z)
-                if known_count >= _TELLS * self.z.size:
+                if known_count >= _MIN_FILL_FRACTION * self.z.size:
                     ray, pose = view.camera.ray, view.world_from_camera
                     self._fill_z = background_fill(self.z, ray, pose, floor_band)
                 self._known, self._stale = known_count, 0

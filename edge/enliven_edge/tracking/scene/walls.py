@@ -14,7 +14,7 @@ _TRIALS = 150
 lies along it with a probability of 99.8 %."""
 _SAMPLES = 1500
 """Approximate number of points for evaluating a line. The cost of a trial grows with them."""
-_MOST_WALLS = 4
+_MAX_WALLS = 4
 """Maximum number of walls removed from one blob. A room has four."""
 _AREA = 0.9
 """Minimum visible area of a wall in square metres. An upright plane of this size is not a person."""
@@ -38,7 +38,7 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
     seen, squares = _seen_from_above(view.points, view.z, pixels)
-    for _ in range(_MOST_WALLS):
+    for _ in range(_MAX_WALLS):
         if squares * pixel < _AREA:
             break
         step = max(1, len(pixels) // _SAMPLES)

@@ -26,7 +26,7 @@ _STEADY = 0.15
 split."""
 _LARGE = 0.33
 """Minimum visible area in square metres of a candidate with a low crown to be a bent or kneeling person."""
-_LEAST = 0.14
+_MIN_AREA_M2 = 0.14
 """Minimum visible area of a person in square metres. Smaller blobs are mostly objects."""
 _STOUT = 0.1
 """Minimum visible area in square metres of a person of one metre, seen from the side. It grows with the
@@ -41,14 +41,14 @@ the expensive steps."""
 _BEHIND = 0.25
 """Minimum occluded fraction of the outline of a person that is still coming out from behind a nearer
 object."""
-_PATIENCE_NS = 800_000_000
+_MAX_WAIT_NS = 800_000_000
 """Maximum waiting time for such a candidate in nanoseconds: enough to come out and to be re-identified."""
 _BACK_OFF_NS = 150_000_000
 """Nanoseconds before the second try if the first found no body. Each later wait is twice as long."""
-_CAME_OFF = 0.7
+_SHRUNK_FRACTION = 0.7
 """If a blob shrinks below this fraction of the area of its last failed search, it is searched again at
 once."""
-_LONGEST_NS = 2_000_000_000
+_MAX_RETRY_NS = 2_000_000_000
 """Maximum wait between two tries in nanoseconds. A real person must not wait longer."""
 
 
@@ -114,9 +114,9 @@ class Candidate:
         steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
         if not steady or self.refused:
             return False
-        if self.awaited and self.shape.possible and self.area > _LEAST and self.plain > 0.5:
+        if self.awaited and self.shape.possible and self.area > _MIN_AREA_M2 and self.plain > 0.5:
             return True
-        tall = (self.shape.crown > _TALL or self.shape.cut) and self.area > _LEAST
+        tall = (self.shape.crown > _TALL or self.shape.cut) and self.area > _MIN_AREA_M2
         return (
             tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
         )
@@ -149,7 +149,7 @@ class Candidate:
         slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
         stands = self.shape.upright and whole and slim
         is_recognised = self.recognised and self._knowable
-        return (stands or is_recognised) and self.area > _LEAST and not self.refused
+        return (stands or is_recognised) and self.area > _MIN_AREA_M2 and not self.refused
 
     @property
     def _knowable(self) -> bool:
@@ -164,7 +164,7 @@ class Candidate:
 
         This is so if the shape alone is not convincing, and the last answer is old.
         """
-        if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+        if self.area < _MIN_AREA_M2 or self.refused or (self.convincing and not self.recognised):
             return False
         if not self._knowable:  # The answer of the network would not change the decision.
             return False
@@ -181,7 +181,7 @@ class Candidate:
     @property
     def _stands(self) -> bool:
         """Returns True if it is as tall as a standing person, and enough of it is visible."""
-        return self.shape.crown > STANDS and self.area > _LEAST
+        return self.shape.crown > STANDS and self.area > _MIN_AREA_M2
 
     @property
     def imaginable(self) -> bool:
@@ -207,9 +207,9 @@ class Candidate:
             return False
         # A person that comes out from behind an object may be a known one. Wait until re-identification is
         # possible.
-        if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
+        if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _MAX_WAIT_NS:
             return False
-        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _MAX_RETRY_NS
 
     @property
     def _otherwise(self) -> bool:
@@ -217,7 +217,7 @@ class Candidate:
 
         Furniture was removed from it.
         """
-        return self.convincing and self.area < _CAME_OFF * self._vain_area
+        return self.convincing and self.area < _SHRUNK_FRACTION * self._vain_area
 
     def settle(self, tried: Candidate) -> None:
         """Takes over the time of the next try, and the area of the failed search, from a tried copy."""
@@ -226,7 +226,7 @@ class Candidate:
 
     def failed(self, time_ns: int) -> None:
         """Postpones the next try because no body was found, each time for longer."""
-        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
+        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _MAX_RETRY_NS)
         self._vain_area = self.area
 
 

@@ -18,9 +18,9 @@ _SAME = 0.45
 """Maximum movement of a candidate's centre between frames in metres: about the width of a person."""
 _FORGET_NS = 400_000_000
 """Time after which an unseen candidate is forgotten, in nanoseconds. So it survives a few bad frames."""
-_MOST = 8
+_MAX_GROUPS = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
-_MOST_AT_FIRST = 16
+_MAX_GROUPS_AT_FIRST = 16
 """The same limit while the background model is young. Much of the background is then itself a loose group."""
 _REFUSED = 0.4
 """Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
@@ -31,7 +31,7 @@ _USUAL = 0.5
 """Approximate visible area of a person in square metres."""
 _PARTED_AREA = 0.45
 """Minimum visible area in square metres of a group that is split. A smaller one is one person."""
-_FEWEST = 30
+_MIN_PART_PIXELS = 30
 """Minimum number of pixels of a measured part. Fewer have no shape."""
 
 
@@ -81,7 +81,7 @@ class Candidates:
             young: whether the background model is new.
         """
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
-        groups = groups[: _MOST_AT_FIRST if young else _MOST]
+        groups = groups[: _MAX_GROUPS_AT_FIRST if young else _MAX_GROUPS]
         present = []
         for group in groups:
             same = next((n for n in self._known if n.unchanged(group, view.time_ns)), None)
@@ -123,7 +123,7 @@ class Candidates:
             walls: (h, w) the pixels of walls behind it, or None.
             shape: shape of the group if it was measured before; its area is replaced.
         """
-        if np.count_nonzero(part) < _FEWEST:
+        if np.count_nonzero(part) < _MIN_PART_PIXELS:
             return None
         centre, area, shares = measured(view, part, kind)
         if not SMALLEST_AREA < area < LARGEST_AREA:

@@ -24,15 +24,15 @@ SMALLEST_AREA = 0.06
 objects."""
 LARGEST_AREA = 1.6
 """Maximum visible area of a person in square metres: three times the usual."""
-_SHORTEST = 0.3
+_MIN_RISE_M = 0.3
 """Minimum vertical extent of a person in metres, lying down."""
-_WIDEST = 2.4
+_MAX_WIDTH_M = 2.4
 """Maximum width of a person in metres, with arms spread or lying."""
-_DEEPEST = 1.6
+_MAX_DEPTH_M = 1.6
 """Maximum depth extent of a person in metres, with arms or legs held forward."""
-_TALLEST = 2.6
+_MAX_CROWN_M = 2.6
 """Maximum crown height above the floor in metres: a tall person's raised hands."""
-_MUCH = 0.7
+_FULL_AREA_M2 = 0.7
 """Area in square metres beyond which a larger area does not increase the likeness to a person."""
 _HIGH = 1.8
 """Height in metres beyond which more height does not increase the likeness to a person."""
@@ -115,7 +115,7 @@ class BlobShape:
 
         It is 0 if the blob is not a person.
         """
-        return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
+        return min(self.area, _FULL_AREA_M2) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
@@ -125,7 +125,7 @@ class BlobShape:
         """
         flat = self.thickness < _FLAT and self.wide > _BROAD
         panel = flat and not (self._headed and self.fill < _BOARD)
-        return self.likeness > 0 and not panel and self.crown < _TALLEST and self._free > _FREE
+        return self.likeness > 0 and not panel and self.crown < _MAX_CROWN_M and self._free > _FREE
 
     @property
     def upright(self) -> bool:
@@ -174,7 +174,7 @@ def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None
     thickness, along = _flattened(points)
     ordered = np.sort(points, axis=1)
     wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
-    size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
+    size = min(tall, _HIGH) if tall >= _MIN_RISE_M and wide <= _MAX_WIDTH_M and deep <= _MAX_DEPTH_M else 0.0
     wide = max(wide, deep)
     return BlobShape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 

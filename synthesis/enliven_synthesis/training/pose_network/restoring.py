@@ -23,7 +23,7 @@ from enliven_synthesis.training.pose_network.network import PoseNetwork
 _SAMPLES = 768
 """Number of training samples for calibrating the normalisations. Each has hundreds of cells, so this is
 plenty."""
-_FORMERLY = {".branch.": ".way."}
+_FORMER_LAYER_NAMES = {".branch.": ".way."}
 """Parts of layer names, with their names in networks exported by earlier versions."""
 
 
@@ -126,7 +126,7 @@ def _fitting(weights: dict[str, Float32], name: str, shape: tuple[int, ...], pat
         InputError: if the weights are missing or have another shape.
     """
     former = name
-    for now, then in _FORMERLY.items():
+    for now, then in _FORMER_LAYER_NAMES.items():
         former = former.replace(now, then)
     array = weights.get(name, weights.get(former))
     if array is None or array.shape != shape:

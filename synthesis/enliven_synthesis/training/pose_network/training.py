@@ -27,16 +27,16 @@ from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 KEPT_BACK = 3000
 """Number of samples, from the start of a data set, that are held out for validation."""
-_TOLD = 0.6
+_CONDITIONED_FRACTION = 0.6
 """Fraction of samples in which the network is conditioned on the facing. It must also work without it."""
-_TOLD_OFF = 0.35
+_CONDITION_ERROR_RAD = 0.35
 """Standard deviation of the error of the given facing, radians. 20 degrees."""
-_TOLD_WRONGLY = 0.04
+_REVERSED_FRACTION = 0.04
 """Fraction of samples in which the given facing is reversed, so that the network does not rely on it
 blindly."""
-_CLEAREST = -5.0
+_MIN_LOG_SPREAD = -5.0
 """Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
-_VAGUEST = 1.0
+_MAX_LOG_SPREAD = 1.0
 """Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
 _LIKELIHOOD = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
@@ -50,7 +50,7 @@ _FACING = 0.3
 """Weight of the facing's cross-entropy in the loss."""
 _PARTS = 0.5
 """Weight of the body parts' cross-entropy in the loss."""
-_LONGEST_GRADIENT = 5.0
+_MAX_GRADIENT_NORM = 5.0
 """Maximum norm of the gradient (clipping), so that a rare sample cannot undo the training."""
 _WARM_UP = 300
 """Number of steps of the learning-rate warm-up, during which Adam's averages settle."""
@@ -131,7 +131,7 @@ def train(
             out = network(image, _condition(batch))
         optimizer.zero_grad(set_to_none=True)
         _loss(out, batch).backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), _LONGEST_GRADIENT)
+        torch.nn.utils.clip_grad_norm_(network.parameters(), _MAX_GRADIENT_NORM)
         optimizer.step()
         stepped(step, network)
     return network.eval().cpu()
@@ -199,9 +199,9 @@ def _condition(batch: TensorBatch) -> Tensor:
     metres."""
     anywhere = torch.pi * (2.0 * torch.rand_like(batch.cell) - 1.0)
     angle = torch.where(batch.is_person, batch.facing, anywhere)
-    angle = angle + _TOLD_OFF * torch.randn_like(angle)
-    angle = angle + torch.pi * (torch.rand_like(angle) < _TOLD_WRONGLY)
-    has_facing = torch.rand_like(angle) < _TOLD
+    angle = angle + _CONDITION_ERROR_RAD * torch.randn_like(angle)
+    angle = angle + torch.pi * (torch.rand_like(angle) < _REVERSED_FRACTION)
+    has_facing = torch.rand_like(angle) < _CONDITIONED_FRACTION
     return torch.stack([angle.cos() * has_facing, angle.sin() * has_facing, batch.cell], 1)
 
 
@@ -212,7 +212,7 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
     weight = torch.tensor(_WEIGHTS, device=joints.device) * batch.is_person[:, None]
     weight = weight / weight.sum().clamp(min=1.0)
     distance = ((joints - batch.joints).square().sum(2) + 1e-6).sqrt()
-    spread = spread.clamp(_CLEAREST, _VAGUEST)
+    spread = spread.clamp(_MIN_LOG_SPREAD, _MAX_LOG_SPREAD)
     likelihood = distance * torch.exp(-spread) + 3.0 * spread
     joints_off = _LIKELIHOOD * likelihood + _DISTANCE * distance
     ways = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
