@@ -78,5 +78,5 @@ def _with_duplicate(depth: UInt16) -> UInt16:
 
 if __name__ == "__main__":
     # This runs in a process of its own, which fills the folder of compiled kernels.
-    # enliven_edge.commands.preparing starts it.
+    # enliven_edge.commands.preparation starts it.
     warm_up_tracking()

@@ -14,7 +14,7 @@ from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
+    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, CalibrationQuality
 
 _LOOK = 0.3
 """Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
@@ -136,11 +136,11 @@ def _take(
     from PIL import Image
 
     from enliven_edge.sensors.drivers import LibcameraImages
-    from enliven_edge.sensors.stereo import Keeper, Pairing
+    from enliven_edge.sensors.stereo import Pairing, PairSelector
 
     images = LibcameraImages(list(names), size)
     try:
-        pairing, keeper = Pairing(images.name, round(1e6 * _APART_MS)), Keeper(board)
+        pairing, keeper = Pairing(images.name, round(1e6 * _APART_MS)), PairSelector(board)
         folder.mkdir(parents=True, exist_ok=True)
         last_message, looked, heard = "", 0.0, time.monotonic()
         while len(keeper.kept) < pairs:
@@ -169,7 +169,7 @@ def _take(
         images.close()
 
 
-def _tell(judgement: Judgement) -> None:
+def _tell(judgement: CalibrationQuality) -> None:
     advice = [("to do", sentence) for sentence in judgement.advice]
     plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 

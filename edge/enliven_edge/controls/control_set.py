@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import MAX_PHRASES, HeardMessage, Order, VoiceMessage
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.controls.base import (
     CALLS,
     WORDS,
@@ -64,7 +64,7 @@ class _Start(threading.Thread):
             self.result = ControlReader("voice", device, PHRASES, settings.debounce, settings.retry)
 
 
-class Controls(Closing):
+class Controls(Closeable):
     """Carries out the commands of several controls on the stage.
 
     Args:

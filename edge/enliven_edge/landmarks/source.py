@@ -17,7 +17,7 @@ from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
 from enliven.files import own_folder
 from enliven.settings import setting
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 
 NAMES: tuple[str, ...] = (
     "nose", "left eye inner", "left eye", "left eye outer", "right eye inner", "right eye", "right eye outer",
@@ -46,7 +46,7 @@ class Landmarks:
     offsets: Float
 
 
-class LandmarkSource(Closing, Protocol):
+class LandmarkSource(Closeable, Protocol):
     """Detects people in colour images."""
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:

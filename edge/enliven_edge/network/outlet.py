@@ -22,7 +22,7 @@ from enliven.wire import (
     health_to_messages,
     props_to_message,
 )
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, carried_out, subject_of
@@ -46,7 +46,7 @@ def need_free(wire: WireSettings) -> None:
         pass
 
 
-class Outlet(Closing):
+class Outlet(Closeable):
     """Publishes characters, poses and bodies, answers viewers, and writes the take if requested.
 
     Args:

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.listening import connections_allowed, listen, make_watchful
+from enliven_edge.network.tcp_listener import connections_allowed, listen, make_watchful
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +67,7 @@ class ZmtpServer:
     places.
 
     Args:
-        host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
+        host, port, option: as for :func:`~enliven_edge.network.tcp_listener.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
         most: maximum number of connections. Fewer if the process may not open that number.

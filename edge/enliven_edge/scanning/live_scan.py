@@ -21,13 +21,13 @@ from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeS
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
-from enliven_edge.scanning.diary import ScanDiary
-from enliven_edge.scanning.finish import Keep, finished
-from enliven_edge.scanning.growing import GrowingSurface
+from enliven_edge.scanning.object_messages import said_of_places
 from enliven_edge.scanning.person import FARTHEST, PersonScanner, ScannedPerson
-from enliven_edge.scanning.shown import ThingTold, shown_of
-from enliven_edge.scanning.standing import ScanPlace
-from enliven_edge.scanning.things import said_of_places
+from enliven_edge.scanning.scan_log import ScanLog
+from enliven_edge.scanning.scan_mesh import Keep, finished
+from enliven_edge.scanning.scan_placement import ScanPlacement
+from enliven_edge.scanning.scan_view import MovedObjectState, shown_of
+from enliven_edge.scanning.surface_preview import SurfacePreview
 
 log = logging.getLogger(__name__)
 
@@ -54,8 +54,8 @@ class ScanRun:
     """The state that "undo" restores: the surface, the scan log, and the state of a moved object."""
 
     scanner: Scanner | MovedScanner
-    diary: ScanDiary
-    thing: ThingTold = field(default_factory=ThingTold)
+    scan_log: ScanLog
+    thing: MovedObjectState = field(default_factory=MovedObjectState)
 
 
 def scan_settings(order: Scan) -> ScanSettings:
@@ -92,9 +92,9 @@ class LiveScan(threading.Thread):
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        self._run = ScanRun(_scanner_of(order), ScanDiary(), ThingTold("person" if order.person else ""))
+        self._run = ScanRun(_scanner_of(order), ScanLog(), MovedObjectState("person" if order.person else ""))
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
-        self._growing, self._place = GrowingSurface(number), ScanPlace()
+        self._growing, self._place = SurfacePreview(number), ScanPlacement()
         self._frame: DepthFrame | None = None
         self._orders: deque[Scan] = deque()
         self._messages: deque[ScanMessage | ScanPieceMessage] = deque()
@@ -184,7 +184,7 @@ class LiveScan(threading.Thread):
             step = self._moved(added, frame.time_ns)
         else:
             step, self._camera = added, added.world_from_camera
-            run.diary.add(step, frame.time_ns)
+            run.scan_log.add(step, frame.time_ns)
         self._tracking, self._now_ns = step.state.value, frame.time_ns
         if step.state is ScanState.SCANNING:
             self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
@@ -198,7 +198,7 @@ class LiveScan(threading.Thread):
             self._shown = 0.0
         is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if is_placed else None
-        self._run.diary.add(added.told, time_ns)
+        self._run.scan_log.add(added.told, time_ns)
         return added.told
 
     def _obey(self, order: Scan) -> None:
@@ -215,7 +215,7 @@ class LiveScan(threading.Thread):
     def _finish(self, order: Scan) -> None:
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
-        run.diary.refuse("scan", run.scanner)
+        run.scan_log.refuse("scan", run.scanner)
         scan_result = finished(run.scanner, self._meant(order), _TRIANGLES, name)
         self.actor = self._cast(scan_result.mesh, name, scan_result.person)
         if scan_result.person is not None:
@@ -224,7 +224,7 @@ class LiveScan(threading.Thread):
                 [x for group in groups for x in group] for groups in (settings.ends, settings.joints)
             )
         places = [] if order.whole else said_of_places(run.scanner)
-        self._note = _note([*places, *run.diary.advice(run.scanner)], scan_result.said)
+        self._note = _note([*places, *run.scan_log.advice(run.scanner)], scan_result.said)
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:
@@ -257,15 +257,15 @@ class LiveScan(threading.Thread):
             self._messages.append(self._message())
 
     def _message(self) -> ScanMessage:
-        diary, place, scanner = self._run.diary, self._place, self._run.scanner
+        scan_log, place, scanner = self._run.scan_log, self._place, self._run.scanner
         missing = scanner.missing if isinstance(scanner, PersonScanner) else place.missing
         return ScanMessage(
             number=self.number,
             phase=self.phase,
             tracking=self._tracking,
             time_ns=self._now_ns,
-            fused=diary.counts[ScanState.SCANNING],
-            way=diary.way,
+            fused=scan_log.counts[ScanState.SCANNING],
+            way=scan_log.way,
             full=scanner.full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,

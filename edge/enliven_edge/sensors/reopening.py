@@ -19,7 +19,7 @@ from typing import Any, Literal
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, is_device
-from enliven_edge.sensors.errands import Errands
+from enliven_edge.sensors.worker_thread import WorkerThread
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class ReopeningSensor(Sensor):
             self._use(first or open_device())
         getattr(open_device, "patient", lambda: None)()
         self._errands, self._doing = self._thread(), "read"
-        self._left: list[Errands] = []
+        self._left: list[WorkerThread] = []
         self._wait, self._due = FIRST_WAIT, 0.0
         self._good = self._bad = 0
         self._fresh, self._shift_ns = False, 0
@@ -220,8 +220,8 @@ class ReopeningSensor(Sensor):
         self._wait = min(2 * self._wait, LONGEST_WAIT)
         self._good = self._bad = 0
 
-    def _thread(self) -> Errands:
-        return Errands(f"driver of {self.name}")
+    def _thread(self) -> WorkerThread:
+        return WorkerThread(f"driver of {self.name}")
 
 
 def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:

@@ -18,7 +18,7 @@ from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.people import GuessedFloor, MultiPersonTracker, Person
-from enliven_edge.tracking.scene import UNSEEN, Mounting, RoomModel
+from enliven_edge.tracking.scene import UNSEEN, BackgroundModel, Mounting
 from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -61,7 +61,7 @@ class Tracker:
         self._fitter = Fitter(self.settings.fit)
         self._people = MultiPersonTracker(self.settings, self._fitter)
         self._guessed_floor = GuessedFloor(self.settings)
-        self._room: RoomModel | None = None
+        self._room: BackgroundModel | None = None
         self._owner: Int16 | None = None
         self._view: FrameView | None = None
         self._by_depth, self._gave_up = True, 0
@@ -88,7 +88,7 @@ class Tracker:
     @property
     def performers(self) -> list[Person]:
         """Returns the tracked people that may perform, in the order in which they were found."""
-        return self._people.roster.performers
+        return self._people.track_manager.performers
 
     @property
     def bystanders(self) -> int:
@@ -140,17 +140,17 @@ class Tracker:
             InputError: if the sensor tracks people itself.
         """
         self._need_depth()
-        self._people.roster.lock_to(ids)
+        self._people.track_manager.lock_to(ids)
 
     @property
     def locked(self) -> bool:
         """Returns True if new people are bystanders."""
-        return self._people.roster.lock.closed
+        return self._people.track_manager.lock.closed
 
     def unlock(self) -> None:
         """Lets new people be performers again. Raises InputError like :meth:`lock`."""
         self._need_depth()
-        self._people.roster.lock.open()
+        self._people.track_manager.lock.open()
 
     def _need_depth(self) -> None:
         """Raises InputError if the sensor tracks people itself."""
@@ -173,7 +173,7 @@ class Tracker:
         """
         if isinstance(frame, BodyFrame):
             self._by_depth = False
-            self._people.roster.lock.open()
+            self._people.track_manager.lock.open()
             return self.output(frame.bodies, frame.time_ns, frame.world_from_camera)
         self._by_depth = True
         return self._track_depth(frame)
@@ -213,7 +213,7 @@ class Tracker:
             person.lift(step)
         return self._mounting.raise_guess(view, step)
 
-    def _take_back(self, room: RoomModel, view: FrameView) -> None:
+    def _take_back(self, room: BackgroundModel, view: FrameView) -> None:
         """Removes parts of people from the background model that it learnt in the first frames.
 
         An example is a leg below a hole in the depth.
@@ -222,7 +222,7 @@ class Tracker:
         if people and room.age < _YOUNG:
             room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
 
-    def _give_up(self, room: RoomModel, view: FrameView, kind: UInt8) -> None:
+    def _give_up(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds pixels that touch people and never move to the background model.
 
         They are furniture that was there when the people were first seen.
@@ -233,13 +233,13 @@ class Tracker:
             floor = self.settings.scene.floor_band
             room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
 
-    def _room_of(self, view: FrameView) -> RoomModel:
+    def _room_of(self, view: FrameView) -> BackgroundModel:
         """Returns the background model: a new one if the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
             self._people.sensor_moved(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
-            self._room = RoomModel(view.z.shape, self.settings.room)
+            self._room = BackgroundModel(view.z.shape, self.settings.room)
         return self._room
 
     def _bounded(self, sure: Float, age_ns: int) -> Float:

@@ -24,7 +24,7 @@ _SETTLE = 0.06
 step."""
 
 
-class Captured:
+class CapturedMotion:
     """A motion capture retargeted to a performer. It begins at the world's origin, facing +Z.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven_edge.fusion.calibration.matching import BodyMatch, guesses, matched
-from enliven_edge.fusion.calibration.pose_graph import Network, network
+from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, network
 from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, no_match_quality
 from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
@@ -125,7 +125,7 @@ def calibrate(
     for a, b in itertools.combinations(streams, 2):
         progress(f"{a.sensor} and {b.sensor}")
         pairs.append(calibrate_pair(a, b, settings))
-    tied: Network = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
+    tied: SensorPlacement = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
     first = streams[0].first_ns
     offsets = {
         s.sensor: first - s.first_ns + round(tied.lags.get(s.sensor, 0.0) * 1e9)

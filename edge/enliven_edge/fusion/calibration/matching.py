@@ -41,7 +41,7 @@ class BodyMatch:
 
 
 @dataclass(frozen=True)
-class Guess:
+class InitialTransform:
     """A first estimate of a_from_b (4, 4), and of the seconds to add to b's times to get a's."""
 
     a_from_b: Float
@@ -51,7 +51,7 @@ class Guess:
 
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
-) -> Iterator[Guess]:
+) -> Iterator[InitialTransform]:
     """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
     upright = settings.floor_known
     for track_a in a.tracks[:_TRACKS]:
@@ -68,7 +68,7 @@ def guesses(
                     continue
                 match = (BodyMatch(track_a, track_b, track_a.times),)
                 for start in _starts(p[good], q[good], weights[good], upright):
-                    yield Guess(start, lag, match)
+                    yield InitialTransform(start, lag, match)
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:

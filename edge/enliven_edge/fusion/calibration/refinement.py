@@ -96,7 +96,7 @@ def refine(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _JointPairs:
     """The joints of both sensors at their common moments: p and q (N, 20, 3), q's velocity, weights."""
 
     times: Float
@@ -113,7 +113,7 @@ def _looked(
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
-) -> _Look | None:
+) -> _JointPairs | None:
     """Returns the joints of both sensors at the matches' moments.
 
     ``held`` are the first sensor's, by match.
@@ -128,11 +128,13 @@ def _looked(
             seen_b = np.take_along_axis(seen_b, order, 1)
         weights = seen_a * seen_b
         good = weights.sum(1) > 0
-        looks.append(_Look(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good]))
+        looks.append(
+            _JointPairs(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good])
+        )
     if not looks or not sum(len(look.times) for look in looks):
         return None
     columns = zip(*((x.times, x.p, x.q, x.velocity, x.weights, x.swapped) for x in looks), strict=True)
-    return _Look(*(np.concatenate(column) for column in columns))
+    return _JointPairs(*(np.concatenate(column) for column in columns))
 
 
 def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
@@ -150,7 +152,9 @@ def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width
     return np.asarray(total[high] - total[low] > 1e-9)
 
 
-def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSettings) -> tuple[Fit, Float]:
+def _stepped(
+    look: _JointPairs, a_from_b: Float, lag: float, settings: CalibrationSettings
+) -> tuple[Fit, Float]:
     """Returns the state of the fit, and the step (7,) of rotation, shift and lag that improves it."""
     placed = moved(a_from_b, look.q)
     error = placed - look.p

@@ -10,8 +10,8 @@ from enliven.arrays import Float
 from enliven.matching import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
-from enliven_edge.fusion.live.naming import MIDDLES
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
+from enliven_edge.fusion.live.side_assignment import MIDDLES
 
 NEVER = 1e3
 """Cost in metres of a forbidden pairing: above every distance in a room."""

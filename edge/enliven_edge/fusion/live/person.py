@@ -9,8 +9,8 @@ from enliven.person import Body, Joint
 from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group
-from enliven_edge.fusion.live.naming import OTHER_SIDE, SideKeeper, walks_backward
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walks_backward
 from enliven_edge.fusion.settings import FusionSettings
 
 _GLIDE = 0.5
@@ -40,7 +40,7 @@ class FusedPerson:
         self.seen_by: frozenset[int] = frozenset()
         self._turns = np.zeros((20, 4))
         self._turned_known = False
-        self._sides = SideKeeper(sensors, settings.turn_over)
+        self._sides = SideAssignment(sensors, settings.turn_over)
         self._spoke = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)

@@ -57,14 +57,14 @@ class LibcameraImages:
         self._lib = libcamera_library(tuning)
         self._manager = self._lib.CameraManager.singleton()
         self._formats = COLOUR if colour else GREY
-        self._eyes: list[_Eye] = []
+        self._eyes: list[_OpenCamera] = []
         self._ready: list[Any] = []
         self._celsius: float | None = None
         devices = self._found(cameras)
         self.name = f"libcamera {', '.join(_short(camera.id) for camera in devices)}"
         try:
             for camera in devices:
-                self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
+                self._eyes.append(_OpenCamera(self._lib, camera, len(self._eyes), size, self._formats))
             wishes = _wishes(fps, exposure_us, gain)
             # The followers wait for the clock of the leader, so start them first.
             for eye in reversed(self._eyes):
@@ -135,7 +135,7 @@ _MAX_BUFFERS = 64
 buffer's number."""
 
 
-class _Eye:
+class _OpenCamera:
     """One camera, its buffers and its requests."""
 
     def __init__(

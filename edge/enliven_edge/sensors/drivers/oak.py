@@ -15,10 +15,10 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.driver_replay import WAITING, DriverReplay
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
 from enliven_edge.sensors.drivers.refusals import chosen, refused
-from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 log = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class OakSensor(Sensor):
         self._camera: Intrinsics | None = None
         self._matrix: Any = None
         self._calibrated, self._kind = True, "oak-d"
-        self._rehearsal: Rehearsal | None = None
+        self._driver_replay: DriverReplay | None = None
         self._before = before
         self.again: dict[str, str] = {}
         self._images: Any = None
@@ -93,11 +93,11 @@ class OakSensor(Sensor):
             raise refused("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._rehearsal is not None and self._rehearsal.is_over()
+        over = self._driver_replay is not None and self._driver_replay.is_over()
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
         except RuntimeError as error:
-            raise refused("oak", error, self.name, self._rehearsal is not None) from None
+            raise refused("oak", error, self.name, self._driver_replay is not None) from None
         if image is None:
             if over:
                 return None
@@ -108,8 +108,8 @@ class OakSensor(Sensor):
 
     def condition(self) -> Condition:
         """Returns the link, the chip's temperature, and gravity if it has an accelerometer."""
-        if self._rehearsal is not None:
-            return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
+        if self._driver_replay is not None:
+            return self._driver_replay.condition() or Condition(calibrated=self._calibrated)
         speed, speeds = self._device.getUsbSpeed(), self._dai.UsbSpeed
         slow = speed in (speeds.LOW, speeds.FULL, speeds.HIGH)
         link = "PoE" if speed == speeds.UNKNOWN else "USB 2" if slow else "USB 3"
@@ -117,8 +117,8 @@ class OakSensor(Sensor):
         return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
 
     def close(self) -> None:
-        if self._rehearsal:
-            self._rehearsal.stop()
+        if self._driver_replay:
+            self._driver_replay.stop()
         if self._images is not None:
             self._images = None
             self._pipeline.stop()
@@ -207,8 +207,8 @@ class OakSensor(Sensor):
         except (RuntimeError, AttributeError, ValueError) as error:
             raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
-        if self._rehearsal is not None:
-            time_ns = self._rehearsal.taken(time_ns)
+        if self._driver_replay is not None:
+            time_ns = self._driver_replay.taken(time_ns)
         return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
@@ -217,7 +217,7 @@ class OakSensor(Sensor):
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            arguments = width, height, lens, self._kind, self.name, self._rehearsal is not None
+            arguments = width, height, lens, self._kind, self.name, self._driver_replay is not None
             self._camera, self._calibrated = known_or_typical(*arguments)
             self._matrix = matrix
         return self._camera
@@ -259,12 +259,12 @@ class OakSensor(Sensor):
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
-        self._rehearsal = Rehearsal(path, self._send, paced=True)
-        if any(self._rehearsal.first.intrinsics.distortion):
+        self._driver_replay = DriverReplay(path, self._send, paced=True)
+        if any(self._driver_replay.first.intrinsics.distortion):
             mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
             raise InputError("its images are not rectified", where=path, mend=mend)
-        self.name, self.fps = "oak rehearsal", self._rehearsal.fps
-        self._last_colour = self._rehearsal.first.colour
+        self.name, self.fps = "oak rehearsal", self._driver_replay.fps
+        self._last_colour = self._driver_replay.first.colour
         if colour and self._last_colour is None:
             raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
         return self._node.out, self._node.colour if colour else None

@@ -13,8 +13,8 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.attached_cameras import library
+from enliven_edge.sensors.drivers.driver_replay import WAITING
 from enliven_edge.sensors.drivers.lens import known_or_typical
-from enliven_edge.sensors.drivers.rehearsal import WAITING
 
 _MODES_SHOWN = 8
 """Maximum number of modes that an error message lists."""
@@ -161,7 +161,7 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
     return min(candidates, key=lambda each: each[0])[1:]
 
 
-class RehearsedColour:
+class ReplayedColour:
     """The colour stream of a software device, with the camera of a recording.
 
     Raises:

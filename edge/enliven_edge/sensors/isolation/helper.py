@@ -21,7 +21,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.isolation.last_words import speak_into
+from enliven_edge.sensors.isolation.crash_traceback import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _TURN = 0.1
@@ -52,7 +52,7 @@ def serve(
     sys.stdout.flush()
     os.dup2(2, 1)
     shared_pipe = _Pipe(pipe)
-    logging.basicConfig(level=logging.INFO, handlers=[_Teller(shared_pipe)], force=True)
+    logging.basicConfig(level=logging.INFO, handlers=[_PipeLogHandler(shared_pipe)], force=True)
     with contextlib.suppress(EOFError, OSError):
         _Helper(shared_pipe, kind, options, every_frame).run()
 
@@ -167,7 +167,7 @@ class _Pipe:
             self._pipe.send(message)
 
 
-class _Teller(logging.Handler):
+class _PipeLogHandler(logging.Handler):
     """Sends log lines to the edge, which has the user's log settings."""
 
     def __init__(self, pipe: _Pipe) -> None:

@@ -15,8 +15,8 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.sensors.crash_reports import keep_text
+from enliven_edge.sensors.isolation.crash_traceback import CrashTraceback
 from enliven_edge.sensors.isolation.helper import serve
-from enliven_edge.sensors.isolation.last_words import LastWords
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 SILENT = 1.0
@@ -44,7 +44,7 @@ class HelperProcess:
         self._name, self._every = name, every_frame
         self._pipe: Connection
         self._pipe, far = context.Pipe()
-        self._words = LastWords(context)
+        self._words = CrashTraceback(context)
         arguments = (far, kind, options, every_frame, self._words.far)
         self._process = context.Process(target=serve, args=arguments, name=f"sensor {name}", daemon=True)
         try:

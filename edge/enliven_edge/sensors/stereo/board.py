@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectifying import opencv
+from enliven_edge.sensors.stereo.rectification import opencv
 
 _MARKER = 0.75
 """Side of a marker relative to that of its square: OpenCV needs a white margin around it."""

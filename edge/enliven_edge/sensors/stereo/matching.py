@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
+from enliven_edge.sensors.stereo.rectification import Rectification, opencv
 
 STEPS = 16
 """Subpixel steps per pixel of the matcher's disparity."""

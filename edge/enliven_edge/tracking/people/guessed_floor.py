@@ -10,7 +10,7 @@ from enliven.kernels import quantile
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.search import likelihood
-from enliven_edge.tracking.scene import RoomModel
+from enliven_edge.tracking.scene import BackgroundModel
 from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 
@@ -49,7 +49,7 @@ class GuessedFloor:
         self._settings = settings
         self._frames = 0
 
-    def before_search(self, view: FrameView, room: RoomModel) -> float:
+    def before_search(self, view: FrameView, room: BackgroundModel) -> float:
         """Returns the correction of the world's height in metres, from the first likely person.
 
         It is called in frames without tracked people.

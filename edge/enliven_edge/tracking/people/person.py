@@ -12,7 +12,7 @@ from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
-from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.reidentification import BodyMeasurements
 
 _LOOK_EVERY = 5
 """Frames between two measurements of a known person's proportions. Each costs time."""
@@ -90,7 +90,7 @@ class Person:
         shapely: whether the pixels had a person's outline when found, a head above shoulders.
     """
 
-    def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
+    def __init__(self, identity: int, follower: Follower, looks: BodyMeasurements, time_ns: int) -> None:
         self.id, self.follower, self.looks = identity, follower, looks
         self.seen_ns = self.found_ns = time_ns
         self.hidden_ns: int | None = None

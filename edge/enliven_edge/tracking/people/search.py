@@ -64,7 +64,7 @@ _SAME = 0.25
 a second person."""
 _MAX_OVERLAP = 0.5
 """If more than this fraction of a blob lies on a body that was just found, the blob is not searched."""
-Found = tuple[Candidate, Follower, float]
+ScoredDetection = tuple[Candidate, Follower, float]
 """The candidate in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
 
@@ -85,7 +85,7 @@ class Search:
         view: FrameView,
         sure: Sequence[Candidate],
         others: Sequence[Candidate],
-        made: list[Found],
+        made: list[ScoredDetection],
         *,
         alone: bool,
         most: int,
@@ -105,7 +105,7 @@ class Search:
             made += yield from self.best_guess(view, others, alone=alone)
 
     def found(
-        self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
+        self, view: FrameView, newcomers: Sequence[Candidate], made: list[ScoredDetection], *, alone: bool
     ) -> Steps[None]:
         """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
         vain: list[Bool] = []
@@ -143,13 +143,15 @@ class Search:
                 return body
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
-    def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
+    def best_guess(
+        self, view: FrameView, due: Sequence[Candidate], *, alone: bool
+    ) -> Steps[list[ScoredDetection]]:
         """Returns the likeliest of some doubtful candidates, or one that is explained clearly better.
 
         It returns at most one.
         """
-        best: list[Found] = []
-        guesses: list[Found] = []
+        best: list[ScoredDetection] = []
+        guesses: list[ScoredDetection] = []
         yield from self.found(view, due[: TRIES if alone else 1], guesses, alone=alone)
         for guess in guesses:
             shown = trunk_shown(view, guess[1].posture, guess[0].pixels)
@@ -173,13 +175,13 @@ def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained:
     return view.has_floor and newcomer.shape.upright and explained > _CERTAIN_EXPLAINED
 
 
-def _within(newcomer: Candidate, found: list[Found]) -> bool:
+def _within(newcomer: Candidate, found: list[ScoredDetection]) -> bool:
     """Returns True if most of the candidate belongs to a person that was just found."""
     size = max(1, int(newcomer.pixels.sum()))
     return any(int((newcomer.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in found)
 
 
-def _again(follower: Follower, found: list[Found]) -> bool:
+def _again(follower: Follower, found: list[ScoredDetection]) -> bool:
     """Returns True if a person was just found at the same place, in another piece of the same person."""
     place = follower.posture.position
     return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)

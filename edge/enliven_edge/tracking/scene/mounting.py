@@ -8,8 +8,8 @@ from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
+from enliven_edge.tracking.scene.background_model import Agreement
 from enliven_edge.tracking.scene.floor import TILTED_BY, corrected, world_above_floor, world_from_floor
-from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
 
 _USUAL_HEIGHT_M = 1.0

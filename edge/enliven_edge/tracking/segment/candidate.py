@@ -8,7 +8,7 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BEFORE, UNLIKELY
+from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
 from enliven_edge.tracking.segment.person_shape import BlobShape, shape_of
 from enliven_edge.tracking.segment.segmentation import LooseGroup
 
@@ -253,7 +253,7 @@ def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, 
     Args:
         view: the frame.
         pixels: (h, w) the mask.
-        kind: (h, w) from :meth:`RoomModel.classify`.
+        kind: (h, w) from :meth:`BackgroundModel.classify`.
     """
     centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
     camera = view.camera.intrinsics
@@ -268,7 +268,7 @@ def _measured(points, z, kind, part):
     for i in pixels:
         x, y, deep = x + points[i, 0], y + points[i, 1], deep + points[i, 2]
         squares += z[i] * z[i]
-        before += kind[i] == BEFORE
+        before += kind[i] == FOREGROUND
         plain += kind[i] != UNLIKELY
     count = max(1, len(pixels))
     return np.array([x, y, deep]) / count, squares, before / count, plain / count

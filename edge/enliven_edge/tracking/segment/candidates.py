@@ -74,7 +74,7 @@ class Candidates:
 
         Args:
             view: the frame.
-            kind: (h, w) from :meth:`RoomModel.classify`.
+            kind: (h, w) from :meth:`BackgroundModel.classify`.
             segments: the segmentation of the frame.
             admits: whether a person at a (3,) place may perform.
             awaits: whether a person was lost near a (3,) place.
@@ -118,7 +118,7 @@ class Candidates:
 
         Args:
             view: the frame.
-            kind: (h, w) from :meth:`RoomModel.classify`.
+            kind: (h, w) from :meth:`BackgroundModel.classify`.
             part: (h, w) the blob.
             walls: (h, w) the pixels of walls behind it, or None.
             shape: shape of the group if it was measured before; its area is replaced.

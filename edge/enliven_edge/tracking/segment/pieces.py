@@ -8,7 +8,7 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import ROOM, UNLIKELY, widened, without_walls
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, widened, without_walls
 from enliven_edge.tracking.segment.candidate import STANDS
 from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, BlobShape, samples, shape_of
 from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
@@ -202,7 +202,7 @@ def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
 
 def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """Returns the largest connected parts of a mask. The maximum depth step is scaled by ``tightness``."""
-    places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
+    places = pixels_of(mask & (kind != BACKGROUND) & (kind != UNLIKELY))
     labels, count = groups_of(view.z, places, tightness)
     size = np.bincount(labels.ravel()[places], minlength=count + 1)
     return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]

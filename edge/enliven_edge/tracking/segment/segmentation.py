@@ -18,7 +18,7 @@ from enliven.masks import pixels_of
 from enliven.union_find import root_of
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
 from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
 
@@ -96,7 +96,7 @@ def segmented(
 
     Args:
         view: the frame.
-        kind: (h, w) from :meth:`RoomModel.classify`.
+        kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
         handicap: (K,) metres added to a person's distances, so that a probably hidden person gets fewer
             pixels.
@@ -139,7 +139,7 @@ def lying_on(
     """
     kind = _solid(view.z, view.points, above)
     if among is not None:
-        kind[~among] = ROOM
+        kind[~among] = BACKGROUND
     owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
@@ -149,11 +149,11 @@ def lying_on(
 
 @njit(cache=True, nogil=True)
 def _solid(z, points, above):
-    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and ROOM elsewhere."""
+    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and BACKGROUND elsewhere."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
         for u in range(z.shape[1]):
-            out[v, u] = UNSEEN if (z[v, u] > 0.0) & (points[v, u, 1] > above) else ROOM
+            out[v, u] = UNSEEN if (z[v, u] > 0.0) & (points[v, u, 1] > above) else BACKGROUND
     return out
 
 
@@ -163,7 +163,7 @@ def _candidates(kind, owner):
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
     for i in range(len(kind)):
-        mask[i] = (kind[i] != ROOM) & (kind[i] != UNLIKELY) & (owner[i] < 0)
+        mask[i] = (kind[i] != BACKGROUND) & (kind[i] != UNLIKELY) & (owner[i] < 0)
     return pixels_of(mask)
 
 

@@ -77,7 +77,7 @@ class TrainingSettings:
 
 
 @dataclass(frozen=True)
-class Measured:
+class NetworkScores:
     """The scores of a network on validation samples.
 
     Attributes:
@@ -137,7 +137,7 @@ def train(
     return network.eval().cpu()
 
 
-def measure(path: Path, dataset: Dataset) -> Measured:
+def measure(path: Path, dataset: Dataset) -> NetworkScores:
     """Evaluates an exported network on the held-out samples, in the same way as the tracker runs it."""
     session = load_onnxruntime().InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
@@ -156,7 +156,7 @@ def measure(path: Path, dataset: Dataset) -> Measured:
         shown = batch.parts != NOBODY
         parts.append((part_logits.argmax(1) == batch.parts)[shown])
     shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
-    return Measured((shares[0], shares[1]), *shares[2:])
+    return NetworkScores((shares[0], shares[1]), *shares[2:])
 
 
 def export(network: PoseNetwork, path: Path) -> None:
