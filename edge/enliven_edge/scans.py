@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from enliven.possession import Actor
     from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
-_GAP = 0.4
+_CHARACTER_GAP_M = 0.4
 """Gap on the floor between a scanned character and the characters on the stage, in metres."""
 
 
@@ -166,7 +166,7 @@ class Scans:
         others = [
             character.vertices[:, 0].max() for own, character in self._stage.characters.items() if own != name
         ]
-        return float(max(others) + _GAP - mesh.vertices[:, 0].min()) if others else 0.0
+        return float(max(others) + _CHARACTER_GAP_M - mesh.vertices[:, 0].min()) if others else 0.0
 
     def _free_name(self) -> str:
         """Returns "scan", or the first of "scan 2", "scan 3", ... that is unused on the stage."""

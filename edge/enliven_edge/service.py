@@ -26,7 +26,7 @@ from enliven_edge.tracking.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 
-_PATIENCE = 0.1
+_FRAME_TIMEOUT_S = 0.1
 """Seconds to wait for a frame before polling viewers and controls."""
 
 
@@ -179,7 +179,7 @@ class Edge:
         """Yields the sensor's frames, and None whenever none is due."""
         while not self._stopped and not parent_is_gone():
             try:
-                frame = self.sensor.read(_PATIENCE)
+                frame = self.sensor.read(_FRAME_TIMEOUT_S)
             except TimeoutError:
                 yield None
                 continue

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_PATIENCE = 0.25
+_FRAME_TIMEOUT_S = 0.25
 """Seconds to wait for a frame before checking for an end and handing the written data to the disk."""
 
 
@@ -84,7 +84,7 @@ def record_stream(
     count, first_ns, event_log = 0, None, EventLog(recorder)
     while not stop.is_set():
         try:
-            frame = stream.read(_PATIENCE)
+            frame = stream.read(_FRAME_TIMEOUT_S)
         except TimeoutError:
             recorder.sync()
             continue

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from enliven_edge.sensors import Condition, Sensor
     from enliven_edge.terminal import ImageProtocol
 
-_PATIENCE = 15.0
+_PREVIEW_TIMEOUT_S = 15.0
 """Longest time without any frame before a preview gives up, in seconds. The first frame of a camera may take
 ten."""
 
@@ -120,7 +120,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
 
     frames: list[DepthFrame] = []
     start = time.monotonic()
-    until, give_up = start + seconds, start + _PATIENCE
+    until, give_up = start + seconds, start + _PREVIEW_TIMEOUT_S
     while time.monotonic() < until or (not frames and time.monotonic() < give_up):
         try:
             frame = sensor.read(0.25)

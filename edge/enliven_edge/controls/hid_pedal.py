@@ -96,7 +96,7 @@ class Edges:
         self._down = frozenset()
 
 
-_OPENING = threading.Lock()
+_LISTING_LOCK = threading.Lock()
 """Lock for listing devices: hidapi's enumeration is not thread-safe."""
 _MAX_REPORT_BYTES = 64
 """Maximum bytes read of a report: the most that USB's full speed sends at once."""
@@ -124,7 +124,7 @@ class HidPedal(Device):
     def open(self) -> None:
         hid = _library()
         self._edges.forget()
-        with _OPENING:
+        with _LISTING_LOCK:
             device = hid.device()
             device.open_path(self._path(hid))
         self._device = device

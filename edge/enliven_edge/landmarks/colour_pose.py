@@ -31,9 +31,9 @@ class ColourSettings:
 
 
 _TRUNK = [Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD]
-_SAME_PERSON = 0.5
+_SAME_PERSON_M = 0.5
 """Maximum metres between two trunks of the same person."""
-_AGREE = 0.12
+_AGREEMENT_M = 0.12
 """Maximum distance of two positions of a joint that agree, in metres. Positions farther apart contradict each
 other."""
 
@@ -49,7 +49,7 @@ def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
         (distance, i, k)
         for i, a in enumerate(depth)
         for k, b in enumerate(colour)
-        if (distance := _apart(a, b)) < _SAME_PERSON
+        if (distance := _apart(a, b)) < _SAME_PERSON_M
     )
     fused, used_colour = list(depth), set[int]()
     joined = set[int]()
@@ -70,7 +70,7 @@ def join(depth: Body, colour: Body) -> Body:
     """
     ours, theirs = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
     apart = np.linalg.norm(depth.joints - colour.joints, axis=1)
-    agree = np.exp(-0.5 * (apart / _AGREE) ** 2)
+    agree = np.exp(-0.5 * (apart / _AGREEMENT_M) ** 2)
     surer = theirs > ours
     between = theirs / np.maximum(ours + theirs, 1e-9)
     chosen = np.where(surer, 1.0, 0.0)
@@ -91,9 +91,9 @@ def _apart(a: Body, b: Body) -> float:
     return float(gap[is_shared].mean())
 
 
-_STEP = 0.6
+_MAX_STEP_M = 0.6
 """Maximum metres that a person moves between two frames."""
-_FORGOTTEN_NS = 2_000_000_000
+_FORGET_AFTER_NS = 2_000_000_000
 """Nanoseconds after which a lost person gets a new number."""
 
 
@@ -128,7 +128,7 @@ class ColourPoseEstimator:
         self._known = {
             i: last_seen
             for i, last_seen in self._known.items()
-            if 0 <= time_ns - last_seen[1] < _FORGOTTEN_NS
+            if 0 <= time_ns - last_seen[1] < _FORGET_AFTER_NS
         }
         places = [body.joints[Joint.SHOULDER_CENTER] for body in bodies]
         pairs = sorted(
@@ -138,7 +138,7 @@ class ColourPoseEstimator:
         )
         numbers: dict[int, int] = {}
         for distance, k, i in pairs:
-            if distance < _STEP and k not in numbers and i not in numbers.values():
+            if distance < _MAX_STEP_M and k not in numbers and i not in numbers.values():
                 numbers[k] = i
         for k, place in enumerate(places):
             if k not in numbers:

@@ -31,7 +31,7 @@ from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Tick
 
-_LAST_HEARTBEATS = 5
+_FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
 
@@ -184,7 +184,7 @@ class Outlet(Closeable):
     def end(self, pace: FrameRate) -> None:
         """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
         self.report(pace, "ended", 0)
-        for _ in range(_LAST_HEARTBEATS):
+        for _ in range(_FINAL_HEARTBEATS):
             self._publisher.beat()
             self.poll_requests({})
             time.sleep(0.05)

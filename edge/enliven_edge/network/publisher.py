@@ -51,7 +51,7 @@ from enliven_edge.network.tcp_listener import check_open
 
 log = logging.getLogger(__name__)
 
-_BEATS_APART = 0.05
+_MIN_HEARTBEAT_INTERVAL_S = 0.05
 """Minimum seconds between heartbeats that viewers may trigger."""
 
 
@@ -276,7 +276,7 @@ class Publisher(Closeable):
 
     def _let_hear(self, listening: bool) -> None:
         """Sends a heartbeat to a viewer that the streams have not reached yet, with a rate limit."""
-        if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
+        if not listening and time.monotonic() - self._last_beat >= _MIN_HEARTBEAT_INTERVAL_S:
             self.beat()
 
     def _answer(self, request: Ask) -> Answer | bytes:

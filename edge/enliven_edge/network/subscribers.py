@@ -12,7 +12,7 @@ _MAX_SUBSCRIPTION_BYTES = 64
 _MAX_PENDING_BYTES = 2 * MAX_STREAM_BYTES
 """Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
 one only."""
-_READING = 0.00025
+_READ_TIME_S = 0.00025
 """Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
 
 
@@ -28,7 +28,7 @@ class Subscribers:
 
     def poll(self) -> None:
         """Accepts connections, reads subscriptions and sends queued bytes."""
-        for peer, parts in self._server.messages(time.monotonic() + _READING):
+        for peer, parts in self._server.messages(time.monotonic() + _READ_TIME_S):
             request = parts[0]
             # Ignore a prefix that matches no topic, so that it is not stored.
             if len(parts) == 1 and any((name.encode() + b"\0").startswith(request[1:]) for name in STREAMS):

@@ -13,11 +13,11 @@ from enliven.errors import InputError, ResourceError
 _MAX_DESCRIPTORS = 65_536
 """Maximum number of descriptors. Some systems allow a billion, and programs that close "all of them" then
 hang."""
-_OTHERS = 128
+_RESERVED_DESCRIPTORS = 128
 """Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
 _MIN_CONNECTIONS = 4
 """Minimum number of connections of a server, even if hardly any descriptors are allowed."""
-_UNKNOWN = 512
+_DEFAULT_DESCRIPTORS = 512
 """Number of descriptors assumed if the system does not report a limit, such as Windows: its limit of
 ``select``."""
 
@@ -25,7 +25,7 @@ _UNKNOWN = 512
 def raise_descriptor_limit() -> int:
     """Raises the soft limit of open descriptors to the hard one. Returns the new limit."""
     if sys.platform == "win32":
-        return _UNKNOWN
+        return _DEFAULT_DESCRIPTORS
     import resource
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -45,14 +45,14 @@ def connections_allowed(most: int) -> int:
     Some descriptors stay reserved.
     """
     if sys.platform == "win32":
-        limit = _UNKNOWN
+        limit = _DEFAULT_DESCRIPTORS
     else:
         import resource
 
         limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
         if limit == resource.RLIM_INFINITY:
             return most
-    return max(_MIN_CONNECTIONS, min(most, (limit - _OTHERS) // 2))
+    return max(_MIN_CONNECTIONS, min(most, (limit - _RESERVED_DESCRIPTORS) // 2))
 
 
 _BACKLOG = 4096

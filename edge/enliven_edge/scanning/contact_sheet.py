@@ -17,16 +17,16 @@ _SIDE = 360
 _LENS = 1.6
 """Focal length as a multiple of the image width: 35 degrees field of view, with little perspective
 distortion."""
-_AROUND = (0.5, 2.1, 3.7, 5.3)
+_AZIMUTHS = (0.5, 2.1, 3.7, 5.3)
 """Angles about +Y of the views from a little above, in radians."""
-_RAISED = (0.35, 0.35, 0.35, 0.35, 1.3, -0.5)
+_ELEVATIONS = (0.35, 0.35, 0.35, 0.35, 1.3, -0.5)
 """Elevation angles above the horizon, in radians: four views from around, one from above and one from
 below."""
-_BACK = np.array([110, 40, 40])
+_BACK_FACE_COLOUR = np.array([110, 40, 40])
 """sRGB of back faces. Where they show, the mesh is open."""
-_PLAIN = np.array([205, 205, 200])
+_MESH_COLOUR = np.array([205, 205, 200])
 """sRGB of a mesh without colours."""
-_GROUND = np.array([28, 30, 34])
+_BACKGROUND_COLOUR = np.array([28, 30, 34])
 """sRGB of the background."""
 _AMBIENT = 0.45
 """Fraction of ambient light."""
@@ -34,8 +34,8 @@ _AMBIENT = 0.45
 
 def sheet_of(mesh: Mesh) -> UInt8:
     """Returns (2 S, 3 S, 3) sRGB: six views of a mesh."""
-    angles = (*_AROUND, _AROUND[0], _AROUND[0])
-    views = [_view(mesh, angle, up) for angle, up in zip(angles, _RAISED, strict=True)]
+    angles = (*_AZIMUTHS, _AZIMUTHS[0], _AZIMUTHS[0])
+    views = [_view(mesh, angle, up) for angle, up in zip(angles, _ELEVATIONS, strict=True)]
     return np.concatenate([np.concatenate(views[:3], 1), np.concatenate(views[3:], 1)], 0)
 
 
@@ -50,13 +50,13 @@ def _view(mesh: Mesh, angle: float, up: float) -> UInt8:
     seen = drawing.face >= 0
     at = drawing.face[seen]
     light = -(mesh.face_normals()[at] @ rotation.unit(-away + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1]))
-    colour = np.broadcast_to(_PLAIN.astype(float), (len(at), 3))
+    colour = np.broadcast_to(_MESH_COLOUR.astype(float), (len(at), 3))
     if mesh.colours is not None:
         colour = (mesh.colours[mesh.faces[at]] * drawing.shares[seen][..., None]).sum(1)
     front = (mesh.face_normals()[at] @ away > 0)[:, None]
     shade = (_AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, 1))[:, None]
-    picture = np.broadcast_to(_GROUND, (_SIDE, _SIDE, 3)).astype(np.uint8)
-    picture[seen] = np.where(front, colour * shade, _BACK).astype(np.uint8)
+    picture = np.broadcast_to(_BACKGROUND_COLOUR, (_SIDE, _SIDE, 3)).astype(np.uint8)
+    picture[seen] = np.where(front, colour * shade, _BACK_FACE_COLOUR).astype(np.uint8)
     return picture
 
 

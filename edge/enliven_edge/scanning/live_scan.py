@@ -31,15 +31,15 @@ from enliven_edge.scanning.surface_preview import SurfacePreview
 
 log = logging.getLogger(__name__)
 
-_TOLD_EVERY = 0.1
+_PROGRESS_INTERVAL_S = 0.1
 """Interval between two progress messages, in seconds. It is short, so that lost tracking is shown at once."""
-_SHOWN_EVERY = 0.25
+_PREVIEW_INTERVAL_S = 0.25
 """Interval between two searches for changed pieces of the surface, in seconds."""
-_BYTES = 400_000
+_MAX_BYTES_PER_SECOND = 400_000
 """Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
-_WAITS = 0.03
+_MAX_WAIT_S = 0.03
 """Longest time that an image of a recording waits before the edge's loop continues, in seconds: one frame."""
-_TRIANGLES = 50_000
+_MAX_TRIANGLES = 50_000
 """Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
@@ -114,7 +114,7 @@ class LiveScan(threading.Thread):
         """
         with self._wake:
             waits = waits and self.phase == "scanning"
-            if waits and not self._wake.wait_for(lambda: self._frame is None, _WAITS):
+            if waits and not self._wake.wait_for(lambda: self._frame is None, _MAX_WAIT_S):
                 return False
             self._frame = frame
             self._wake.notify_all()
@@ -157,7 +157,7 @@ class LiveScan(threading.Thread):
         """Fuses images and carries out orders, until the scan is ended."""
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _TOLD_EVERY)
+                self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _PROGRESS_INTERVAL_S)
                 if self._ended:
                     return
                 frame, self._frame = self._frame, None
@@ -216,7 +216,7 @@ class LiveScan(threading.Thread):
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
         run.scan_log.refuse("scan", run.scanner)
-        scan_result = finished(run.scanner, self._meant(order), _TRIANGLES, name)
+        scan_result = finished(run.scanner, self._meant(order), _MAX_TRIANGLES, name)
         self.actor = self._cast(scan_result.mesh, name, scan_result.person)
         if scan_result.person is not None:
             settings = self.actor.settings
@@ -244,15 +244,15 @@ class LiveScan(threading.Thread):
     def _tell(self) -> None:
         """Sends progress and the pieces that changed."""
         now, scanner = time.monotonic(), self._run.scanner
-        if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
+        if now - self._shown >= _PREVIEW_INTERVAL_S and self.phase in ("scanning", "paused", "failed"):
             since, self._shown = min(now - self._shown, 1.0), now
             shown = shown_of(scanner)
             if shown.alone is not self._alone:
                 self._alone = shown.alone
                 self._growing.anew()
-            self._messages.extend(self._growing.changes(shown.volume, round(_BYTES * since)))
+            self._messages.extend(self._growing.changes(shown.volume, round(_MAX_BYTES_PER_SECOND * since)))
             self._place.look(shown)
-        if now - self._told >= _TOLD_EVERY or self.phase == "done":
+        if now - self._told >= _PROGRESS_INTERVAL_S or self.phase == "done":
             self._told = now
             self._messages.append(self._message())
 

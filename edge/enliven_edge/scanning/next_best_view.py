@@ -12,19 +12,19 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven.scanning import Ground
 
-_NEAR = 0.75
+_FOCUS_RADIUS_M = 0.75
 """Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
-_AROUND = 16
+_DIRECTIONS = 16
 """Number of compared directions around the object, each at two elevations."""
-_RAISED = (0.3, 0.9)
+_ELEVATIONS = (0.3, 0.9)
 """Elevation angles above the horizon, in radians: of a camera that a person carries, and of a view from
 above."""
-_REACH = 0.04
+_GAP_WIDTH_M = 0.04
 """Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
 of the missing area."""
-_LOW = 0.05
+_FLOOR_BAND_M = 0.05
 """Height above the floor, in metres, below which a boundary edge belongs to the floor itself."""
-_ENOUGH = 0.1
+_MIN_MISSING = 0.1
 """If less than this fraction is missing, no further view is suggested."""
 
 
@@ -54,17 +54,21 @@ def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView
     """
     middles, outward, lengths = _rims(mesh)
     heights = ground.heights(middles) if len(middles) else np.empty(0)
-    near = np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _NEAR)) if len(middles) else heights
+    near = (
+        np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _FOCUS_RADIUS_M))
+        if len(middles)
+        else heights
+    )
     # The boundary of the floor around the object is the object's shadow. It counts half, because the object
     # that casts it should be seen from behind instead.
-    worth = lengths * near * np.where(heights > _LOW, 1.0, 0.5)
+    worth = lengths * near * np.where(heights > _FLOOR_BAND_M, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2
-    about = np.exp(-np.square(np.linalg.norm(faces.mean(1) - focus, axis=1) / _NEAR))
+    about = np.exp(-np.square(np.linalg.norm(faces.mean(1) - focus, axis=1) / _FOCUS_RADIUS_M))
     seen = float((areas * about).sum())
-    lacking = float(worth.sum()) * _REACH
+    lacking = float(worth.sum()) * _GAP_WIDTH_M
     missing = lacking / max(lacking + seen, 1e-9)
-    if missing < _ENOUGH or not len(middles):
+    if missing < _MIN_MISSING or not len(middles):
         return NextView(missing, None)
     ways = _ways(ground.normal)
     gains = (np.maximum(ways @ outward.T, 0.0) * worth).sum(1)
@@ -92,7 +96,7 @@ def _ways(up: Float) -> Float:
     upright = rotation.to_matrix(rotation.swing(np.array([0.0, 1.0, 0.0]), up))
     directions = [
         [math.cos(high) * math.sin(a), math.sin(high), math.cos(high) * math.cos(a)]
-        for high in _RAISED
-        for a in np.arange(_AROUND) * (2 * math.pi / _AROUND)
+        for high in _ELEVATIONS
+        for a in np.arange(_DIRECTIONS) * (2 * math.pi / _DIRECTIONS)
     ]
     return np.asarray(directions @ upright.T)

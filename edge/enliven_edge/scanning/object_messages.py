@@ -14,7 +14,7 @@ _NOT_SEEN_TO_TURN = (
     "in view, and turn it once in ten seconds or more."
 )
 """Message if an object should have been tracked while it turned, but did not turn."""
-_COARSE = 1
+_COARSE_VOLUME = 1
 """Index of the volume with voxels of 16 mm, which is used to count objects: this takes a tenth of a
 second."""
 
@@ -60,7 +60,7 @@ def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
 
 def _of_several(scanner: Scanner) -> list[str]:
     """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
-    mesh, cut = surface_of(scanner.volumes[_COARSE]), scanner.settings.cut_out
+    mesh, cut = surface_of(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
     try:
         ground = find_ground(mesh, settings=cut)
     except InputError:

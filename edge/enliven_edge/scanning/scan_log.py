@@ -12,11 +12,11 @@ from enliven.scanning import Scanner, ScanState, ScanStep
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.person import PersonScanner
 
-_STILL = 0.05
+_MIN_PATH_M = 0.05
 """Shortest camera path that shows an object from more than one side, in metres."""
-_OFTEN = 0.2
+_MIN_PROBLEM_FRACTION = 0.2
 """Minimum fraction of frames with a problem before the user is notified."""
-_QUICK = 1.0
+_MAX_CAMERA_SPEED = 1.0
 """Maximum camera speed, in metres per second: a brisk walk. Faster cameras blur images and lose tracking."""
 
 
@@ -46,7 +46,7 @@ class ScanLog:
         if self._last is not None:
             moved = float(np.linalg.norm(place - self._last[1]))
             self.way += moved
-            self._quick += moved > _QUICK * max(time_ns - self._last[0], 1) * 1e-9
+            self._quick += moved > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
         self._last = time_ns, place
 
     @property
@@ -69,14 +69,14 @@ class ScanLog:
             problem = "no frame shows enough depth"
             raise InputError(problem, where=where, mend="Go nearer, or scan something that does not reflect.")
         unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
-        if self.way < _STILL and 2 * unsure > self.frames:
+        if self.way < _MIN_PATH_M and 2 * unsure > self.frames:
             problem = "only a blank surface was seen, which does not tell where the camera is"
             raise InputError(problem, where=where, mend="Keep corners, edges and objects in view, too.")
-        if self.way < _STILL and 2 * lost > self.frames:
+        if self.way < _MIN_PATH_M and 2 * lost > self.frames:
             problem = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
             mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
             raise InputError(problem, where=where, mend=mend)
-        if self.way < _STILL:
+        if self.way < _MIN_PATH_M:
             problem = f"the camera moved {100 * self.way:.0f} cm only"
             raise InputError(problem, where=where, mend="Carry it round the object.")
 
@@ -85,14 +85,14 @@ class ScanLog:
         if isinstance(scanner, PersonScanner):
             return scanner.advice(self.frames)
         total, sentences = max(self.frames, 1), []
-        if self.counts[ScanState.LOST] > _OFTEN * total:
+        if self.counts[ScanState.LOST] > _MIN_PROBLEM_FRACTION * total:
             lost = (
                 f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
             )
             sentences.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
-        if self.counts[ScanState.UNSURE] > _OFTEN * total:
+        if self.counts[ScanState.UNSURE] > _MIN_PROBLEM_FRACTION * total:
             sentences.append("Often only a blank surface was seen, so the camera could not be located.")
-        if self._quick > _OFTEN * total:
+        if self._quick > _MIN_PROBLEM_FRACTION * total:
             sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.full):
             full = "The memory for voxels was full: nothing more was added, and all until then was kept."

@@ -38,14 +38,14 @@ PROJECT = ".enliven"
 """File suffix of a project. The scan is a character of it that can be possessed."""
 ENDINGS = (*WRITABLE, PROJECT)
 """File suffixes that a scan can be written to."""
-_BEFORE = 120
+_MAX_EMPTY_IMAGES = 120
 """Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
 
-_AS_SEEN = "; no floor was found, so the box lay as the first camera did"
+_NO_FLOOR_NOTE = "; no floor was found, so the box lay as the first camera did"
 """Note added to a cut by a box if no floor was found that defines the upright direction."""
 
 
-_AS_FIRST = "the whole room, before the object was moved"
+_MOVED_OBJECT_NOTE = "the whole room, before the object was moved"
 """Note added to a whole-room scan with a moved object: only the room before the move is kept."""
 
 
@@ -127,9 +127,9 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     if keep.what == "box" and keep.low is not None and keep.high is not None:
         own = frame if keep.upright_from_world is None else keep.upright_from_world
         out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
-        lies = "" if ground or keep.upright_from_world is not None else _AS_SEEN
+        lies = "" if ground or keep.upright_from_world is not None else _NO_FLOOR_NOTE
         return out.mesh, _parts(out, mesh, "in the box") + lies
-    note = _AS_FIRST if several else ""
+    note = _MOVED_OBJECT_NOTE if several else ""
     return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
 
 
@@ -142,7 +142,7 @@ def _parts(out: CutOut, whole: Mesh, where: str) -> str:
 def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
     """Yields images of the empty place, as many as needed."""
     numbers = [number for number in scanner.history.numbers if number < before]
-    chosen = numbers[:: max(len(numbers) // _BEFORE, 1)]
+    chosen = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
     for number, frame in scanner.history.frames(chosen):
         depth = np.asarray(frame.depth, np.float32)
         yield KnownImage(depth, frame.intrinsics, scanner.poses[number][1])

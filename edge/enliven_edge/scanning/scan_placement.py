@@ -12,14 +12,14 @@ from enliven.scanning import Ground, find_ground, focus_of, surface_of, upright_
 from enliven_edge.scanning.next_best_view import next_view
 from enliven_edge.scanning.scan_view import ScanView
 
-_LOOKED_EVERY = 1.0
+_SEARCH_INTERVAL_S = 1.0
 """Seconds between two searches in the whole scan. Each takes 0.15 s."""
-_CARRIED = 1.2
+_DEFAULT_CAMERA_HEIGHT_M = 1.2
 """Assumed camera height above the floor until the floor is seen, in metres."""
-_MOVED = 0.03
+_MIN_MOTION_M = 0.03
 """Minimum motion of the floor or the centre that moves the placement, in metres. Without it, the view would
 jitter."""
-_SETTLED = 30
+_SETTLING_IMAGES = 30
 """Number of images until the centre is fixed. Before that the camera may still approach the object."""
 
 
@@ -34,7 +34,7 @@ class ScanPlacement:
 
     def __init__(self) -> None:
         self.stage_from_scan = np.eye(4)
-        self.stage_from_scan[1, 3] = _CARRIED
+        self.stage_from_scan[1, 3] = _DEFAULT_CAMERA_HEIGHT_M
         self.missing, self.view = 1.0, list[float]()
         self._looked, self._found, self._places = 0.0, False, 1
         self._room_from_shown: Float = np.eye(4)
@@ -43,7 +43,7 @@ class ScanPlacement:
         """Updates floor, centre and next best view if the last update is old."""
         now, scanner = time.monotonic(), shown.room
         another = shown.places != self._places
-        if scanner is None or not scanner.poses or (now - self._looked < _LOOKED_EVERY and not another):
+        if scanner is None or not scanner.poses or (now - self._looked < _SEARCH_INTERVAL_S and not another):
             return
         self._looked = now
         if another:
@@ -53,7 +53,7 @@ class ScanPlacement:
         try:
             ground = ground or find_ground(mesh, settings=scanner.settings.cut_out)
         except InputError:
-            ground = Ground(np.array([0.0, 1.0, 0.0]), -_CARRIED, 0.0)
+            ground = Ground(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
@@ -78,11 +78,11 @@ class ScanPlacement:
         """Moves the floor to y = 0 and the centre above the origin, if they moved."""
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]
-        if self._found and images > _SETTLED:
+        if self._found and images > _SETTLING_IMAGES:
             # Keep the centre fixed, and follow only the floor.
             kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
             wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
         corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)
         moved = corners @ (wanted - self.stage_from_scan).T
-        if not self._found or np.linalg.norm(moved, axis=1).max() > _MOVED:
+        if not self._found or np.linalg.norm(moved, axis=1).max() > _MIN_MOTION_M:
             self.stage_from_scan, self._found = wanted, True

@@ -13,10 +13,10 @@ from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
 from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
 
-_NEWS = 4.0
+_FOUND_SHOWN_S = 4.0
 """Seconds of the sensor's clock for which a re-found object is reported as found."""
 
-_STILL = 0.4
+_STANDING_AFTER_S = 0.4
 """Seconds of the sensor's clock that an object must stand still before it is reported as standing."""
 
 
@@ -89,7 +89,7 @@ class MovedObjectState:
             # Wait for a few images, because an object that is carried slowly seems to stand still for an
             # image or two.
             looked_for: ThingWord = "sought" if step.sought else "settling"
-            self.word = looked_for if self.seconds >= _STILL else "carried"
+            self.word = looked_for if self.seconds >= _STANDING_AFTER_S else "carried"
             return
         self._still_ns = None
         if step.state is ObjectState.LOST:
@@ -98,5 +98,5 @@ class MovedObjectState:
         if step.state is ObjectState.FOLLOWED:
             self.word = "turning"
             return
-        new = self._found_ns is not None and 0 <= time_ns - self._found_ns < _NEWS * 1e9
+        new = self._found_ns is not None and 0 <= time_ns - self._found_ns < _FOUND_SHOWN_S * 1e9
         self.word = "found" if new else "stands"

@@ -8,7 +8,7 @@ from enliven.arrays import Float, Int
 from enliven.scanning import PIECE_STEPS, DistanceVolume, PieceSums, ScanPiece, piece_of, piece_sums
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
-_CHANGED = 0.25
+_MIN_CHANGE = 0.25
 """Minimum change before a piece is sent again: its weights grew by a fifth, or a quarter of it is new."""
 _MAX_PIECES = 2000
 """Maximum number of pieces that are shown: a hall at 1 cm. A viewer that connects late gets all of them at
@@ -41,7 +41,7 @@ class SurfacePreview:
         amounts = self._much(places, sums)
         for k in np.argsort(-amounts, kind="stable"):
             place = places[k]
-            if most <= 0 or amounts[k] < _CHANGED:
+            if most <= 0 or amounts[k] < _MIN_CHANGE:
                 break
             if place not in self._sent and len(self._sent) >= _MAX_PIECES:
                 continue

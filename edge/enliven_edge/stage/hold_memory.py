@@ -12,7 +12,7 @@ from enliven.possession import Actor, Mode
 
 log = logging.getLogger(__name__)
 
-_SETTLED_IN = 12
+_SETTLING_SOLVES = 12
 """Number of solves of one frame, from the starting pose of the hold to the current pose. Each solve about
 halves the remaining distance."""
 
@@ -91,6 +91,6 @@ class HoldMemory:
                 actor.possess(taken.body, taken.parts, taken.mode)
             except InputError as error:
                 log.warning("%s", error)
-        for _ in range(_SETTLED_IN if held else 0):
+        for _ in range(_SETTLING_SOLVES if held else 0):
             actor.perform(bodies, time_ns)
         return held

@@ -23,7 +23,7 @@ from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
 """The part of a performer's surface that a depth sensor sees, by body id."""
-_GAP = 0.4
+_CHARACTER_GAP_M = 0.4
 """Gap on the floor between two characters that wait side by side, in metres. Their arms must not reach across
 by chance."""
 
@@ -324,4 +324,4 @@ class Stage:
         """Returns the sideways offset in metres for one more character next to those that are there."""
         wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
         aside = [actor.aside for actor in self.actors.values()]
-        return max((a + float(w) + _GAP for a, w in zip(aside, wide, strict=True)), default=0.0)
+        return max((a + float(w) + _CHARACTER_GAP_M for a, w in zip(aside, wide, strict=True)), default=0.0)

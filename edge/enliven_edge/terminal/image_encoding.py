@@ -18,13 +18,13 @@ from enliven.arrays import UInt8
 
 ImageProtocol = Literal["kitty", "iterm", "sixel", "blocks", "blocks256"]
 IMAGE_PROTOCOLS = get_args(ImageProtocol)
-_PIECE = 4096
+_CHUNK_CHARACTERS = 4096
 """Characters of a piece of kitty's graphics, by its protocol."""
-_COLOURS = 256
+_SIXEL_COLOURS = 256
 """Number of colours of a sixel image: the minimum of VT340 emulators."""
-_BAND = 6
+_SIXEL_ROWS = 6
 """Pixel rows of one row of sixels."""
-_PIXELS = 480
+_MAX_WIDTH_PX = 480
 """Maximum width in pixels of an image that the terminal draws itself."""
 
 
@@ -42,13 +42,13 @@ def encoded_picture(picture: UInt8, way: ImageProtocol, columns: int = 80) -> st
         "blocks": half_blocks,
         "blocks256": lambda each: half_blocks(each, exact=False),
     }
-    return makers[way](_fitting(picture, columns if way.startswith("blocks") else _PIXELS))
+    return makers[way](_fitting(picture, columns if way.startswith("blocks") else _MAX_WIDTH_PX))
 
 
 def kitty(picture: UInt8) -> str:
     """Encodes in kitty's graphics protocol: a PNG in base64, in pieces."""
     data = base64.standard_b64encode(_png(picture)).decode()
-    pieces = [data[at : at + _PIECE] for at in range(0, len(data), _PIECE)]
+    pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
     codes = []
     for number, piece in enumerate(pieces):
         # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
@@ -67,7 +67,7 @@ def iterm(picture: UInt8) -> str:
 
 def sixel(picture: UInt8) -> str:
     """Encodes as sixels of at most 256 colours: six rows at a time, each colour over the same band."""
-    image = Image.fromarray(picture).quantize(_COLOURS, dither=Image.Dither.NONE)
+    image = Image.fromarray(picture).quantize(_SIXEL_COLOURS, dither=Image.Dither.NONE)
     indices = np.asarray(image)
     height, width = indices.shape
     palette = np.asarray(image.getpalette(), np.float64).reshape(-1, 3)
@@ -76,8 +76,8 @@ def sixel(picture: UInt8) -> str:
     for colour in used:
         red, green, blue = np.rint(palette[colour] * 100 / 255).astype(int)
         codes.append(f"#{colour};2;{red};{green};{blue}")
-    for top in range(0, height, _BAND):
-        codes.append(_sixel_band(indices[top : top + _BAND]))
+    for top in range(0, height, _SIXEL_ROWS):
+        codes.append(_sixel_band(indices[top : top + _SIXEL_ROWS]))
     return "".join(codes) + "\x1b\\\n"
 
 

@@ -14,17 +14,17 @@ from enliven_edge.terminal.image_encoding import ImageProtocol
 
 PATIENCE = 1.0
 """Seconds to wait for a terminal's answer, also behind a slow network line. Nearly all answer immediately."""
-_QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
+_QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
 """Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
 the answers come in this order."""
 _ERASE = b"\r\x1b[K"
 """Erases the query if an old terminal printed it."""
-_PRINTS_QUESTIONS = ("linux", "Apple_Terminal")
+_PRINTS_QUERY = ("linux", "Apple_Terminal")
 """Terminals that would print the first query. They cannot draw images."""
 _ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
 _SIXEL = b"4"
 """The attribute of a terminal that draws sixels."""
-_MOST_BYTES = 4096
+_MAX_ANSWER_BYTES = 4096
 """Maximum bytes of an answer: more is a user's typing, which is not waited for."""
 
 
@@ -42,7 +42,7 @@ def image_protocol(
     if named := _named(environment):
         return named
     named_so = {environment.get("TERM"), environment.get("TERM_PROGRAM")}
-    able = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUESTIONS)
+    able = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUERY)
     if able and (answer := _asked(out.fileno(), keys.fileno(), patience)):
         if b"_Gi=31;OK" in answer:
             return "kitty"
@@ -69,12 +69,12 @@ def _asked(out: int, keys: int, patience: float) -> bytes:
     with _unechoed(keys) as able:
         if not able:
             return b""
-        os.write(out, _QUESTION)
+        os.write(out, _QUERY)
         answer, until = b"", time.monotonic() + patience
-        while not _ATTRIBUTES.search(answer) and len(answer) < _MOST_BYTES:
+        while not _ATTRIBUTES.search(answer) and len(answer) < _MAX_ANSWER_BYTES:
             if not select.select([keys], [], [], max(0.0, until - time.monotonic()))[0]:
                 break
-            if not (more := os.read(keys, _MOST_BYTES)):
+            if not (more := os.read(keys, _MAX_ANSWER_BYTES)):
                 break
             answer += more
         os.write(out, _ERASE)

@@ -22,21 +22,21 @@ from enliven_edge.tracking.scene import UNSEEN, BackgroundModel, Mounting
 from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
-_YOUNG = 1.0
+_YOUNG_AGE_S = 1.0
 """Age of the background model in seconds up to which it may contain parts of people by mistake."""
-_SURFACE = 0.05
+_SURFACE_DISTANCE_M = 0.05
 """Metres from a person's surface within which a part of the background is taken for the person. It covers the
 error of the fit."""
 _FURNITURE_RATE_HZ = 5.0
 """Searches per second for furniture next to people. Furniture does not move, so this is enough."""
 
-_LEGS_WITHOUT_FLOOR = 0.5
+_MAX_LEG_CONFIDENCE = 0.5
 """Maximum confidence of a knee, ankle or foot while the floor is only guessed. The guessed floor plane cuts
 off the shins."""
-_AT_FIRST = 0.6
+_FIRST_CONFIDENCE = 0.6
 """Maximum confidence of a joint in the frame in which its person is found. In a single frame a pattern on a
 wall may fit a body."""
-_EARNED_NS = 300_000_000
+_CONFIDENCE_RAMP_NS = 300_000_000
 """Nanoseconds after which the limit of a new person's confidence is gone, if the network also sees a person.
 A pattern loses its body within about ten frames."""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
@@ -219,8 +219,8 @@ class Tracker:
         An example is a leg below a hole in the depth.
         """
         people = [p.follower.posture for p in self._people.people if not p.travelled]
-        if people and room.age < _YOUNG:
-            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
+        if people and room.age < _YOUNG_AGE_S:
+            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
 
     def _give_up(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds pixels that touch people and never move to the background model.
@@ -251,11 +251,13 @@ class Tracker:
             sure: (20,) the confidence from the fit.
             age_ns: nanoseconds since the person was found.
         """
-        earned = min(max(age_ns / _EARNED_NS, 0.0), 1.0)
+        earned = min(max(age_ns / _CONFIDENCE_RAMP_NS, 0.0), 1.0)
         if earned == 1.0 and self._mounting.floor_known:
             return sure
-        legs = 1.0 if self._mounting.floor_known else _LEGS_WITHOUT_FLOOR
-        most = np.minimum(_AT_FIRST + (1.0 - _AT_FIRST) * earned, np.where(_IS_LEG, legs, 1.0))
+        legs = 1.0 if self._mounting.floor_known else _MAX_LEG_CONFIDENCE
+        most = np.minimum(
+            _FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * earned, np.where(_IS_LEG, legs, 1.0)
+        )
         return np.minimum(sure, most)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:

@@ -17,11 +17,11 @@ SIDE = 4
 widths."""
 LANES = SIDE * SIDE
 """Number of rays in a tile."""
-_STEPS = 64
+_MAX_STEPS = 64
 """Maximum number of steps of a ray. Grazing rays need the most."""
-_CLOSE = 5e-4
+_HIT_DISTANCE_M = 5e-4
 """A ray has arrived if it is this close to the surface, metres. It is less than a sensor's depth step."""
-_WARINESS = 1.4
+_STEP_SAFETY = 1.4
 """Safety factor: a distance may shrink this many times faster than the ray advances, since the distances of
 ellipsoids are first-order approximations."""
 _FAR = 1e9
@@ -52,8 +52,8 @@ def sphere_trace(
     for k in range(LANES):
         lanes[DEPTH + k], lanes[MET + k] = near, -1.0
     longest = _greatest(lanes, LENGTH, 1.0)
-    for _ in range(_STEPS):
-        travelled = _WARINESS * (_greatest(lanes, DEPTH, 1.0) - near) * longest
+    for _ in range(_MAX_STEPS):
+        travelled = _STEP_SAFETY * (_greatest(lanes, DEPTH, 1.0) - near) * longest
         _distances(shape, kind, group, near_by, clear, travelled, lanes, blend, between)
         if _advance(lanes) == 0:
             return
@@ -70,7 +70,7 @@ def _advance(lanes: Float) -> int:
         lanes[DEPTH + k] += lanes[_WHOLE + k] / lanes[LENGTH + k]
         if lanes[DEPTH + k] >= lanes[END + k]:
             continue
-        if lanes[_WHOLE + k] < _CLOSE:
+        if lanes[_WHOLE + k] < _HIT_DISTANCE_M:
             lanes[MET + k] = lanes[_NEAREST_HIT + k]
         else:
             active += 1

@@ -12,15 +12,15 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven_synthesis.sensor.moved_object import arm_mesh
 
-_LIFTED = 1.5
+_LIFT_TIME_S = 1.5
 """Time in which the object is picked up before it turns, seconds."""
 _TREMOR = 0.01
 """Amplitude of the hands' tremor, metres."""
-_ARM = 0.6
+_ARM_LENGTH_M = 0.6
 """Visible length of an arm from the hand, metres."""
 _SWAY = 0.03
 """Sway amplitude of the person holding the object, metres."""
-_THICK = 4.0
+_TRUNK_THICKNESS = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 
 
@@ -49,7 +49,7 @@ class HandTurnedPath:
 
     def world_from_thing(self, time: float) -> Float:
         """Returns the (4, 4) pose of the object at a time in seconds."""
-        share = min(max((time - self.begins) / _LIFTED, 0.0), 1.0)
+        share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
         angle, shake = self._angle(time), share * _TREMOR
         lean = share * self.tilt * math.sin(2.0 * angle)
@@ -65,7 +65,7 @@ class HandTurnedPath:
 
     def _angle(self, time: float) -> float:
         """Returns the object's rotation angle, radians."""
-        passed = max(time - self.begins - _LIFTED, 0.0)
+        passed = max(time - self.begins - _LIFT_TIME_S, 0.0)
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
@@ -73,7 +73,7 @@ class HandTurnedPath:
         arms = list[Mesh]()
         if self.behind:
             feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
-            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _THICK))
+            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS))
         if time < self.begins - 0.4:
             return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
@@ -84,5 +84,5 @@ class HandTurnedPath:
             grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]
             hand = pose[:3, :3] @ np.array(grip) + pose[:3, 3]
             away = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
-            arms.append(arm_mesh(hand, hand + _ARM * away))
+            arms.append(arm_mesh(hand, hand + _ARM_LENGTH_M * away))
         return arms

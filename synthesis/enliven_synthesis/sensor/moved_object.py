@@ -16,19 +16,19 @@ from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven_synthesis.sensor.handheld import HandheldPath, HandheldScan
 
-_LIFT = 0.2
+_LIFT_HEIGHT_M = 0.2
 """Height of an object above its rest in the middle of a move, metres."""
-_GRIP = 0.4
+_GRIP_TIME_S = 0.4
 """Time that the hands hold the object before it moves and after it comes to rest, seconds."""
-_ARM = 0.7
+_ARM_LENGTH_M = 0.7
 """Visible length of an arm from the hand, metres."""
-_WRIST = 0.035
+_ARM_RADIUS_M = 0.035
 """Radius of an arm, metres."""
-_HAND = 0.05
+_HAND_RADIUS_M = 0.05
 """Radius of a closed hand, metres."""
-_AROUND = 12
+_ARM_CORNERS = 12
 """Number of corners of an arm's cross-section. The polygon is within a millimetre of a circle."""
-_SKIN = (205, 150, 125)
+_SKIN_COLOUR = (205, 150, 125)
 """sRGB of hands and arms."""
 
 
@@ -63,12 +63,12 @@ class MovedObjectPath:
             pose = np.eye(4)
             pose[:3, :3] = rotation.to_matrix(turn)
             pose[:3, 3] = start[:3, 3] + share * (stop[:3, 3] - start[:3, 3])
-            pose[1, 3] += _LIFT * math.sin(math.pi * share)
+            pose[1, 3] += _LIFT_HEIGHT_M * math.sin(math.pi * share)
         return pose
 
     def held(self, time: float) -> bool:
         """Returns True if hands hold the object."""
-        return any(begin - _GRIP < time < end + _GRIP for begin, end in self.times)
+        return any(begin - _GRIP_TIME_S < time < end + _GRIP_TIME_S for begin, end in self.times)
 
     def arms(self, time: float) -> list[Mesh]:
         """Returns the meshes of the arms that hold the object, world."""
@@ -76,7 +76,7 @@ class MovedObjectPath:
             return []
         pose, away = self.world_from_thing(time), rotation.unit(np.array(self.towards))
         hands = [pose[:3, :3] @ np.array(grip) + pose[:3, 3] for grip in self.grips]
-        return [arm_mesh(hand, hand + _ARM * away) for hand in hands]
+        return [arm_mesh(hand, hand + _ARM_LENGTH_M * away) for hand in hands]
 
 
 @dataclass(frozen=True)
@@ -176,16 +176,16 @@ def arm_mesh(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
     turn = rotation.to_matrix(rotation.swing(np.array([0.0, 0.0, 1.0]), along))
     length = float(np.linalg.norm(shoulder - hand))
     angles = np.linspace(0.0, math.pi, 7)[:-1]
-    fist, wrist = thick * _HAND, thick * _WRIST
+    fist, wrist = thick * _HAND_RADIUS_M, thick * _ARM_RADIUS_M
     rings = [(-fist * math.cos(a), max(fist * math.sin(a), 1e-4)) for a in angles if a < 2.4]
     rings += [(1.4 * fist, wrist), (length, wrist), (length + 1e-3, 1e-4)]
-    around = 2.0 * math.pi * np.arange(_AROUND) / _AROUND
+    around = 2.0 * math.pi * np.arange(_ARM_CORNERS) / _ARM_CORNERS
     points = np.concatenate(
-        [np.stack([r * np.cos(around), r * np.sin(around), np.full(_AROUND, z)], 1) for z, r in rings]
+        [np.stack([r * np.cos(around), r * np.sin(around), np.full(_ARM_CORNERS, z)], 1) for z, r in rings]
     )
-    k, n = np.meshgrid(np.arange(len(rings) - 1), np.arange(_AROUND), indexing="ij")
-    a, b = k * _AROUND + n, k * _AROUND + (n + 1) % _AROUND
-    quads = np.stack([a, b, b + _AROUND, a + _AROUND], -1).reshape(-1, 4)
+    k, n = np.meshgrid(np.arange(len(rings) - 1), np.arange(_ARM_CORNERS), indexing="ij")
+    a, b = k * _ARM_CORNERS + n, k * _ARM_CORNERS + (n + 1) % _ARM_CORNERS
+    quads = np.stack([a, b, b + _ARM_CORNERS, a + _ARM_CORNERS], -1).reshape(-1, 4)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
-    colours = np.tile(np.array(_SKIN, np.uint8), (len(points), 1))
+    colours = np.tile(np.array(_SKIN_COLOUR, np.uint8), (len(points), 1))
     return Mesh(points @ turn.T + hand, faces, "arm", colours)

@@ -11,7 +11,7 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.meshes import Mesh
 
-_STARTS = 0.5
+_START_TIME_S = 0.5
 """Time in which the turntable reaches its speed, seconds."""
 
 
@@ -33,7 +33,7 @@ class TurntablePath:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         passed = max(time - self.begins, 0.0)
         # Let the speed of the turntable grow linearly at first.
-        even = passed - _STARTS / 2 if passed > _STARTS else passed * passed / (2 * _STARTS)
+        even = passed - _START_TIME_S / 2 if passed > _START_TIME_S else passed * passed / (2 * _START_TIME_S)
         pose, axis = np.eye(4), np.array([self.place[0], 0.0, self.place[1]])
         turn = np.array([0.0, 2.0 * math.pi * even / self.period, 0.0])
         pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(turn))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from people_for_estimator import fresh, scene
 
 from enliven_edge.tracking.estimator.crop import (
-    _MARGIN,
+    _CROP_MARGIN,
     _MAX_CELL_M,
     _MIN_CELL_M,
     CHANNELS,
@@ -70,7 +70,7 @@ def test_the_middle_is_that_of_the_person_without_their_outliers(seed):
     low, high = ordered[first], ordered[len(v) - 1 - first]
     np.testing.assert_allclose(crop.centre, (low + high) / 2, atol=1e-12)
     assert crop.depth == np.sort(z[mask])[len(v) // 2]
-    needed = _MARGIN * crop.depth * max((high - low) / (COLUMNS, ROWS))
+    needed = _CROP_MARGIN * crop.depth * max((high - low) / (COLUMNS, ROWS))
     assert crop.cell == pytest.approx(min(_MAX_CELL_M, max(_MIN_CELL_M, needed)))
 
 

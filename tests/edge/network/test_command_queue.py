@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from enliven.wire import Release, ZmtpSession
-from enliven_edge.network.command_queue import _OWED, CommandQueue
+from enliven_edge.network.command_queue import _MAX_DEBT_FRAMES, CommandQueue
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
@@ -53,7 +53,7 @@ def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served:
     while "next" not in served.done:
         calls += 1
         served.work()
-        assert calls <= _OWED + 1
+        assert calls <= _MAX_DEBT_FRAMES + 1
     assert calls > 1, "the slow one is made up for a little"
 
 
@@ -61,6 +61,6 @@ def test_an_edge_with_few_frames_a_second_answers_as_soon(served: OrderTarget) -
     served.add("slow")
     served.work()
     served.add("next")
-    time.sleep((_OWED + 1) / 30)  # a loaded machine: one frame in half a second
+    time.sleep((_MAX_DEBT_FRAMES + 1) / 30)  # a loaded machine: one frame in half a second
     served.work()
     assert served.done == ["slow", "next"]

@@ -18,14 +18,14 @@ from enliven_edge.fusion.live import OTHER_SIDE
 from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_FRAMES = 900
+_MAX_FRAMES = 900
 """Maximum number of frames. Neighbouring frames contain the same information."""
-_MEMORY = 0.5
+_CORRELATION_TIME_S = 0.5
 """Correlation time of one sensor's errors in seconds: each such interval counts as one independent
 observation."""
-_LOOKS = 3.0
+_INDEPENDENT_POINTS = 3.0
 """Number of independent points per observation of a body. The errors of its 20 joints are correlated."""
-_STILL = 0.02
+_NOISE_M = 0.02
 """Disagreement in metres below which no joint is down-weighted: a tracker's noise."""
 
 
@@ -76,7 +76,7 @@ def refine(
     settings: CalibrationSettings,
     *,
     steps: int = 15,
-    frames: int = _FRAMES,
+    frames: int = _MAX_FRAMES,
 ) -> Fit | None:
     """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
@@ -166,7 +166,7 @@ def _stepped(
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
     # Count only independent observations, because the errors of neighbouring frames and of one body's joints
     # are correlated.
-    looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
+    looks = max(1.0, len(np.unique(np.floor(look.times / _CORRELATION_TIME_S)))) * _INDEPENDENT_POINTS
     scale = looks / max(trust.sum(), 1e-12) / variance
     h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
     precision = h.copy()
@@ -184,7 +184,7 @@ def _stepped(
 def _width(residuals: Float, weights: Float, widest: float) -> float:
     """Returns the robust width in metres: three times the median disagreement, within bounds."""
     seen = residuals[weights > 0]
-    return float(np.clip(3.0 * np.median(seen), _STILL, widest)) if len(seen) else widest
+    return float(np.clip(3.0 * np.median(seen), _NOISE_M, widest)) if len(seen) else widest
 
 
 def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:

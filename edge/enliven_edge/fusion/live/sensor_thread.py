@@ -70,7 +70,7 @@ class SensorThread(ABC):
         self.ended = True
 
 
-_WAITING = 2
+_MAX_QUEUED = 2
 """Maximum number of queued sets of bodies. The sensor is read no faster than they are fused."""
 
 
@@ -173,7 +173,7 @@ class TrackingThread(SensorThread):
     def _hand_on(self, seen: SensorBodies) -> None:
         """Queues bodies after waiting for room, so that a recording is not read faster than it is used."""
         with self._changed:
-            while len(self.seen) >= _WAITING and not self._stopped.is_set():
+            while len(self.seen) >= _MAX_QUEUED and not self._stopped.is_set():
                 self._changed.wait(PATIENCE)
             self.seen.append(seen)
             self._changed.notify_all()

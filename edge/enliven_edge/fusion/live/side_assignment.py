@@ -16,7 +16,7 @@ OTHER_SIDE = np.array(MIRROR)
 """(20,) the joint of the other side. The trunk's joints are mapped to themselves."""
 MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
 """(12, 2) pairs of joints with a midpoint that does not depend on the names of the sides."""
-_ABOUT_FACE = np.array([0.0, 0.0, 1.0, 0.0])
+_HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
 """(4,) the quaternion of half a turn about a bone's length."""
 
 
@@ -41,16 +41,16 @@ def exchanged(body: Body) -> Body:
         body,
         joints=body.joints[OTHER_SIDE],
         confidence=body.confidence[OTHER_SIDE],
-        orientations=None if turns is None else multiply(turns, _ABOUT_FACE)[OTHER_SIDE],
+        orientations=None if turns is None else multiply(turns, _HALF_TURN)[OTHER_SIDE],
         contacts=None if body.contacts is None else body.contacts[::-1].copy(),
     )
 
 
 _MIN_SIDE_SWAP_GAIN_M = 0.06
 """Minimum improvement of the fit in metres per joint for exchanged sides to be accepted."""
-_WALKING = 0.4
+_MIN_WALK_SPEED = 0.4
 """Minimum speed of the hips in metres per second at which walking shows the facing direction."""
-_SETTLED = 3.0
+_SETTLED_AFTER_S = 3.0
 """Time after which the left and right side of a new person count as known, in seconds."""
 
 
@@ -112,7 +112,7 @@ class SideAssignment:
         vote = 2.0 * crossed - 1.0 + (backward if 0.0 < crossed < 1.0 else 0.0)
         self._doubt = float(np.clip(self._doubt + vote * seconds, 0.0, 10.0))
         self._watched += seconds
-        settled = min(max(self._watched / _SETTLED, 0.1), 1.0)
+        settled = min(max(self._watched / _SETTLED_AFTER_S, 0.1), 1.0)
         over = self._doubt > settled * self._turn_over or (not known and crossed > 0.5)
         if over:
             self._crossed, self._doubt = ~self._crossed, 0.0
@@ -137,6 +137,6 @@ def walks_backward(joints: Float, velocity: Float) -> float:
     across = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)
     hips = velocity[Joint.HIP_CENTER]
     forward = np.array([-across[2], 0.0, across[0]])
-    if float(np.linalg.norm(forward)) < 0.05 or float(np.hypot(hips[0], hips[2])) < _WALKING:
+    if float(np.linalg.norm(forward)) < 0.05 or float(np.hypot(hips[0], hips[2])) < _MIN_WALK_SPEED:
         return 0.0
     return float(-np.sign(forward @ hips))

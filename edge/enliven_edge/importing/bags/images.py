@@ -16,7 +16,7 @@ from enliven_edge.importing.bags.ros1 import Fields
 
 _MAX_IMAGE_SIDE_PX = 8192
 """Maximum pixels of an image's side; the makers' largest have 1,600."""
-_PNG_BEGINS = 12
+_PNG_OFFSET = 12
 """Number of bytes that ROS writes before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
 """The makers' names of images with 16-bit distances."""
@@ -51,7 +51,7 @@ def packed_image(fields: Fields) -> UInt16:
         InputError: if it is not a depth image.
     """
     fields.text()
-    packed = fields.block()[_PNG_BEGINS:]
+    packed = fields.block()[_PNG_OFFSET:]
     try:
         with Image.open(io.BytesIO(packed), formats=["PNG"]) as picture:
             if max(picture.size) > _MAX_IMAGE_SIDE_PX or not picture.mode.startswith("I"):

@@ -16,16 +16,16 @@ from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
 
-_TURN = 0.1
+_POLL_INTERVAL_S = 0.1
 """Seconds between two checks whether the rehearsal has ended."""
 WAITING = 4
 """Maximum number of images waiting in a library. The next is sent after the driver has taken one."""
-_HEAD_START = 0.002
+_DRIVER_TIME_S = 0.002
 """Time that the driver gets for an image before the next one is decoded, in seconds. A real device needs no
 decoding here."""
 _MAX_PAUSE_S = 0.5
 """Maximum seconds of silence: after one second a driver would count as lost, and restart endlessly."""
-_GRACE = 0.5
+_DRAIN_TIME_S = 0.5
 """Time in which the last images pass through a library, in seconds, also on a busy machine."""
 _CLOCK_NS = 2_000
 """Nanoseconds of rounding by a library's clock: a frame interval is several thousand times longer."""
@@ -73,7 +73,7 @@ class DriverReplay:
         """
         if self._thread.ident is None:
             self._thread.start()
-        return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _GRACE)
+        return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _DRAIN_TIME_S)
 
     def taken(self, time_ns: int) -> int:
         """Records that the driver has taken the images up to this time out of its library.
@@ -96,14 +96,14 @@ class DriverReplay:
         """Stops the rehearsal."""
         self._stopped.set()
         if self._thread.is_alive():
-            self._thread.join(2 * _TURN)
+            self._thread.join(2 * _POLL_INTERVAL_S)
         self._sensor.close()
 
     def _play(self) -> None:
         number = 0
         while not self._stopped.is_set():
             try:
-                frame = self._sensor.read(_TURN)
+                frame = self._sensor.read(_POLL_INTERVAL_S)
             except TimeoutError:
                 continue
             except (InputError, SensorFault) as error:
@@ -119,7 +119,7 @@ class DriverReplay:
                     frame, sequence if sequence is not None and 0 <= sequence < _MAX_FRAME_NUMBER else number
                 )
                 number += 1
-                time.sleep(_HEAD_START)
+                time.sleep(_DRIVER_TIME_S)
         self._ended = time.monotonic()
         self._over.set()
 
@@ -129,7 +129,7 @@ class DriverReplay:
         Returns False if the rehearsal was stopped before.
         """
         while not self._stopped.is_set():
-            if not self._paced or self._room.acquire(timeout=_TURN):
+            if not self._paced or self._room.acquire(timeout=_POLL_INTERVAL_S):
                 return True
         return False
 

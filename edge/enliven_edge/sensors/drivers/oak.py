@@ -25,13 +25,13 @@ log = logging.getLogger(__name__)
 _SEARCH_MS = "1500"
 """Time for which the library searches for a camera, in milliseconds (its default is 10 s). A connected camera
 answers immediately."""
-_NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
+_NOT_FOUND_MESSAGES = ("No available devices", "Cannot find any device with given deviceInfo")
 """The library's messages if it finds no camera at all, or not the requested one."""
-_FELT_HZ = 100
+_ACCELEROMETER_HZ = 100
 """Readings of the accelerometer per second. The mean over a second is gravity."""
 _KINDS = {"LITE": "oak-d-lite"}
 """The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
-_HOT = 105.0
+_MAX_TEMPERATURE_C = 105.0
 """Chip temperature at which the chip throttles and then stops, in degrees Celsius (RVC2 data sheet)."""
 
 
@@ -114,7 +114,7 @@ class OakSensor(Sensor):
         slow = speed in (speeds.LOW, speeds.FULL, speeds.HIGH)
         link = "PoE" if speed == speeds.UNKNOWN else "USB 2" if slow else "USB 3"
         celsius = float(self._device.getChipTemperature().average)
-        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
+        return Condition(link, slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated)
 
     def close(self) -> None:
         if self._driver_replay:
@@ -169,9 +169,9 @@ class OakSensor(Sensor):
             depth, seen = aligned(dai, self._pipeline, stereo, size, fps)
         if self._device.getConnectedIMU() not in ("", "NONE"):
             imu = self._pipeline.create(dai.node.IMU)
-            imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
-            imu.setBatchReportThreshold(_FELT_HZ // 10)
-            imu.setMaxBatchReports(_FELT_HZ)
+            imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _ACCELEROMETER_HZ)
+            imu.setBatchReportThreshold(_ACCELEROMETER_HZ // 10)
+            imu.setMaxBatchReports(_ACCELEROMETER_HZ)
             self._felt = imu.out.createOutputQueue(WAITING, False)
             calibration = self._device.readCalibration()
             seeing = sockets.CAM_A if colour else sockets.CAM_C
@@ -191,7 +191,7 @@ class OakSensor(Sensor):
                 return dai.Device(cameras.get(wanted) or dai.DeviceInfo(wanted))
             return dai.Device(choose()) if cameras else dai.Device()
         except RuntimeError as error:
-            if str(error) in _NOT_THERE and wanted not in cameras:
+            if str(error) in _NOT_FOUND_MESSAGES and wanted not in cameras:
                 choose()
             raise refused("oak", error) from None
 
@@ -233,7 +233,7 @@ class OakSensor(Sensor):
             for packet in data.packets:
                 felt = packet.acceleroMeter
                 self._gravity.append(np.array([felt.x, felt.y, felt.z]))
-        self._gravity = self._gravity[-_FELT_HZ:]
+        self._gravity = self._gravity[-_ACCELEROMETER_HZ:]
         if not self._gravity:
             return None
         x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()

@@ -26,9 +26,9 @@ from enliven_edge.sensors.drivers.realsense_library import (
 )
 from enliven_edge.sensors.drivers.refusals import chosen, refused
 
-_STILL = 100
+_GRAVITY_READINGS = 100
 """Number of accelerometer readings, half a second at 200 Hz. Their mean is gravity."""
-_HOT = 90.0
+_MAX_TEMPERATURE_C = 90.0
 """Maximum degrees Celsius of the vision processor in the makers' data sheet (D400 family)."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
 """The profile of a camera, by a part of its name. The others have the stereo pair of the D435."""
@@ -67,7 +67,7 @@ class RealSenseSensor(Sensor):
             self._rehearsed(rehearse, colour) if self._driver_replay else self._found(str(serial), before)
         )
         self._streams: list[Any] = []
-        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)
+        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_GRAVITY_READINGS)
         self._gravity: list[np.ndarray] = []
         try:
             self._start((width, height, fps), preset, laser, colour)
@@ -93,7 +93,9 @@ class RealSenseSensor(Sensor):
         hot = self._depth.supports(rs.option.asic_temperature)
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
         slow = usb.startswith("2")
-        return Condition(f"USB {usb}" if usb else "", slow, celsius, _HOT, self._down(), self._calibrated)
+        return Condition(
+            f"USB {usb}" if usb else "", slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated
+        )
 
     def close(self) -> None:
         if self._driver_replay:
@@ -197,10 +199,10 @@ class RealSenseSensor(Sensor):
 
         A resting accelerometer measures the opposite.
         """
-        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _STILL:
+        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _GRAVITY_READINGS:
             felt = frame.as_motion_frame().get_motion_data()
             self._gravity.append(np.array([felt.x, felt.y, felt.z]))
-        self._gravity = self._gravity[-_STILL:]
+        self._gravity = self._gravity[-_GRAVITY_READINGS:]
         if not self._gravity:
             return None
         x, y, z = (-np.mean(self._gravity, axis=0)).tolist()

@@ -26,7 +26,7 @@ from enliven_edge.sensors.drivers.lens import known_or_typical, limits
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
 """Value of the range control in millimetres, by the requested range in metres."""
-_STEP = 100.0
+_INTRINSICS_SCALE = 100.0
 """The library reports intrinsics in hundredths of a pixel."""
 _REASONS = {
     "ArducamNoPermission": (
@@ -155,7 +155,7 @@ class TofSensor(Sensor):
             camera.setControl(ac.Control.RANGE, _MODES[metres])
             info, control = camera.getCameraInfo(), ac.Control
             asked = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
-            fx, fy, cx, cy = (camera.getControl(each) / _STEP for each in asked)
+            fx, fy, cx, cy = (camera.getControl(each) / _INTRINSICS_SCALE for each in asked)
             self._lens, self._calibrated = known_or_typical(
                 info.width, info.height, (fx, fy, cx, cy), _PROFILE, self.name
             )

@@ -24,12 +24,12 @@ from enliven_edge.sensors.base import Sensor
 from enliven_edge.sensors.isolation.crash_traceback import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
-_TURN = 0.1
+_READ_TIMEOUT_S = 0.1
 """Seconds that the driver may wait for an image before the next request is handled."""
-_FULL = 0.005
+_SLOT_POLL_S = 0.005
 """Seconds between two checks for a free slot if every image is wanted: half a fast camera's frame
 interval. A request that arrives in the meantime is handled first."""
-_CONDITION_EVERY = 1.0
+_CONDITION_INTERVAL_S = 1.0
 """Seconds between two reports of temperature, link and gravity."""
 
 
@@ -110,7 +110,7 @@ class _Helper:
     def _read(self, device: Sensor) -> None:
         """Sends the next frame, or the event in its place, to the edge."""
         try:
-            frame = device.read(_TURN)
+            frame = device.read(_READ_TIMEOUT_S)
         except TimeoutError:
             return
         except Exception as error:
@@ -128,7 +128,7 @@ class _Helper:
             self._pipe.send(
                 ("bad", "", "its driver returns something other than images and bodies", device.name, "")
             )
-        if self._device is not None and time.monotonic() - self._told > _CONDITION_EVERY:
+        if self._device is not None and time.monotonic() - self._told > _CONDITION_INTERVAL_S:
             self._told = time.monotonic()
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
 
@@ -144,7 +144,7 @@ class _Helper:
                 if self._device is None:
                     return
         while (slot := self._slots.write(frame.depth, frame.colour)) is None:
-            if not self._every or self._pipe.poll(_FULL):
+            if not self._every or self._pipe.poll(_SLOT_POLL_S):
                 return
         # Send the intrinsics only when they change.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics

@@ -24,7 +24,7 @@ SILENT = 1.0
 frames."""
 OPENING = 45.0
 """Maximum seconds for opening: a library that searches a network needs some twenty."""
-_CLOSING = 0.4
+_CLOSE_TIMEOUT_S = 0.4
 """Time that a driver gets to close its device before its process is killed, in seconds."""
 _MAX_WAITING_IMAGES = 3
 """Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
@@ -126,7 +126,7 @@ class HelperProcess:
         """Closes the device and ends the process, by force if it does not end itself."""
         with contextlib.suppress(SensorFault):
             self._say("close")
-            self._answer(_CLOSING, "closed")
+            self._answer(_CLOSE_TIMEOUT_S, "closed")
         self._pipe.close()
         self._words.close()
         self._process.join(0.05)
@@ -185,7 +185,7 @@ class HelperProcess:
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._say("memory", self._slots.name, size, count)
-        while self._pipe.poll(_CLOSING + SILENT):
+        while self._pipe.poll(_CLOSE_TIMEOUT_S + SILENT):
             try:
                 message = self._pipe.recv()
             except (EOFError, OSError):
@@ -197,7 +197,7 @@ class HelperProcess:
 
     def _lost(self) -> SensorFault:
         """Returns the fault of a process that has ended. Stores a report if it crashed."""
-        self._process.join(_CLOSING)
+        self._process.join(_CLOSE_TIMEOUT_S)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
         if code and code < 0 and (report := self._words.read()):

@@ -22,7 +22,7 @@ _MAX_SLOTS_BYTES = 32 << 20
 of shared memory for all programs."""
 SPARE = 3
 """Number of slots that stay free for the writer. If fewer are left, the reader copies its image out."""
-_HEAD = 64
+_HEADER_BYTES = 64
 """Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`. Images start at a cache line."""
 
 
@@ -47,7 +47,7 @@ class FrameSlots:
     @classmethod
     def make(cls, size: int, count: int = SLOTS) -> FrameSlots:
         """Creates a block for the reader. Call :meth:`forget` as soon as the writer has attached to it."""
-        return cls(_Memory(create=True, size=_HEAD + count * size), size, count)
+        return cls(_Memory(create=True, size=_HEADER_BYTES + count * size), size, count)
 
     @classmethod
     def attach(cls, name: str, size: int, count: int = SLOTS) -> FrameSlots:
@@ -103,7 +103,9 @@ class FrameSlots:
 
     def _place(self, slot: int) -> UInt8:
         """Returns (size,) the bytes of a slot, as a separate array."""
-        return np.ndarray((self.size,), np.uint8, buffer=self._memory.buf, offset=_HEAD + slot * self.size)
+        return np.ndarray(
+            (self.size,), np.uint8, buffer=self._memory.buf, offset=_HEADER_BYTES + slot * self.size
+        )
 
 
 class _Memory(SharedMemory):

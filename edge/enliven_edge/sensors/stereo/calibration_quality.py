@@ -11,12 +11,12 @@ from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
 from enliven_edge.sensors.stereo.stereo_solver import LEAST_PAIRS, BoardSighting, StereoSolution
 
-_STILL = 0.01
+_MAX_STILL_MOTION = 0.01
 """Maximum motion of the corners since the previous pair for which the board counts as still, as a fraction of
 the image's width."""
-_FRESH = 0.06
+_MIN_NEW_MOTION = 0.06
 """Minimum distance of the corners from those of each kept pair, as a fraction of the image's width."""
-_COMMON = 8
+_MIN_SHARED_CORNERS = 8
 """Minimum number of shared corners to compare two sightings."""
 
 
@@ -37,12 +37,12 @@ class PairSelector:
         seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
         before, self._before = self._before, seen
         for side in ("left", "right"):
-            if len(getattr(seen, side)) < _COMMON:
+            if len(getattr(seen, side)) < _MIN_SHARED_CORNERS:
                 return f"the {side} camera does not see enough of the board"
         width = left.shape[1]
-        if before is None or _moved(before, seen) > _STILL * width:
+        if before is None or _moved(before, seen) > _MAX_STILL_MOTION * width:
             return "hold the board still"
-        if any(_moved(each, seen) < _FRESH * width for each in self.kept):
+        if any(_moved(each, seen) < _MIN_NEW_MOTION * width for each in self.kept):
             return "move or tilt the board"
         self.kept.append(seen)
         return ""
@@ -57,34 +57,34 @@ def _moved(one: BoardSighting, other: BoardSighting) -> float:
     for side in ("left", "right"):
         a, b = getattr(one, side), getattr(other, side)
         shared = a.keys() & b.keys()
-        if len(shared) < _COMMON:
+        if len(shared) < _MIN_SHARED_CORNERS:
             return float("inf")
         moved.append(float(np.mean([np.linalg.norm(a[n] - b[n]) for n in shared])))
     return max(moved)
 
 
-_GOOD_REPROJECTION = 0.35
+_GOOD_REPROJECTION_PX = 0.35
 """Maximum reprojection error that still counts as good, in pixels. A sharp image gives corners to 0.1 to 0.3
 px."""
-_WORST_REPROJECTION = 1.0
+_MAX_REPROJECTION_PX = 1.0
 """Maximum pixels of reprojection error: beyond it, the lens model does not fit."""
-_GOOD_EPIPOLAR = 0.3
+_GOOD_EPIPOLAR_PX = 0.3
 """Maximum distance between matching rows that still counts as good, in pixels. The matcher searches only
 along one row."""
-_WORST_EPIPOLAR = 0.6
+_MAX_EPIPOLAR_PX = 0.6
 """Maximum pixels between matching rows: half a pixel off its row the matcher loses fine texture."""
-_FAR = 2.0
+_REPORT_DISTANCE_M = 2.0
 """Distance in metres for which the expected error is reported."""
 _GOOD_ERROR = 0.01
 """Expected relative depth error that still counts as good: 20 mm at 2 m, similar to a depth camera's."""
-_WORST_ERROR = 0.03
+_MAX_ERROR = 0.03
 """Maximum expected relative depth error: beyond it, limbs are hardly thicker than the error."""
-_MATCHER = 0.12
+_MATCHER_ERROR_PX = 0.12
 """Median disparity error of the matcher on rendered people, in pixels (benchmark sensors.stereo_error_mm)."""
-_LEAST_COVERED = 0.6
+_MIN_COVERED = 0.6
 """Minimum fraction of the image's fields with corners. In the other fields the lens distortion is only
 extrapolated."""
-_LEAST_TILT = 20.0
+_MIN_TILT_DEG = 20.0
 """Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
 _ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")
 """Names of the fields of an image."""
@@ -118,14 +118,17 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuali
     if c is None:
         lacking = f"Take {LEAST_PAIRS} pairs or more in which both cameras see most of the board, held still."
         return CalibrationQuality("not good enough", facts, [lacking])
-    error = expected_error(c, solution.disparity_error, _FAR)
+    error = expected_error(c, solution.disparity_error, _REPORT_DISTANCE_M)
     covered = {side: _covered(c, solution, side) for side in ("left", "right")}
     facts += [
         ("baseline", f"{1e3 * c.baseline:.1f} mm"),
         ("lenses", ", ".join(f"{side} {_view(c, side):.0f} degrees wide" for side in ("left", "right"))),
-        ("corners", f"{c.reprojection:.2f} px off (good below {_GOOD_REPROJECTION})"),
-        ("rows", f"{c.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR})"),
-        ("depth at 2 m", f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _FAR:.0f})"),
+        ("corners", f"{c.reprojection:.2f} px off (good below {_GOOD_REPROJECTION_PX})"),
+        ("rows", f"{c.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR_PX})"),
+        (
+            "depth at 2 m",
+            f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _REPORT_DISTANCE_M:.0f})",
+        ),
         (
             "seen",
             ", ".join(f"{side} {100 * seen.mean():.0f} % of the image" for side, seen in covered.items()),
@@ -137,7 +140,7 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuali
 
 def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
     """Returns the expected depth error in metres at a distance in metres."""
-    off = float(np.hypot(disparity_error, _MATCHER))
+    off = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
     return distance**2 * off / (calibration.left.fx * calibration.baseline)
 
 
@@ -149,24 +152,24 @@ def _advice(
     if c.translation[0] > 0:
         advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
         bad = True
-    if c.reprojection > _GOOD_REPROJECTION:
+    if c.reprojection > _GOOD_REPROJECTION_PX:
         advice.append(
             "Corners are off: glue the board to glass or a flat panel, hold it still, light it well."
         )
-        bad |= c.reprojection > _WORST_REPROJECTION
-    if c.epipolar > _GOOD_EPIPOLAR:
+        bad |= c.reprojection > _MAX_REPROJECTION_PX
+    if c.epipolar > _GOOD_EPIPOLAR_PX:
         advice.append(
             "Rows do not agree: screw both cameras to one stiff bar, and take the pairs at one moment."
         )
-        bad |= c.epipolar > _WORST_EPIPOLAR
-    if error > _GOOD_ERROR * _FAR:
+        bad |= c.epipolar > _MAX_EPIPOLAR_PX
+    if error > _GOOD_ERROR * _REPORT_DISTANCE_M:
         advice.append("Depth will be coarse: take pairs farther away too, use a longer bar or more pixels.")
-        bad |= error > _WORST_ERROR * _FAR
-    if solution.tilt < _LEAST_TILT:
+        bad |= error > _MAX_ERROR * _REPORT_DISTANCE_M
+    if solution.tilt < _MIN_TILT_DEG:
         advice.append("Tilt the board: some pairs by 30 degrees to each side, some up and down.")
         bad = True
     for side, seen in covered.items():
-        if seen.mean() < _LEAST_COVERED:
+        if seen.mean() < _MIN_COVERED:
             empty = ", ".join(f"{_ROWS[i]} {_COLUMNS[j]}" for i, j in np.argwhere(seen == 0)[:4])
             advice.append(f"The {side} camera has not seen the board at the {empty}: hold it there too.")
             bad = True

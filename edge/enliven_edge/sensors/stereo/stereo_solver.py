@@ -11,15 +11,15 @@ from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
 from enliven_edge.sensors.stereo.rectification import Rectification, opencv
 
-_LEAST_CORNERS = 8
+_MIN_CORNERS = 8
 """Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
 errors."""
 LEAST_PAIRS = 8
 """Minimum number of image pairs: two lenses and a pose have 24 unknowns, and each pair adds another pose."""
-_WORSE = 3.0
+_OUTLIER_RATIO = 3.0
 """Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
 was bent."""
-_FINE = 0.3
+_INLIER_ERROR_PX = 0.3
 """Error, in pixels, below which no pair is dropped."""
 
 
@@ -75,7 +75,7 @@ def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[i
     while len(used) >= LEAST_PAIRS:
         calibration, errors = _fitted(board, used, size)
         worst = int(np.argmax(errors))
-        if errors[worst] <= max(_WORSE * float(np.median(errors)), _FINE):
+        if errors[worst] <= max(_OUTLIER_RATIO * float(np.median(errors)), _INLIER_ERROR_PX):
             tilt = _widest_tilt(board, used, calibration)
             return StereoSolution(calibration, used, left_out, _held_out(board, used, size), tilt)
         left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
@@ -108,7 +108,7 @@ def _lacking(sighting: BoardSighting) -> str:
         if not getattr(sighting, side):
             return f"the {side} camera does not see the board"
     common = len(sighting.left.keys() & sighting.right.keys())
-    return "" if common >= _LEAST_CORNERS else f"the cameras see only {common} corners both"
+    return "" if common >= _MIN_CORNERS else f"the cameras see only {common} corners both"
 
 
 def _fitted(

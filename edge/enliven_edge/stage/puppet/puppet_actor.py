@@ -22,7 +22,7 @@ from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
-_STEP = 33_333_333
+_FRAME_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal, which warms the code up."""
 
 
@@ -128,7 +128,7 @@ class PuppetActor(Actor):
         joints = np.random.default_rng(0).normal(size=(20, 3))
         body = Body(0, joints, np.ones(20))
         for frame in range(6):
-            rehearsal.perform([body], frame * _STEP)
+            rehearsal.perform([body], frame * _FRAME_NS)
             if frame == 1:
                 rehearsal.possess(body)
 

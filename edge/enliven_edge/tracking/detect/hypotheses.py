@@ -22,11 +22,11 @@ from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
 
-_DOUBTED = 0.3
+_ROBUST_WIDTH_M = 0.3
 """Robust width in metres of the joints with which the model is aligned."""
-_STEPS = 10
+_NEAR_STEPS = 10
 """Steps of aligning a posture that is near."""
-_STEPS_FROM_STANDING = 20
+_RELAXED_STEPS = 20
 """Steps of aligning a posture that starts relaxed. Its limbs have farther to go."""
 
 
@@ -34,10 +34,10 @@ def posed(estimate: Estimate, lengths: Float) -> Posture:
     """Returns a posture of (12,) lengths, aligned with the estimate's joints from a relaxed start."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
-    return aligned_to(start, estimate, _STEPS_FROM_STANDING)
+    return aligned_to(start, estimate, _RELAXED_STEPS)
 
 
-def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
+def aligned_to(posture: Posture, estimate: Estimate, steps: int = _NEAR_STEPS) -> Posture:
     """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     aligned, _ = align(
@@ -46,7 +46,7 @@ def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Pos
         model.JOINT_OFFSETS,
         estimate.joints,
         weights,
-        width=_DOUBTED,
+        width=_ROBUST_WIDTH_M,
         iterations=steps,
     )
     return aligned
@@ -78,7 +78,7 @@ to hide an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
 """Angles from facing the sensor at which each posture of the bank is tried, in radians: a quarter turn
 apart."""
-_THINNED = 100
+_BANK_POINTS = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
 _MAX_MISFIT_M = 0.4
 """Metres to which a point's distance from a posture is clipped, so that one stray point does not decide."""
@@ -156,7 +156,7 @@ def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
     """Returns the ``most`` postures of the bank that fit the points best, aligned with the extremities."""
-    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
+    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _BANK_POINTS)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
     bank_postures = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]

@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model import model, turn
 from enliven_edge.tracking.fit.structures import BodyState, FitPrior
 from enliven_edge.tracking.fit.terms import assemble
 
-_ENOUGH = 1e-4
+_MIN_GAIN = 1e-4
 """Minimum gain of a step as a fraction of the energy to try another step."""
 _MAX_TURN = 0.5
 """Maximum rotation of a joint per step in radians. Beyond it the linearisation does not hold."""
@@ -81,7 +81,7 @@ def minimise(
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
-        if gain < _ENOUGH * energy:
+        if gain < _MIN_GAIN * energy:
             break
     # Compute the information matrix of the frame. It leaves out the temporal prior, which only adds to the
     # diagonal.

@@ -11,13 +11,13 @@ from enliven.frames import TIME_LIMIT_NS, BodyFrame, DepthFrame, Frame
 from enliven.health import HealthKind
 from enliven.person import J
 
-_REMEMBERED_NS = 1_500_000_000
+_WINDOW_NS = 1_500_000_000
 """Length in nanoseconds of the window over which frame rate and loss are measured. A change shows within two
 seconds."""
-_ENOUGH = 6
+_MIN_INTERVALS = 6
 """Minimum number of frame intervals used to estimate frame rate and loss. For a slow sensor this many
 intervals are kept even if they are older than the window."""
-_NEW_CLOCK = 3
+_CLOCK_RESET_FRAMES = 3
 """Consecutive frames with old but increasing times after which the clock counts as set back. Fewer are late
 frames."""
 _MAX_STEP_NS = 2_000_000_000
@@ -37,7 +37,7 @@ class FrameTiming:
         self.late = 0
         self.repeated = 0
         self._newest: int | None = None
-        self._behind: deque[int] = deque(maxlen=_NEW_CLOCK)
+        self._behind: deque[int] = deque(maxlen=_CLOCK_RESET_FRAMES)
         self._steps: deque[int] = deque()
         self._rate: float | None = None
         self._lost = 0.0
@@ -79,14 +79,14 @@ class FrameTiming:
         if self._behind and time_ns <= self._behind[-1]:
             self._behind.clear()
         self._behind.append(time_ns)
-        return len(self._behind) == _NEW_CLOCK
+        return len(self._behind) == _CLOCK_RESET_FRAMES
 
     def _measure(self) -> None:
         """Updates rate and loss from the last frame intervals."""
-        while len(self._steps) > _ENOUGH and sum(self._steps) > _REMEMBERED_NS:
+        while len(self._steps) > _MIN_INTERVALS and sum(self._steps) > _WINDOW_NS:
             self._steps.popleft()
         count = len(self._steps)
-        if count < _ENOUGH:
+        if count < _MIN_INTERVALS:
             self._rate, self._lost = None, 0.0
             return
         ordered = sorted(self._steps)

@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
-_TOUCH = 0.12
+_TOUCH_DISTANCE_M = 0.12
 """Maximum distance in metres between joints of two people that touch: half of two limbs and a little air."""
-_ARMS_LENGTHS = 2.5
+_MAX_REACH_M = 2.5
 """Distance in metres between two people's hips, along each axis, beyond which no joints can touch."""
 _MIN_DEPTH_M = 0.05
 """Minimum depth in metres along the optical axis for projecting a joint. It avoids a division by 0."""
@@ -24,9 +24,9 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
     """Returns the ids of the first two people with touching joints, or an empty tuple."""
     for i, body in enumerate(bodies):
         for other in bodies[i + 1 :]:
-            if np.abs(body.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
+            if np.abs(body.joints[0] - other.joints[0]).max() < _MAX_REACH_M:
                 between = body.joints[:, None] - other.joints
-                if float(np.einsum("abi,abi->ab", between, between).min()) < _TOUCH**2:
+                if float(np.einsum("abi,abi->ab", between, between).min()) < _TOUCH_DISTANCE_M**2:
                     return body.id, other.id
     return ()
 

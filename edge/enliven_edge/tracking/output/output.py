@@ -18,14 +18,14 @@ from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
 from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, finite_turns
 from enliven_edge.tracking.settings import TrackerSettings
 
-_FORGOTTEN_NS = 10_000_000_000
+_FORGET_AFTER_NS = 10_000_000_000
 """Nanoseconds after which the state of a person out of view is deleted, to free memory. The filters are reset
 earlier."""
 _MAX_LATENCY_S = 0.3
 """Maximum measured latency in seconds that is predicted: the bound of the setting ``predict``."""
 _MAX_AMOUNTS = 64
 """Maximum number of people with their own smoothing amount, because viewers may send any number of ids."""
-_LEAST = 1e-3
+_MIN_AMOUNT = 1e-3
 """Smoothing amounts below this count as 0, because the filter divides by the amount."""
 
 
@@ -58,7 +58,7 @@ class Output:
     def amount(self, person: int) -> float:
         """Returns the amount of smoothing of a performer. 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
-        return amount if amount >= _LEAST else 0.0
+        return amount if amount >= _MIN_AMOUNT else 0.0
 
     @property
     def ahead(self) -> float:
@@ -97,7 +97,7 @@ class Output:
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
-        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGOTTEN_NS]
+        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGET_AFTER_NS]
         for person in gone:
             del self._people[person]
 

@@ -22,7 +22,7 @@ _MAX_TRIED = 3
 """Maximum number of blobs tried as a person per frame, the likeliest first. Each costs a network run."""
 _MIN_PROBABILITY = 0.8
 """Minimum network probability of a blob to be a person. Nearly all people exceed 0.85."""
-_WHOLE_BELOW = 0.1
+_MAX_OCCLUDED = 0.1
 """Maximum occluded fraction of an outline for its lowest pixels to be feet."""
 _SOLE_QUANTILE = 0.01
 """Quantile of the heights of a person's pixels that is taken for the soles. Noise produces lower pixels."""
@@ -77,7 +77,7 @@ class GuessedFloor:
         """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))
-        whole = not shape.cut and shape.behind < _WHOLE_BELOW
+        whole = not shape.cut and shape.behind < _MAX_OCCLUDED
         if whole and _MIN_HEIGHT_M < shape.crown - lowest < _MAX_HEIGHT_M:
             return -lowest
         return self._settings.body_height - shape.crown

@@ -21,25 +21,25 @@ from enliven_edge.tracking.segment import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
-_COVERED = 0.55
+_HIDDEN_OCCLUSION = 0.55
 """Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
-_OUTSIDE = 0.85
+_LEFT_IMAGE_FRACTION = 0.85
 """If more than this fraction of a body is outside the image, few remaining pixels mean that the person is
 gone, not hidden."""
-_HANDICAP = 0.06
+_HIDDEN_PENALTY_M = 0.06
 """Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
-_DARK = 0.01
+_COVERED_DEPTH = 0.01
 """Fraction of pixels with depth below which the lens is covered. A covered lens still shows a few."""
 _LONG_BLIND_NS = 250_000_000
 """Nanoseconds of a covered or frozen image after which people are searched again, because they have moved
 on."""
 _DOUBT_NS = 4_000_000_000
 """Nanoseconds within which a doubtful person must move to be accepted. Few people stand still that long."""
-_WHOLE = 0.12
+_WHOLE_BODY_TOLERANCE = 0.12
 """Maximum fraction, such as a hand or a foot, that may be occluded or outside the image of a whole body."""
-_ZONE_MARGIN = 0.15
+_ZONE_MARGIN_M = 0.15
 """Metres outside the zone at which a performer has left it. The border must not flicker."""
-_REDETECTION = 0.15
+_REDETECTION_BUDGET = 0.15
 """Fraction of a frame's search budget for redetection of tracked people."""
 
 
@@ -105,14 +105,14 @@ class MultiPersonTracker:
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the tracked people. Returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
-        dark = known_pixels(view.z) < _DARK * view.z.size
+        dark = known_pixels(view.z) < _COVERED_DEPTH * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
         self._before = view.z
         if self._blind_ns is None and (dark or frozen):
             self._blind_ns = view.time_ns
         if dark:
             return self._wait_while_covered(view, kind)
-        handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
+        handicap = np.array([_HIDDEN_PENALTY_M if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
         segments = segmented(view, kind, expected, handicap)
         self.track_manager.segmented = list(self.people)
@@ -146,7 +146,7 @@ class MultiPersonTracker:
             # budget is not known earlier.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
-            follower.budget = Budget(_REDETECTION * whole / len(redetecting))
+            follower.budget = Budget(_REDETECTION_BUDGET * whole / len(redetecting))
         self.finder.allot(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
@@ -198,8 +198,10 @@ class MultiPersonTracker:
         """
         covered, outside = hidden_shares(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
-        behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
-        whole = covered < _WHOLE and outside < _WHOLE
+        behind = covered > _HIDDEN_OCCLUSION or (
+            few and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
+        )
+        whole = covered < _WHOLE_BODY_TOLERANCE and outside < _WHOLE_BODY_TOLERANCE
         return _Visibility(
             person, expected, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole)
         )
@@ -239,7 +241,7 @@ class MultiPersonTracker:
         elif visibility.behind:
             person.hide(view.time_ns)
         elif visibility.fitted:
-            if person.follower.lost or not self.track_manager.zone.holds(person.place, _ZONE_MARGIN):
+            if person.follower.lost or not self.track_manager.zone.holds(person.place, _ZONE_MARGIN_M):
                 self.track_manager.leave(person, view.time_ns)
             elif person.vague or (person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS):
                 self._refuse(person, view.time_ns)

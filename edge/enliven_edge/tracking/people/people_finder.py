@@ -15,29 +15,29 @@ from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, 
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
-_GONE_NS = 200_000_000
+_STALE_NS = 200_000_000
 """Time after which an unseen candidate is no longer searched, in nanoseconds. Noise lasts for a shorter
 time."""
-_LOOSE = 0.4
+_MIN_FREE_OUTLINE = 0.4
 """Minimum free fraction of a candidate's outline for its pixels to be kept out of the background model."""
-_FRAGMENT = 0.12
+_FRAGMENT_AREA_M2 = 0.12
 """Maximum visible area in square metres of a fragment of a person: a shank seen apart from its thigh."""
-_FRAGMENT_NEAR = 0.6
+_FRAGMENT_DISTANCE_M = 0.6
 """Maximum horizontal distance in metres between a person and a small blob that is a fragment of the
 person."""
 _MIN_BUDGET = 4
 """Minimum search budget of every frame in coarse fits, however many candidates are measured in it."""
-_WHILE_FOLLOWING = 0.6
+_TRACKING_BUDGET = 0.6
 """Fraction of the search budget while people are tracked in a known scene. Their fits take time too."""
-_FOR_ONE = 0.35
+_BLOB_BUDGET = 0.35
 """Fraction of the search budget for each searched blob, and for each union of its parts, up to 1. So a single
 person appears two frames later, and the slowest frames are a quarter faster."""
-_MEASURED = 1 / 3
+_SHAPE_COST = 1 / 3
 """Cost of measuring the shape of one candidate, in coarse fits."""
-_ALIKE = 0.75
+_MIN_AREA_RATIO = 0.75
 """Minimum ratio of a candidate's areas in two frames to be the same blob. Below it furniture was attached or
 removed."""
-_IN_PLAN = np.array([1.0, 0.0, 1.0])
+_HORIZONTAL = np.array([1.0, 0.0, 1.0])
 """The horizontal part of a step of a candidate's centre, which moves its body. Its height changes with its
 visible part."""
 
@@ -104,11 +104,11 @@ class PeopleFinder:
             young=room.age < YOUNG,
         )
         if self._tracks.people and room.age > YOUNG:
-            self._budget.left *= _WHILE_FOLLOWING
-        self._budget.left -= _MEASURED * len(newcomers)
+            self._budget.left *= _TRACKING_BUDGET
+        self._budget.left -= _SHAPE_COST * len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
-        free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._search.sought]
+        free = [n for n in newcomers if n.shape.free > _MIN_FREE_OUTLINE or n in self._search.sought]
         hold = self._held_pixels(view, segments, free, room)
         due = self._due(newcomers, view, room)
         if not believe or self._has_lost_all(view):
@@ -125,7 +125,7 @@ class PeopleFinder:
     def _has_lost_all(self, view: FrameView) -> bool:
         """Returns True if none of the searched candidates was visible recently: they became background."""
         sought = self._search.sought
-        return bool(sought) and all(view.time_ns - n.seen_ns > _GONE_NS for n in sought)
+        return bool(sought) and all(view.time_ns - n.seen_ns > _STALE_NS for n in sought)
 
     def _limit_search(self, *, young: bool) -> None:
         """Sets the rest of the frame's budget for the search. ``young``: the background model is new.
@@ -138,7 +138,7 @@ class PeopleFinder:
         if self._search.busy and young and self._first_budget is not None:
             self._budget, self._first_budget = self._first_budget, None
             return
-        share = min(1.0, _FOR_ONE * sum(1 + len(n.unions) for n in self._search.sought))
+        share = min(1.0, _BLOB_BUDGET * sum(1 + len(n.unions) for n in self._search.sought))
         self._budget.left = max(_MIN_BUDGET, share * self._budget.left)
 
     def _held_pixels(
@@ -179,13 +179,13 @@ class PeopleFinder:
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
             return body.shown.pixels
-        same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
+        same = _MIN_AREA_RATIO < newcomer.area / body.shown.area < 1.0 / _MIN_AREA_RATIO
         if same and newcomer.seen_ns == view.time_ns:
             # The area is nearly unchanged, so the centre shows how the body moved. If furniture was attached
             # to the body or removed from it, the centre would not show this.
-            follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
+            follower.carry((newcomer.centre - body.centre) * _HORIZONTAL)
         free = np.where(segments.owner >= 0, BACKGROUND, kind).astype(np.uint8)
-        if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:
+        if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _MIN_AREA_RATIO:
             came = newcomer.pixels & ~lying_on(view, [follower.posture], 0.0, BESIDE)
             room.absorb(came & (room.z == 0.0))
             free[came] = BACKGROUND
@@ -209,7 +209,9 @@ def _fragments(segments: Segments, places: list[Float]) -> Bool:
     """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
     fragments = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
-        beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)
-        if beside and group.area < _FRAGMENT:
+        beside = any(
+            float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_DISTANCE_M for at in places
+        )
+        if beside and group.area < _FRAGMENT_AREA_M2:
             fragments |= segments.group(group)
     return fragments

@@ -16,34 +16,34 @@ _STATURE_SPREAD = 0.03
 """Standard deviation in metres of one person's measured stature, from shoes, posture and depth noise."""
 _PROPORTION_SPREAD = 0.10
 """Standard deviation of one person's fitted bone lengths, as a fraction of each length."""
-_STRIDE = 2.0
+_RETURN_SPEED = 2.0
 """Speed in metres per second at which the possible area of return of an absent person grows: a brisk walk."""
-_ELSEWHERE = 0.8
+_RETURN_DISTANCE_M = 0.8
 """Distance in metres from the place of leaving at which an immediate return costs one squared standard
 deviation."""
 _MAX_DISTANCE_COST = 4.0
 """Maximum cost of a far place in squared standard deviations. People also walk around behind the sensor."""
-_JUST_NS = 2_000_000_000
+_BRIEF_ABSENCE_NS = 2_000_000_000
 """Maximum absence in nanoseconds for the only absent person to be matched with the only new one at the same
 place."""
-_THERE = 0.5
+_SAME_PLACE_M = 0.5
 """Horizontal distance in metres that counts as the same place for that: a step."""
 _MIN_STATURE_DIFFERENCE_M = 0.15
 """Minimum difference in stature, in metres, of two clearly different people, whatever the place: five
 standard deviations."""
-_TELLING = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
+_DISTINCTIVE_LENGTHS = [model.SHOULDER, model.ARM, model.FORE, model.THIGH, model.SHIN]
 """The lengths that distinguish people: those of the limbs, which the fit measures best."""
-_COMPATIBLE = 9.0
+_MAX_MISMATCH = 9.0
 """Maximum mismatch of the same person in squared standard deviations: three sigma."""
 _KNOWN_FRAMES = 6
 """Minimum number of frames with the whole body in view before proportions can distinguish a person."""
-_LEAD = 3.0
+_CERTAIN_LEAD = 3.0
 """Minimum lead of the best match over the next one to be certain, in squared standard deviations."""
 _MAX_MEAN_FRAMES = 90.0
 """Maximum number of frames in the running mean of the lengths. They may still drift after that."""
-_CROWNS = 240
+_CROWN_SAMPLES = 240
 """Number of crown heights that are kept for the stature."""
-_STATURE_SHARE = 0.85
+_STATURE_QUANTILE = 0.85
 """Quantile of these heights that is the stature. People stoop more often than they stretch."""
 
 
@@ -68,12 +68,14 @@ class BodyMeasurements:
         self.lengths = self.lengths + (lengths - self.lengths) / self.weight
         if crown is not None:
             self._crowns.append(crown)
-            del self._crowns[:-_CROWNS]
-            self.stature = float(quantile(np.sort(self._crowns), _STATURE_SHARE))
+            del self._crowns[:-_CROWN_SAMPLES]
+            self.stature = float(quantile(np.sort(self._crowns), _STATURE_QUANTILE))
 
     def mismatch(self, other: BodyMeasurements) -> float:
         """Returns how much two people differ, in squared standard deviations."""
-        relative = (self.lengths[_TELLING] - other.lengths[_TELLING]) / other.lengths[_TELLING]
+        relative = (self.lengths[_DISTINCTIVE_LENGTHS] - other.lengths[_DISTINCTIVE_LENGTHS]) / other.lengths[
+            _DISTINCTIVE_LENGTHS
+        ]
         cost = float(np.mean(relative**2)) / _PROPORTION_SPREAD**2
         mine, theirs = self.stature, other.stature
         if mine is not None and theirs is not None:
@@ -137,7 +139,7 @@ class PersonGallery:
             return [(self.absent[0], True)]
         # Add columns for new people. Being a new person costs as much as the largest mismatch that is still
         # accepted.
-        padded = np.concatenate([cost, np.full((len(found), len(found)), _COMPATIBLE)], 1)
+        padded = np.concatenate([cost, np.full((len(found), len(found)), _MAX_MISMATCH)], 1)
         rows, columns = least_cost(padded)
         matches: list[tuple[AbsentPerson | None, bool]] = []
         for row, column in zip(rows, columns, strict=True):
@@ -146,18 +148,20 @@ class PersonGallery:
             lead = float(others.min() - padded[row, column])
             is_well_known = found[row][0].weight >= _KNOWN_FRAMES
             back = absent is not None and found[row][0].weight > 0
-            sure = lead > _LEAD and (is_well_known or (back and len(self.absent) == 1 and len(found) == 1))
+            sure = lead > _CERTAIN_LEAD and (
+                is_well_known or (back and len(self.absent) == 1 and len(found) == 1)
+            )
             matches.append((absent, sure))
         return matches
 
     def _just_there(self, found: tuple[BodyMeasurements, Float], time_ns: int) -> bool:
         """Returns True if the only new person stands where the only absent one was lost just before."""
         (absent,), (looks, at) = self.absent, found
-        if absent.place is None or not 0 <= time_ns - absent.left_ns < _JUST_NS:
+        if absent.place is None or not 0 <= time_ns - absent.left_ns < _BRIEF_ABSENCE_NS:
             return False
         mine, theirs = looks.stature, absent.looks.stature
         other = mine is not None and theirs is not None and abs(mine - theirs) > _MIN_STATURE_DIFFERENCE_M
-        return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _THERE
+        return not other and float(np.linalg.norm((at - absent.place)[[0, 2]])) < _SAME_PLACE_M
 
     def take(self, absent: AbsentPerson) -> None:
         """Removes a person that has returned from the absent ones."""
@@ -169,5 +173,5 @@ def _far(absent: AbsentPerson, place: Float, time_ns: int) -> float:
     if absent.place is None:
         return 0.0
     away = float(np.linalg.norm((place - absent.place)[[0, 2]]))
-    reach = _ELSEWHERE + _STRIDE * max(0.0, (time_ns - absent.left_ns) * 1e-9)
+    reach = _RETURN_DISTANCE_M + _RETURN_SPEED * max(0.0, (time_ns - absent.left_ns) * 1e-9)
     return min(_MAX_DISTANCE_COST, (away / reach) ** 2)

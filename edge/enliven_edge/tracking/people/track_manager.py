@@ -18,13 +18,13 @@ from enliven_edge.tracking.scene import Zone, ZoneLock
 from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 
-_DECIDE_NS = 1_500_000_000
+_MAX_UNDECIDED_NS = 1_500_000_000
 """Nanoseconds after which a new person gets an id, certain or not. A performer must not wait longer."""
-_ABOUT = 1.5
+_RETURN_RADIUS_M = 1.5
 """Horizontal radius in metres in which a lost person is awaited: two steps from the place of leaving."""
-_TALLER = 0.12
+_CROWN_TOLERANCE_M = 0.12
 """Maximum height of a crown above a hidden person's stature in metres: a hat, and noise."""
-_WELL_KNOWN = 10
+_KNOWN_FRAMES = 10
 """Frames after which a person's proportions are known well enough to use in a search."""
 _MIN_BODY_HEIGHT_M = 0.5
 """Minimum body height in metres to start a search with: the bound of the setting ``body_height``."""
@@ -107,12 +107,14 @@ class TrackManager:
 
     def awaits(self, place: Float) -> bool:
         """Returns True if a person was lost near a (3,) place."""
-        if any(float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in self._dropped):
+        if any(float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in self._dropped):
             return True
         if len(self.gallery.absent) <= sum(1 for p in self.people if p.id == UNDECIDED):
             return False
         lost = [a.place for a in self.gallery.absent]
-        return any(at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _ABOUT for at in lost)
+        return any(
+            at is None or float(np.linalg.norm((place - at)[[0, 2]])) < _RETURN_RADIUS_M for at in lost
+        )
 
     def expecting(self, newcomer: Candidate, time_ns: int) -> TrackerSettings:
         """Returns the settings with the height of the person that may return, if there is exactly one."""
@@ -122,7 +124,7 @@ class TrackManager:
 
     def of_height(self, looks: BodyMeasurements) -> TrackerSettings:
         """Returns the settings with a person's own height, if it is well known."""
-        if looks.weight < _WELL_KNOWN:
+        if looks.weight < _KNOWN_FRAMES:
             return self.settings
         height = min(_MAX_BODY_HEIGHT_M, max(_MIN_BODY_HEIGHT_M, height_of(looks.lengths)))
         return dataclasses.replace(self.settings, body_height=height)
@@ -138,7 +140,7 @@ class TrackManager:
                 continue
             away = float(np.linalg.norm((person.place - newcomer.centre)[[0, 2]]))
             stature = person.looks.stature
-            taller = stature is not None and newcomer.shape.crown > stature + _TALLER
+            taller = stature is not None and newcomer.shape.crown > stature + _CROWN_TOLERANCE_M
             if away < min(least, person.uncertainty(time_ns)) and not taller:
                 best, least = person, away
         return best
@@ -173,7 +175,9 @@ class TrackManager:
             person.shapely = shown.shape.upright
             self.people.append(person)
             self.decide(time_ns)
-        self._dropped = [at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _ABOUT]
+        self._dropped = [
+            at for at in self._dropped if np.linalg.norm((person.place - at)[[0, 2]]) > _RETURN_RADIUS_M
+        ]
         return person
 
     def decide(self, time_ns: int) -> None:
@@ -183,7 +187,7 @@ class TrackManager:
             return
         match = self.gallery.matched([(p.looks, p.place) for p in undecided], time_ns)
         for person, (absent, sure) in zip(undecided, match, strict=True):
-            if not sure and 0 <= time_ns - person.found_ns < _DECIDE_NS:
+            if not sure and 0 <= time_ns - person.found_ns < _MAX_UNDECIDED_NS:
                 continue
             if absent is not None:
                 self._recognise(person, absent)
@@ -199,9 +203,9 @@ class TrackManager:
         person.looks = absent.looks
 
 
-_SAME_PLACE = 0.2
+_DUPLICATE_DISTANCE_M = 0.2
 """Metres between two hip centres, and on average between two trunks, below which both are one person."""
-_FRAMES = 6
+_DUPLICATE_FRAMES = 6
 """Frames for which two fits must share a place. People that squeeze past each other do so for fewer."""
 _TRUNK = [Joint.HIP_CENTER, Joint.SHOULDER_CENTER, Joint.HEAD]
 
@@ -223,7 +227,7 @@ class Duplicates:
                 pair = (id(first), id(second))
                 together.add(pair)
                 self._doubts[pair] = self._doubts.get(pair, 0) + 1
-                if self._doubts[pair] > _FRAMES and second not in duplicates:
+                if self._doubts[pair] > _DUPLICATE_FRAMES and second not in duplicates:
                     duplicates.append(second)
         self._doubts = {pair: n for pair, n in self._doubts.items() if pair in together}
         return duplicates
@@ -231,7 +235,7 @@ class Duplicates:
 
 def _one(first: Person, second: Person) -> bool:
     """Returns True if two fits have their trunks in the same place."""
-    if math.dist(first.place, second.place) >= _SAME_PLACE:
+    if math.dist(first.place, second.place) >= _DUPLICATE_DISTANCE_M:
         return False
     a, b = first.follower.posture.joints(), second.follower.posture.joints()
-    return bool(np.linalg.norm(a[_TRUNK] - b[_TRUNK], axis=1).mean() < _SAME_PLACE)
+    return bool(np.linalg.norm(a[_TRUNK] - b[_TRUNK], axis=1).mean() < _DUPLICATE_DISTANCE_M)

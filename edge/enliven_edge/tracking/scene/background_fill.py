@@ -7,14 +7,14 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.kernels import njit
 
-_PATCH = 31
+_PATCH_SIDE_PX = 31
 """Side in pixels of the square window around a pixel that shows whether the background is known there."""
-_PATCHED = 0.12
+_MIN_PATCH_FRACTION = 0.12
 """Minimum fraction of known pixels in the window. A few pixels may be the tip of a foot that the person's
 mask missed."""
 _FAR = 1e9
 """A distance in pixels that is larger than any image."""
-_LEVEL = 1e-3
+_MIN_SINE = 1e-3
 """Minimum sine of a ray's angle below the horizon for it to meet the floor."""
 
 
@@ -40,7 +40,7 @@ def background_fill(z: Float, ray: Float, world_from_camera: Float, floor_band: 
 def _patches(z, ray, pose, floor_band):
     """Returns (h, w) the depth where enough is known around a pixel, negated on the floor. 0 elsewhere."""
     height, width = z.shape
-    out, enough = np.empty((height, width)), _PATCHED * _PATCH * _PATCH
+    out, enough = np.empty((height, width)), _MIN_PATCH_FRACTION * _PATCH_SIDE_PX * _PATCH_SIDE_PX
     around = _known_around(z)
     for v in range(height):
         for u in range(width):
@@ -59,15 +59,15 @@ def _known_around(z):
     height, width = z.shape
     columns, out = np.zeros(width, np.int32), np.empty((height, width), np.int32)
     rows, places = _mirrored(height), _mirrored(width)
-    for v in range(_PATCH - 1):
+    for v in range(_PATCH_SIDE_PX - 1):
         _count(columns, z[rows[v]], 1)
     for v in range(height):
-        _count(columns, z[rows[v + _PATCH - 1]], 1)
+        _count(columns, z[rows[v + _PATCH_SIDE_PX - 1]], 1)
         total = 0
-        for u in range(_PATCH - 1):
+        for u in range(_PATCH_SIDE_PX - 1):
             total += columns[places[u]]
         for u in range(width):
-            total += columns[places[u + _PATCH - 1]]
+            total += columns[places[u + _PATCH_SIDE_PX - 1]]
             out[v, u] = total
             total -= columns[places[u]]
         _count(columns, z[rows[v]], -1)
@@ -77,7 +77,7 @@ def _known_around(z):
 @njit(cache=True, nogil=True)
 def _mirrored(size):
     """Returns the mirrored indices of a row of ``size``, extended by half a window at both ends."""
-    places = np.arange(-(_PATCH // 2), size + _PATCH // 2) % (2 * size)
+    places = np.arange(-(_PATCH_SIDE_PX // 2), size + _PATCH_SIDE_PX // 2) % (2 * size)
     return np.minimum(places, 2 * size - 1 - places).astype(np.uint64)
 
 
@@ -96,7 +96,7 @@ def _with_floor(z, made, ray, pose):
     for v in range(height):
         for u in range(width):
             rise = ray[v, u, 0] * pose[1, 0] + ray[v, u, 1] * pose[1, 1] + pose[1, 2]
-            floor = max(-pose[1, 3] / min(rise, -_LEVEL), 0.0) if rise < -_LEVEL else 0.0
+            floor = max(-pose[1, 3] / min(rise, -_MIN_SINE), 0.0) if rise < -_MIN_SINE else 0.0
             likely = floor if made[v, u] < 0.0 else made[v, u]
             out[v, u] = z[v, u] if z[v, u] > 0.0 else likely
     return out

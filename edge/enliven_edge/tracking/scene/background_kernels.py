@@ -22,18 +22,18 @@ UNSEEN = 2
 UNLIKELY = 3
 """Class of a pixel without known background, about as deep as the background around it. It is hardly a
 person."""
-_FLICKERS = 6.0
+_MAX_FLIPS = 6.0
 """Number of times that a pixel may change to the same nearer depth and back. A pixel that does so more often
 is an edge of the background, and the nearer depth becomes the background."""
-_FOLLOWS = 0.3
+_FOLLOW_RATE = 0.3
 """Fraction of a difference within the noise that the background model takes over per second. It drifts
 slowly."""
-_FORGIVES = 0.1
+_FLIP_DECAY_RATE = 0.1
 """Fraction of its flips that a pixel forgets per second."""
-_BACK = 0.7
+_RETURN_FRACTION = 0.7
 """Waiting time, as a fraction of ``absorb_after``, that a replaced depth starts with after farther depth
 replaced it. So the old object is absorbed sooner than a new one when it returns."""
-_WORD = 8
+_WORD_PIXELS = 8
 """Pixels that are tested as one 64-bit number, with one byte per pixel."""
 
 
@@ -122,7 +122,10 @@ def learn_frame(z, person, hold, state, rate):
     guarded, guard_z, flips = state.guarded, state.guard_z, state.flips
     still, still_z = state.still, state.still_z
     step, absorb_after, clear_after, seen_for, dark = rate
-    usual, other = np.empty(width, np.bool_), np.zeros((width + _WORD - 1) // _WORD * _WORD, np.uint8)
+    usual, other = (
+        np.empty(width, np.bool_),
+        np.zeros((width + _WORD_PIXELS - 1) // _WORD_PIXELS * _WORD_PIXELS, np.uint8),
+    )
     words, chosen = other.view(np.uint64), np.empty(len(other), np.int64)
     for v in range(height):
         # Update all pixels that show the known background, and mark the others.
@@ -179,7 +182,7 @@ def _places_of(chosen, marks, words):
     for word in range(len(words)):
         if words[word] == 0:
             continue
-        for n in range(word * _WORD, (word + 1) * _WORD):
+        for n in range(word * _WORD_PIXELS, (word + 1) * _WORD_PIXELS):
             chosen[count] = n
             count += marks[n]
     return chosen[:count]
@@ -194,7 +197,7 @@ def _margin(d):
 @njit(cache=True, nogil=True)
 def _follow_room(usual, z, room, flips, waited, away, guarded, step):
     """Updates the pixels of a row that show the known background, in one loop per quantity."""
-    follow, keep = min(1.0, _FOLLOWS * step), np.float32(1.0 - _FORGIVES * step)
+    follow, keep = min(1.0, _FOLLOW_RATE * step), np.float32(1.0 - _FLIP_DECAY_RATE * step)
     passed, none = np.float32(step), np.float32(0.0)
     for u in range(len(z)):
         room[u] += follow * (z[u] - room[u]) if usual[u] else 0.0
@@ -217,7 +220,7 @@ def _learn_farther(room, nearer, waited, away, v, u, d, step, absorb_after, clea
     if away[v, u] > clear_after:
         # An edge may flicker slowly. So remember the old depth, and absorb it sooner than a new object if it
         # returns.
-        nearer[v, u], waited[v, u] = room[v, u], _BACK * absorb_after
+        nearer[v, u], waited[v, u] = room[v, u], _RETURN_FRACTION * absorb_after
         room[v, u], away[v, u] = d, 0.0
 
 
@@ -227,7 +230,7 @@ def _learn_nearer(room, nearer, waited, flips, v, u, d, step, absorb_after, hold
     margin = _margin(d)
     if flips[v, u] <= 0.0 and not hold and abs(d - nearer[v, u]) <= 2.0 * margin:
         flips[v, u] = 1.0 - flips[v, u]
-        if flips[v, u] > _FLICKERS and room[v, u] > 0.0:
+        if flips[v, u] > _MAX_FLIPS and room[v, u] > 0.0:
             room[v, u], flips[v, u] = nearer[v, u], 0.0
             return
     if abs(d - nearer[v, u]) <= margin:

@@ -22,27 +22,27 @@ from enliven_edge.tracking.scene.background_kernels import (
 )
 from enliven_edge.tracking.settings import BackgroundSettings
 
-_FILL_EVERY_NS = 300_000_000
+_FILL_INTERVAL_NS = 300_000_000
 """Nanoseconds between two checks of how much background is known. Check and fill pass over the whole
 image."""
-_FILL_SHARE = 0.002
+_FILL_CHANGE = 0.002
 """Change of the known part, as a fraction of the image, that triggers a new background fill."""
-_FILL_AFTER = 6
+_FILL_CHECKS = 6
 """Checks after which a new fill is computed without such a change, because known depths change too."""
 _MIN_FILL_FRACTION = 0.05
 """Minimum fraction of known background pixels before unseen pixels are filled in. Below it the visible
 background may be only the outline of a person in front of a hall too deep for the sensor. The person would
 then be taken for background."""
-_AT_ONCE = 0.1
+_STARTUP_S = 0.1
 """Seconds at the start in which everything is learnt at once, because the whole background is new."""
-_SEEN_FOR = 0.25
+_CONSTANT_FOR_S = 0.25
 """Time for which a depth must stay constant before it is learnt at a pixel without known background, in
 seconds. If the fit has lost an arm, in front of a hall too deep for the sensor, the arm moves on sooner."""
-_DARK = 2.0
+_FORGET_AFTER_S = 2.0
 """Seconds without a measurement after which the background is forgotten at a pixel. Flicker is shorter."""
-_MEASURED = 0.5
+_MIN_MEASURED = 0.5
 """Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
-_STILL = 0.5
+_FURNITURE_AFTER_S = 0.5
 """Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
 _MAX_TIME_STEP_S = 0.5
 """Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
@@ -107,14 +107,14 @@ class BackgroundModel:
         self._learnt_ns = time_ns
         self.age += step
         hold = np.zeros(z.shape, bool) if hold is None else hold
-        seen_for = _SEEN_FOR if self.age > _AT_ONCE else 0.0
-        measured = known_pixels(z) > _MEASURED * known_pixels(self.z)
+        seen_for = _CONSTANT_FOR_S if self.age > _STARTUP_S else 0.0
+        measured = known_pixels(z) > _MIN_MEASURED * known_pixels(self.z)
         rate = LearningRate(
             step,
             self.settings.absorb_after,
             self.settings.clear_after,
             seen_for,
-            _DARK if measured else np.inf,
+            _FORGET_AFTER_S if measured else np.inf,
         )
         compared, nearer, farther = learn_frame(z, widened(person, 2), hold, self._state, rate)
         return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
@@ -132,7 +132,7 @@ class BackgroundModel:
     @property
     def still(self) -> Bool:
         """Returns (h, w) the pixels without known background that kept their depth longer than people can."""
-        return np.asarray((self.z == 0.0) & (self._state.still > _STILL))
+        return np.asarray((self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S))
 
     def absorb(self, where: Bool) -> None:
         """Learns the recent constant depth as background at the (h, w) pixels ``where``."""
@@ -150,9 +150,9 @@ class BackgroundModel:
     def _fill(self, view: FrameView, floor_band: float) -> None:
         """Fills in never-seen background, again when enough has changed."""
         time_ns = view.time_ns
-        if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_EVERY_NS:
+        if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_INTERVAL_NS:
             known_count = int(np.count_nonzero(self.z))
-            if abs(known_count - self._known) > _FILL_SHARE * self.z.size or self._stale > _FILL_AFTER:
+            if abs(known_count - self._known) > _FILL_CHANGE * self.z.size or self._stale > _FILL_CHECKS:
                 self._fill_z = np.zeros_like(self.z)
                 if known_count >= _MIN_FILL_FRACTION * self.z.size:
                     ray, pose = view.camera.ray, view.world_from_camera

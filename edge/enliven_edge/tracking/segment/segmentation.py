@@ -24,13 +24,13 @@ from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_
 
 REACH = 0.22
 """Maximum distance in metres from the predicted surface at which a pixel is assigned to the person."""
-_REACH_UNLIKELY = 0.08
+_UNLIKELY_REACH_M = 0.08
 """The same distance at pixels of class UNLIKELY, about as deep as the unseen background. Only the body itself
 counts there."""
-_LIMB_AREA = 0.12
+_MAX_LIMB_AREA_M2 = 0.12
 """Maximum visible area in square metres of a group that touches a person to be a limb: a leg seen from the
 front."""
-_LIMB_LENGTH = 0.95
+_MAX_LIMB_LENGTH_M = 0.95
 """Maximum diagonal of the box in metres of a group that touches a person to be a limb: the length of a
 leg."""
 SPECKLE = 0.004
@@ -109,7 +109,9 @@ def segmented(
         capsules = [posture.capsules() for posture in postures]
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
         boxes = image_boxes(view, ends, radii, REACH)
-        label_pixels(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
+        label_pixels(
+            view.points, kind, boxes, ends, radii, handicap, REACH, _UNLIKELY_REACH_M, owner, distance
+        )
     if count > 1:
         grow_surfaces(owner, distance, view.z)
     pixels = _candidates(kind, owner)
@@ -267,7 +269,7 @@ def _limbs(table):
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]
         length = np.sqrt((row[4] - row[1]) ** 2 + (row[5] - row[2]) ** 2 + (row[6] - row[3]) ** 2)
-        if row[0] < _LIMB_AREA and length < _LIMB_LENGTH and contacts.any():
+        if row[0] < _MAX_LIMB_AREA_M2 and length < _MAX_LIMB_LENGTH_M and contacts.any():
             joined[g] = np.argmax(contacts)
     return joined
 

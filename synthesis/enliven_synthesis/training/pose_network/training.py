@@ -38,23 +38,23 @@ _MIN_LOG_SPREAD = -5.0
 """Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
 _MAX_LOG_SPREAD = 1.0
 """Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
-_LIKELIHOOD = 0.3
+_LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
-_DISTANCE = 2.0
+_DISTANCE_WEIGHT = 2.0
 """Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
 others."""
 _WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
 """(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest; legs are easy to find in
 depth."""
-_FACING = 0.3
+_FACING_WEIGHT = 0.3
 """Weight of the facing's cross-entropy in the loss."""
-_PARTS = 0.5
+_PARTS_WEIGHT = 0.5
 """Weight of the body parts' cross-entropy in the loss."""
 _MAX_GRADIENT_NORM = 5.0
 """Maximum norm of the gradient (clipping), so that a rare sample cannot undo the training."""
-_WARM_UP = 300
+_WARM_UP_STEPS = 300
 """Number of steps of the learning-rate warm-up, during which Adam's averages settle."""
-_LAST_RATE = 0.02
+_FINAL_RATE = 0.02
 """Final learning rate as a fraction of the peak."""
 
 
@@ -190,8 +190,8 @@ def _strip(graph: Any) -> None:
 
 def _schedule(step: int, steps: int) -> float:
     """Returns the learning rate at a step as a fraction of the peak: linear warm-up, then cosine decay."""
-    falling = _LAST_RATE + (1.0 - _LAST_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
-    return min(1.0, (step + 1) / _WARM_UP) * float(falling)
+    falling = _FINAL_RATE + (1.0 - _FINAL_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
+    return min(1.0, (step + 1) / _WARM_UP_STEPS) * float(falling)
 
 
 def _condition(batch: TensorBatch) -> Tensor:
@@ -214,11 +214,11 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
     distance = ((joints - batch.joints).square().sum(2) + 1e-6).sqrt()
     spread = spread.clamp(_MIN_LOG_SPREAD, _MAX_LOG_SPREAD)
     likelihood = distance * torch.exp(-spread) + 3.0 * spread
-    joints_off = _LIKELIHOOD * likelihood + _DISTANCE * distance
+    joints_off = _LIKELIHOOD_WEIGHT * likelihood + _DISTANCE_WEIGHT * distance
     ways = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
     wanted = batch.parts.long()
     seen = cross_entropy(parts.float(), wanted.masked_fill(wanted == NOBODY, -100))
-    return (weight * joints_off).sum() + _FACING * ways + _PARTS * seen
+    return (weight * joints_off).sum() + _FACING_WEIGHT * ways + _PARTS_WEIGHT * seen
 
 
 def _ways(batch: Batch) -> AnyArray:

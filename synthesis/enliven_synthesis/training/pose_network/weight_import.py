@@ -20,7 +20,7 @@ from enliven.errors import InputError
 from enliven_synthesis.training.dataset import Dataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
-_SAMPLES = 768
+_CALIBRATION_SAMPLES = 768
 """Number of training samples for calibrating the normalisations. Each has hundreds of cells, so this is
 plenty."""
 _FORMER_LAYER_NAMES = {".branch.": ".way."}
@@ -69,7 +69,7 @@ def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
         for name, layer in network.named_modules()
         if isinstance(layer, nn.BatchNorm2d)
     ]
-    batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
+    batch = dataset.batch(np.arange(first, min(first + _CALIBRATION_SAMPLES, len(dataset))))
     unknown = np.zeros((len(batch.cell), 2), np.float32)
     condition = np.concatenate([unknown, batch.cell[:, None].astype(np.float32)], 1)
     with torch.no_grad():

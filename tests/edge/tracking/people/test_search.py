@@ -174,7 +174,7 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     """The network may reject later postures; a blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.vague == vague
-    assert person._PLAIN_FRAMES == 10
+    assert person._CERTAIN_FRAMES == 10
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, 
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.travelled = someone.shapely = True
     assert someone.vague == vague
-    assert someone.plain == (plain_frames >= person._PLAIN_FRAMES)
+    assert someone.plain == (plain_frames >= person._CERTAIN_FRAMES)
 
 
 def test_network_is_queried_only_if_useful(scene):
