@@ -37,7 +37,7 @@ joints are noisy."""
 _CONTACT_PROBABILITY = 0.5
 """Minimum contact probability of a foot that starts to stand: more likely than not."""
 _RELEASE_PROBABILITY = 0.3
-"""A standing foot is released below this contact probability. It is lower than the other (hysteresis), so that
+"""A standing foot is released below this contact probability, lower than the other (hysteresis), so that
 contacts do not flicker."""
 _SPEED_WINDOW_S = 0.1
 """Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
