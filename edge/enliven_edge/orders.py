@@ -26,7 +26,7 @@ from enliven.wire import (
 from enliven_edge.network import Handler
 
 if TYPE_CHECKING:
-    from enliven_edge.arrivals import Arrivals
+    from enliven_edge.character_upload import CharacterUploads
     from enliven_edge.controls import Controls
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
@@ -37,11 +37,11 @@ _ONE = 0
 """The subject of orders that replace each other whatever their content."""
 
 
-class Served(Protocol):
+class OrderTarget(Protocol):
     """The parts of the edge that orders act on."""
 
     stage: Stage
-    arrivals: Arrivals
+    uploads: CharacterUploads
     scans: Scans
     tracker: Tracker
     sizing: HandSizing
@@ -49,7 +49,7 @@ class Served(Protocol):
     physics: PhysicsSwitch
 
 
-def handlers_of(edge: Served) -> dict[type[Order], Handler]:
+def handlers_of(edge: OrderTarget) -> dict[type[Order], Handler]:
     """Returns the handler of each kind of order. A new kind needs one more line."""
     return {
         Possess: Handler(lambda order: _possess(edge.stage, order), _subject_of_possession),
@@ -63,8 +63,8 @@ def handlers_of(edge: Served) -> dict[type[Order], Handler]:
         Look: Handler(lambda order: edge.stage.set_view(_view(order)), lambda order: _ONE),
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
         Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _ONE),
-        PutCharacter: Handler(lambda order, peer: edge.arrivals.put(order, peer), takes_peer=True),
-        CharacterPart: Handler(lambda order, peer: edge.arrivals.take(order, peer), takes_peer=True),
+        PutCharacter: Handler(lambda order, peer: edge.uploads.put(order, peer), takes_peer=True),
+        CharacterPart: Handler(lambda order, peer: edge.uploads.take(order, peer), takes_peer=True),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
         Resize: Handler(lambda order: edge.sizing.ask(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from enliven.possession import Actor
     from enliven_edge.scanning import Cast, LiveScan, ScannedPerson
 
-_GAP = 0.4
+_CHARACTER_GAP_M = 0.4
 """Gap on the floor between a scanned character and the characters on the stage, in metres."""
 
 
-class Told(Protocol):
+class MessageSink(Protocol):
     """The output of scans to viewers."""
 
     def send(self, message: Any, time_ns: int) -> None:
@@ -35,7 +35,7 @@ class Told(Protocol):
         """Drops the latched messages of a topic, so that viewers that connect later do not get them."""
 
 
-class _Beginning(threading.Thread):
+class _ScanLoader(threading.Thread):
     """Loads the modules of a scan in the background. An edge that never scans does not load them."""
 
     def __init__(self, number: int, order: Scan, cast: Cast) -> None:
@@ -60,7 +60,7 @@ class Scans:
     def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
         self._stage, self._settings = stage, settings or EdgeSettings()
         self._scan: LiveScan | None = None
-        self._beginning: _Beginning | None = None
+        self._beginning: _ScanLoader | None = None
         self._number = 0
         self._begun = self._ended = False
         self._name = ""
@@ -96,7 +96,7 @@ class Scans:
             return True
         return self._scan.offer(frame, waits=waits)
 
-    def poll(self, told: Told) -> None:
+    def poll(self, told: MessageSink) -> None:
         """Sends progress to viewers, and puts a finished scan on the stage. Call it once per frame."""
         if self._begun or self._ended:
             told.forget("scan piece")
@@ -138,7 +138,7 @@ class Scans:
         self._number += 1
         self._begun, self._name = True, name
         named = msgspec.structs.replace(order, name=name)
-        self._beginning = _Beginning(self._number, named, self._caster())
+        self._beginning = _ScanLoader(self._number, named, self._caster())
 
     def _coming(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the id that the scan will have on the stage, so that its place is reserved."""
@@ -166,7 +166,7 @@ class Scans:
         others = [
             character.vertices[:, 0].max() for own, character in self._stage.characters.items() if own != name
         ]
-        return float(max(others) + _GAP - mesh.vertices[:, 0].min()) if others else 0.0
+        return float(max(others) + _CHARACTER_GAP_M - mesh.vertices[:, 0].min()) if others else 0.0
 
     def _free_name(self) -> str:
         """Returns "scan", or the first of "scan 2", "scan 3", ... that is unused on the stage."""

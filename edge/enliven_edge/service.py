@@ -12,21 +12,21 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthState, Severity, worst_first
 from enliven.wire import CallMessage, Order, as_sent
-from enliven_edge.arrivals import Arrivals
+from enliven_edge.camera_preview import CameraPreview
+from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.controls import Call, Controls, Lamps, lamps_of
-from enliven_edge.glance import Glance
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import handlers_of
 from enliven_edge.physics import PhysicsSwitch
 from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of, is_device
-from enliven_edge.stage import HandSizing, Opening, Stage, Tick
+from enliven_edge.stage import HandSizing, InitialPossession, Stage, Tick
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 
-_PATIENCE = 0.1
+_FRAME_TIMEOUT_S = 0.1
 """Seconds to wait for a frame before polling viewers and controls."""
 
 
@@ -41,7 +41,7 @@ class Edge:
         health: monitors the sensor and the tracking. None creates one.
         physics: rigid bodies among the characters, which viewers switch on and off. None creates one.
         controls: pedals and other hardware, in addition to the viewers. The caller closes them.
-        arrivals: puts the characters that clients send on the stage. None creates one.
+        uploads: puts the characters that clients send on the stage. None creates one.
         scans: scans that viewers request with the sensor. None creates one.
         once: ends at the first fault of the sensor, instead of continuing with its next good frame.
 
@@ -62,7 +62,7 @@ class Edge:
         health: HealthMonitor | None = None,
         physics: PhysicsSwitch | None = None,
         controls: Controls | None = None,
-        arrivals: Arrivals | None = None,
+        uploads: CharacterUploads | None = None,
         scans: Scans | None = None,
         once: bool = False,
     ) -> None:
@@ -70,14 +70,14 @@ class Edge:
         self.health, self.physics = health or HealthMonitor(), physics or PhysicsSwitch()
         self.health.follow_device(is_device(sensor))
         self.controls = controls or Controls([])
-        self.arrivals, self.scans = arrivals or Arrivals(stage), scans or Scans(stage)
-        self.arrivals.last_revision = outlet.publisher.last_revision
+        self.uploads, self.scans = uploads or CharacterUploads(stage), scans or Scans(stage)
+        self.uploads.last_revision = outlet.publisher.last_revision
         self.sizing = HandSizing(stage)
-        self.glance = Glance()
+        self.camera_preview = CameraPreview()
         self.pace = FrameRate()
         self.frames = 0
         self._heard = time.monotonic()
-        self._opening, self._stop_after = Opening(stage, possess_at, parts), stop_after
+        self._opening, self._stop_after = InitialPossession(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped, self._once = False, once
         self.handlers: dict[type[Order], Handler] = handlers_of(self)
@@ -140,7 +140,7 @@ class Edge:
         """Sends viewers the camera's pose and preview image, with a limited rate."""
         place = frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
         mirrored = self.tracker.settings.output.mirror
-        if self.outlet.tells_picture and (message := self.glance.of(frame, place, mirrored=mirrored)):
+        if self.outlet.tells_picture and (message := self.camera_preview.of(frame, place, mirrored=mirrored)):
             self.outlet.send(message, frame.time_ns)
 
     def _show(self) -> None:
@@ -148,10 +148,10 @@ class Edge:
 
         Sends viewers, take and physics new, changed and removed ones.
         """
-        self.arrivals.poll()
+        self.uploads.poll()
         self.scans.poll(self.outlet)
         characters = self.stage.characters
-        self.outlet.show(characters, self.arrivals.revisions)
+        self.outlet.show(characters, self.uploads.revisions)
         self.physics.show(characters)
         if (change := self.physics.change()) is not None:
             self.outlet.send(change, 0)
@@ -179,7 +179,7 @@ class Edge:
         """Yields the sensor's frames, and None whenever none is due."""
         while not self._stopped and not parent_is_gone():
             try:
-                frame = self.sensor.read(_PATIENCE)
+                frame = self.sensor.read(_FRAME_TIMEOUT_S)
             except TimeoutError:
                 yield None
                 continue

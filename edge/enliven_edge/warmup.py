@@ -18,13 +18,13 @@ from enliven_edge.tracking.scene import corrected, world_from_floor
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a sensor at 30 Hz."""
-_ALONE = 3
+_ONE_PERSON_FRAMES = 3
 """Number of frames with one person: first new, then confirmed, then tracked."""
-_TOGETHER = 3
+_TWO_PEOPLE_FRAMES = 3
 """Number of frames with two people: the second is new, confirmed and tracked, and they touch."""
-_EMPTY = 1
+_EMPTY_FRAMES = 1
 """Number of frames without people: both are lost."""
-_ASIDE = 1 / 6
+_PEOPLE_DISTANCE = 1 / 6
 """Distance of the two people as a fraction of the image width: so near that their surfaces must be
 separated."""
 
@@ -49,12 +49,12 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
 def _warm_up_frames() -> Iterator[DepthFrame]:
     """Yields the frames to be tracked, at the usual rate."""
     frames = (f for f in Recording(shipped_recording()).frames() if isinstance(f, DepthFrame))
-    count = _ALONE + _TOGETHER + _EMPTY
+    count = _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES + _EMPTY_FRAMES
     for i, frame in zip(range(count), frames, strict=False):
         depth = frame.depth
-        if i >= _ALONE:
+        if i >= _ONE_PERSON_FRAMES:
             depth = _with_duplicate(depth)
-        if i >= _ALONE + _TOGETHER:
+        if i >= _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES:
             depth = np.zeros_like(depth)
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
 
@@ -72,11 +72,11 @@ def _run_what_it_lacks() -> None:
 
 def _with_duplicate(depth: UInt16) -> UInt16:
     """Returns (H, W) the same person twice: the nearer of the image and a shifted copy."""
-    moved = np.roll(depth, round(_ASIDE * depth.shape[1]), axis=1)
+    moved = np.roll(depth, round(_PEOPLE_DISTANCE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)
 
 
 if __name__ == "__main__":
     # This runs in a process of its own, which fills the folder of compiled kernels.
-    # enliven_edge.commands.preparing starts it.
+    # enliven_edge.commands.preparation starts it.
     warm_up_tracking()

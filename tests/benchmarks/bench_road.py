@@ -20,7 +20,7 @@ from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking

@@ -42,8 +42,8 @@ from enliven_synthesis.sensor import (
     FollowingPath,
     HandheldPath,
     HandheldScan,
-    HandledScan,
-    HandledWay,
+    MovedObjectPath,
+    MovedObjectScan,
     laid_on_its_back,
     load_profile,
 )
@@ -190,8 +190,8 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     """Measures a scan in which the chair is laid on its back half-way: the completeness of the mesh, and its
     error."""
     poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
-    way = HandledWay(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
-    scan, scanner = HandledScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
+    way = MovedObjectPath(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
+    scan, scanner = MovedObjectScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
     again, off = None, list[float]()
     for index in range(0, scan.frames, LAID_EVERY):
         frame = replace(scan.frame(index), world_from_camera=None if index else scan.pose(0))

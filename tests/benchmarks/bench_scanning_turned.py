@@ -23,11 +23,11 @@ from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.surface_points import nearest_grid
 from enliven.scanning.rigid import apart, inverse
 from enliven.scanning.settings import ScanSettings
-from enliven_synthesis.sensor import HandheldPath, HandledScan, InHandsWay, MovingThing, load_profile
+from enliven_synthesis.sensor import HandheldPath, HandTurnedPath, MovedObjectScan, MovingObject, load_profile
 
-WAYS: dict[str, tuple[MovingThing, HandheldPath, int]] = {
+WAYS: dict[str, tuple[MovingObject, HandheldPath, int]] = {
     "turntable": (WAY, STILL, 405),
-    "in_hands": (InHandsWay(), HELD, 465),
+    "in_hands": (HandTurnedPath(), HELD, 465),
 }
 """Paths of chair and camera, and the number of images at 30 per second, of the turn and of the time before
 it."""
@@ -41,11 +41,11 @@ def figures() -> Iterator[Figure]:
     """Yields the errors of the chair's pose and the camera's pose, the fraction of images used, and the mesh
     figures."""
     for name, (way, camera, images) in WAYS.items():
-        take = HandledScan(THING, way, load_profile("kinect1"), camera, room=ROOM, width=640)
+        take = MovedObjectScan(THING, way, load_profile("kinect1"), camera, room=ROOM, width=640)
         yield from _followed(name, take, images)
 
 
-def _followed(name: str, take: HandledScan, images: int) -> Iterator[Figure]:
+def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]:
     """Yields the figures of one path."""
     scanner, off, room, took, followed = MovedScanner(following(ScanSettings())), [], [], [], 0
     for index in range(0, images, EVERY):

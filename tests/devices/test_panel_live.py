@@ -152,7 +152,7 @@ def test_watchdog_restart_of_hanging_firmware_is_reported(stand, caplog):
 
 
 def test_silent_panel_is_searched_until_it_speaks(stand, caplog, monkeypatch):
-    monkeypatch.setattr(serial_panel, "_SILENCE", 1.0)
+    monkeypatch.setattr(serial_panel, "_SILENCE_TIMEOUT_S", 1.0)
     stand.panel.frozen = True
     until(lambda: "the panel says nothing" in caplog.text)
     assert not stand.is_there()
@@ -163,7 +163,7 @@ def test_silent_panel_is_searched_until_it_speaks(stand, caplog, monkeypatch):
 
 
 def test_hanging_edge_is_shown_as_no_edge(stand, monkeypatch):
-    monkeypatch.setattr(serial_panel, "_STALE", 0.3)
+    monkeypatch.setattr(serial_panel, "_STALE_AFTER_S", 0.3)
     stand.lamps = STEADY
     stand.shows(possess=1.0, locked=1.0)
     stand.lamps = None

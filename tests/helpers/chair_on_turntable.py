@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.samples import load_sample
-from enliven_synthesis.sensor import HandheldPath, TurntableWay
+from enliven_synthesis.sensor import HandheldPath, TurntablePath
 from enliven_synthesis.sensor.scene import Box
 
 _CHAIR = load_sample("chair")
 _MIDDLE = np.mean(_CHAIR.bounds, axis=0) * [1, 0, 1] + [0, _CHAIR.bounds[0][1], 0]
 THING = replace(_CHAIR, vertices=0.5 * (_CHAIR.vertices - _MIDDLE))
-WAY = TurntableWay(begins=1.5, period=12.0)
+WAY = TurntablePath(begins=1.5, period=12.0)
 STILL = HandheldPath(target=(0.0, 0.2, 0.0), radius=1.5, height=(1.1, 1.1), turns=0.0, sway=0.02, shake=0.0)
 HELD = replace(STILL, target=(0.0, 0.62, 0.0))
 """The same camera path for a chair that is lifted by a quarter of a metre."""

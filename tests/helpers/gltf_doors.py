@@ -12,7 +12,7 @@ from enliven.example_sessions.tables import MeshTable
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, load_mesh, load_upright
 from enliven.takes import exportables_of
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.rig import cast_rig
 from enliven_viewer.commands.stage import _read as read_for_stage
 from enliven_viewer.studio.editor import Editor

@@ -13,7 +13,7 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

@@ -143,7 +143,7 @@ def test_turning_person_is_tracked_all_round():
 
 def test_driven_through_to_poses():
     """The real recording moves the chair: finite poses, and the chair follows the head."""
-    from enliven_edge.stage.casting import cast
+    from enliven_edge.stage.character_setup import cast
     from enliven_edge.stage.stage import Stage
 
     tracker, stage = Tracker(), Stage([cast("chair", nodes=64)])

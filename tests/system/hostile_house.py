@@ -18,12 +18,12 @@ from enliven.meshes import Mesh
 from enliven.person.body import Body
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control
-from enliven_edge.arrivals import Arrivals
+from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import EdgeSettings, WireSettings
 from enliven_edge.stage import Stage
-from enliven_edge.stage.places import StageSettings
+from enliven_edge.stage.stage_capacity import StageSettings
 from enliven_edge.tracking.tracker import Tracker
 
 FRAME_NS = 33_333_333
@@ -50,8 +50,8 @@ class House:
         self.stage = Stage([], stage)
         self.outlet = Outlet(wire, "given")
         self.settings = EdgeSettings(nodes=8, wire=wire)
-        arrivals = Arrivals(self.stage, self.settings)
-        self.edge = Edge(NoSensor(), Tracker(), self.stage, self.outlet, arrivals=arrivals)
+        uploads = CharacterUploads(self.stage, self.settings)
+        self.edge = Edge(NoSensor(), Tracker(), self.stage, self.outlet, uploads=uploads)
         self.time_ns = 0
         self.people: list[Body] = []
         self.visitors: list[Visitor] = []

@@ -16,7 +16,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.recording import Recorder
 from enliven.samples import load_sample
-from enliven_edge.arrivals import Arrivals
+from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
@@ -56,7 +56,7 @@ def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int 
         ReplaySensor(path, loop=True) as sensor,
         Outlet(chosen.wire, sensor.name, record=folder / "take.mcap", overwrite=True) as outlet,
     ):
-        edge = Edge(sensor, Tracker(), stage, outlet, possess_at=0.1, arrivals=Arrivals(stage, chosen))
+        edge = Edge(sensor, Tracker(), stage, outlet, possess_at=0.1, uploads=CharacterUploads(stage, chosen))
         signal.signal(signal.SIGTERM, lambda *_: edge.stop())
         step, longest = edge.step, [0.0]
 

@@ -35,9 +35,9 @@ from enliven.wire import (
     Welcome,
     unpack_stream,
 )
-from enliven_edge import arrivals as arrivals_module
-from enliven_edge.arrivals import MAX_REVISION_JUMP
-from enliven_edge.stage.places import StageSettings
+from enliven_edge import character_upload
+from enliven_edge.character_upload import MAX_REVISION_JUMP
+from enliven_edge.stage.stage_capacity import StageSettings
 from enliven_viewer.link.edges import EdgeClient
 
 from ..edge.matching.rigs_for_stage import person
@@ -162,8 +162,8 @@ def test_reserved_places_are_lost_when_nothing_or_hardly_anything_is_delivered(
 ) -> None:
     rude = house.visitor()
     orders = [rude.announce(name)[0] for name in "abcd"]
-    monkeypatch.setattr(arrivals_module, "_GIVEN_UP", 0.3)
-    waiting = lambda: {each.order.id: each.received for each in house.edge.arrivals._waiting.values()}  # noqa: E731
+    monkeypatch.setattr(character_upload, "_TIMEOUT_S", 0.3)
+    waiting = lambda: {each.order.id: each.received for each in house.edge.uploads._waiting.values()}  # noqa: E731
     assert waiting() == dict.fromkeys("abcd", 0)
 
     def trickle() -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_EVERY = 4.0
+_EVALUATION_INTERVAL_S = 4.0
 """Interval between two evaluations of the data of live sensors, in seconds. A calibration takes time from the
 trackers."""
 
@@ -133,7 +133,7 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
             stop.wait(0.2)
             count = ", ".join(f"{c.name} {c.frames}" for c in collectors)
             progress.update(task, description=f"{count} frames; {advice if live else 'tracking'}")
-            if live and time.monotonic() - looked > _EVERY:
+            if live and time.monotonic() - looked > _EVALUATION_INTERVAL_S:
                 so_far = calibrated([c.stream() for c in collectors], chosen.calibration)
                 looked = time.monotonic()
                 if so_far.good:

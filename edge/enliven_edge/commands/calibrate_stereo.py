@@ -14,14 +14,14 @@ from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError, ResourceError
 
 if TYPE_CHECKING:
-    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, Judgement
+    from enliven_edge.sensors.stereo import BoardSighting, CalibrationBoard, CalibrationQuality
 
-_LOOK = 0.3
+_CHECK_INTERVAL_S = 0.3
 """Interval between two checks of live cameras, in seconds. Moving a board by hand takes longer."""
-_APART_MS = 20.0
+_MAX_TIME_OFFSET_MS = 20.0
 """Maximum time difference of the live images of a pair, in milliseconds. It may be large, because the board
 is held still."""
-_PATIENCE = 10.0
+_PAIR_TIMEOUT_S = 10.0
 """Longest time without an image pair before live cameras are given up, in seconds."""
 
 
@@ -136,15 +136,15 @@ def _take(
     from PIL import Image
 
     from enliven_edge.sensors.drivers import LibcameraImages
-    from enliven_edge.sensors.stereo import Keeper, Pairing
+    from enliven_edge.sensors.stereo import Pairing, PairSelector
 
     images = LibcameraImages(list(names), size)
     try:
-        pairing, keeper = Pairing(images.name, round(1e6 * _APART_MS)), Keeper(board)
+        pairing, keeper = Pairing(images.name, round(1e6 * _MAX_TIME_OFFSET_MS)), PairSelector(board)
         folder.mkdir(parents=True, exist_ok=True)
         last_message, looked, heard = "", 0.0, time.monotonic()
         while len(keeper.kept) < pairs:
-            if time.monotonic() - heard > _PATIENCE:
+            if time.monotonic() - heard > _PAIR_TIMEOUT_S:
                 raise ResourceError("no pair of images came", where=images.name, mend="Check both cameras.")
             try:
                 picture = images.read(1.0)
@@ -154,7 +154,7 @@ def _take(
             if pair is None:
                 continue
             heard = time.monotonic()
-            if heard - looked < _LOOK:
+            if heard - looked < _CHECK_INTERVAL_S:
                 continue
             looked = heard
             lacks = keeper.offer(pair[0].image, pair[1].image)
@@ -169,7 +169,7 @@ def _take(
         images.close()
 
 
-def _tell(judgement: Judgement) -> None:
+def _tell(judgement: CalibrationQuality) -> None:
     advice = [("to do", sentence) for sentence in judgement.advice]
     plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 

@@ -163,8 +163,8 @@ def serve(
     wait_for_sensor: bool = False,
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
-    from enliven_edge.arrivals import Arrivals
-    from enliven_edge.commands.preparing import prepared
+    from enliven_edge.character_upload import CharacterUploads
+    from enliven_edge.commands.preparation import prepared
     from enliven_edge.commands.progress import at_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
@@ -197,7 +197,7 @@ def serve(
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),
             stage,
             outlet,
-            arrivals=Arrivals(stage, chosen),
+            uploads=CharacterUploads(stage, chosen),
             scans=Scans(stage, chosen),
             possess_at=possess_at,
             parts=parts,

@@ -49,13 +49,13 @@ def inspect(
     """
     from enliven.recording import DEPTH_TOPIC, Recording
     from enliven_edge.inspection import SensorLog
-    from enliven_edge.sensors import DiaryEntries
+    from enliven_edge.sensors import LogReader
 
     need_folder(output, sheet)
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if output is None:
-        for moment in DiaryEntries(source):
+        for moment in LogReader(source):
             log.add(moment)
     elif count == 0:
         raise InputError(
@@ -103,9 +103,9 @@ def _film(
 def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
     """Yields a picture for every depth frame."""
     from enliven.frames import DepthFrame
-    from enliven_edge.sensors import DiaryEntries
+    from enliven_edge.sensors import LogReader
 
-    for moment in DiaryEntries(source):
+    for moment in LogReader(source):
         log.add(moment)
         if isinstance(moment.said, Exception):
             inspector.failed(moment.said)

@@ -56,7 +56,7 @@ def frame_progress(console: Console) -> Progress:
 
 
 @dataclass
-class Found:
+class RecordingCounts:
     """Counts of what was written so far."""
 
     frames: int = 0
@@ -102,7 +102,7 @@ def write_recording(
     console: Console,
     level: int = 1,
     overwrite: bool = False,
-) -> Found:
+) -> RecordingCounts:
     """Writes all frames under a temporary name, and renames the file when it is complete.
 
     Args:
@@ -118,7 +118,7 @@ def write_recording(
 
     if output.exists() and not overwrite:
         raise InputError("the file exists already", where=str(output), mend="Add --overwrite to replace it.")
-    contents = Found()
+    contents = RecordingCounts()
     with replace_file(output) as part:
         with (
             Recorder(part, compression_level=level, sync_seconds=10.0, overwrite=True) as recorder,

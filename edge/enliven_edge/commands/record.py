@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_PATIENCE = 0.25
+_FRAME_TIMEOUT_S = 0.25
 """Seconds to wait for a frame before checking for an end and handing the written data to the disk."""
 
 
@@ -78,31 +78,31 @@ def record_stream(
     What becomes of the sensor is written beside them. One that fails is read on, and a frame that cannot be
     used is left out; both are logged.
     """
-    from enliven_edge.sensors import Diary, SensorFault, condition_of
+    from enliven_edge.sensors import EventLog, SensorFault, condition_of
     from enliven_edge.tracking.frame import flaw_of
 
-    count, first_ns, diary = 0, None, Diary(recorder)
+    count, first_ns, event_log = 0, None, EventLog(recorder)
     while not stop.is_set():
         try:
-            frame = stream.read(_PATIENCE)
+            frame = stream.read(_FRAME_TIMEOUT_S)
         except TimeoutError:
             recorder.sync()
             continue
         except (SensorFault, InputError) as error:
             log.warning("%s", error)
-            diary.failed(error)
+            event_log.failed(error)
             continue
         if frame is None:
             return
         if flaw := flaw_of(frame):
             log.warning("%s: a frame is left out: %s", stream.name, flaw)
-            diary.failed(InputError(flaw, where=stream.name))
+            event_log.failed(InputError(flaw, where=stream.name))
             continue
         first_ns = frame.time_ns if first_ns is None else first_ns
         if seconds is not None and frame.time_ns - first_ns >= seconds * 1e9:
             return
         try:
-            diary.frame(frame, condition_of(stream))
+            event_log.frame(frame, condition_of(stream))
         except InputError as error:
             log.warning("a frame is left out: %s", error)
             continue

@@ -13,7 +13,7 @@ from enliven.files import need_folder, write_picture
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
 
-_VOXEL = 4.0
+_DEFAULT_VOXEL_MM = 4.0
 """Side of a voxel if none is given, in millimetres. It suits a chair or a lamp."""
 
 
@@ -120,7 +120,7 @@ def scan(
         raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
         stage_command()  # Report missing requirements of the stage before the scan, not after it.
-    voxel = voxel or (1e3 * PERSON_VOXEL if person else _VOXEL)
+    voxel = voxel or (1e3 * PERSON_VOXEL if person else _DEFAULT_VOXEL_MM)
     scanner = scanner_of(voxel, reach, within, memory, thing)
     if moved or turned:
         refuse_beside("--turned" if turned else "--moved", whole, box, before, add, within)

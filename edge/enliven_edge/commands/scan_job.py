@@ -27,8 +27,8 @@ from enliven.scanning.objects import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
 from enliven_edge.scanning import (
     Keep,
-    Made,
-    ScanDiary,
+    ScanLog,
+    ScannedMesh,
     finished,
     keep_scan,
     kept_beside,
@@ -130,13 +130,13 @@ class ScanJob:
     keeps: bool
 
     def __post_init__(self) -> None:
-        self.diary, self._notes = ScanDiary(), list[str]()
+        self.scan_log, self._notes = ScanLog(), list[str]()
 
     @property
     def _where(self) -> str:
         return str(self.recording or self.sensor)
 
-    def run(self, keep: Keep, triangles: int, output: Path) -> Made:
+    def run(self, keep: Keep, triangles: int, output: Path) -> ScannedMesh:
         """Scans, and writes what is kept of it.
 
         Raises:
@@ -145,7 +145,7 @@ class ScanJob:
         """
         before = self._scan()
         try:
-            self.diary.refuse(self._where, self.scanner)
+            self.scan_log.refuse(self._where, self.scanner)
             meant = replace(keep, before=before) if keep.what == "new" else keep
             scan_result = finished(self.scanner, meant, triangles, output.stem)
             self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
@@ -159,18 +159,18 @@ class ScanJob:
         write_scan(scan_result, output)
         return scan_result
 
-    def tell(self, made: Made, output: Path) -> None:
+    def tell(self, made: ScannedMesh, output: Path) -> None:
         """Prints what came of it, and what would make it better."""
         low, high = made.mesh.bounds
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
         few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
-        summary = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.diary.frames} frames"
-        say(f"{output}: {summary}, {self.diary.now}")
+        summary = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.scan_log.frames} frames"
+        say(f"{output}: {summary}, {self.scan_log.now}")
         if made.said:
             say(made.said[:1].upper() + made.said[1:])
         if made.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
-        for sentence in (*self.diary.advice(self.scanner), *self._notes):
+        for sentence in (*self.scan_log.advice(self.scanner), *self._notes):
             say(f"Note: {sentence}")
 
     def _scan(self) -> int:
@@ -181,12 +181,14 @@ class ScanJob:
                 before = scan_first(self.scanner, self.first, stop)
             for frame in itertools.takewhile(self._in_time(), self._images(stop)):
                 step = self.scanner.add(frame)
-                self.diary.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
-                progress.update(task, count=self.diary.frames, description=f"Scanning, {self.diary.now}")
+                self.scan_log.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
+                progress.update(
+                    task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.now}"
+                )
                 if self.scanner.full:
                     break
         if self.first is not None:
-            refuse_unseen(self.diary.counts[ScanState.SCANNING], self.first)
+            refuse_unseen(self.scan_log.counts[ScanState.SCANNING], self.first)
         return before
 
     def _images(self, stop: Event) -> Iterator[DepthFrame]:

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from enliven.arrays import Float, UInt8
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import Condition, Sensor
-    from enliven_edge.terminal import Way
+    from enliven_edge.terminal import ImageProtocol
 
-_PATIENCE = 15.0
+_PREVIEW_TIMEOUT_S = 15.0
 """Longest time without any frame before a preview gives up, in seconds. The first frame of a camera may take
 ten."""
 
@@ -120,7 +120,7 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
 
     frames: list[DepthFrame] = []
     start = time.monotonic()
-    until, give_up = start + seconds, start + _PATIENCE
+    until, give_up = start + seconds, start + _PREVIEW_TIMEOUT_S
     while time.monotonic() < until or (not frames and time.monotonic() < give_up):
         try:
             frame = sensor.read(0.25)
@@ -195,14 +195,14 @@ def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str
     return facts
 
 
-def _way(word: str) -> Way | None:
+def _way(word: str) -> ImageProtocol | None:
     """Returns the image protocol of the terminal; None where no picture is to be drawn."""
-    from enliven_edge.terminal import WAYS, image_protocol
+    from enliven_edge.terminal import IMAGE_PROTOCOLS, image_protocol
 
     if word in ("auto", "none"):
         return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
-    if word not in WAYS:
-        choices = ", ".join(("auto", "none", *WAYS))
+    if word not in IMAGE_PROTOCOLS:
+        choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
         raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {choices}.")
     return word  # type: ignore[return-value]
 

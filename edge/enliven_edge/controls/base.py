@@ -37,9 +37,9 @@ _MODES: dict[str, Literal["alone", "join", "extend"]] = {
     "join": "join",
     "extend": "extend",
 }
-_CHOOSES = "parts"
+_PARTS_COMMAND = "parts"
 """The command that chooses the parts of the next hold, which the mesh shows immediately."""
-_WITH_PARTS = (*_MODES, _CHOOSES)
+_WITH_PARTS = (*_MODES, _PARTS_COMMAND)
 """The commands that accept parts of the body after them."""
 
 
@@ -61,7 +61,7 @@ def _checked(key: str, said: str, where: str) -> Command:
                 parts_named(parts)
             except InputError as error:
                 raise InputError(f"{key!r}: {error.what}", where=where, mend=error.mend) from None
-        elif word == _CHOOSES:
+        elif word == _PARTS_COMMAND:
             mend = 'Such as "parts legs".'
             raise InputError(f"{key!r} selects body parts, and names none", where=where, mend=mend)
         return said
@@ -88,7 +88,7 @@ def orders(said: Command, stage: Stage) -> list[Order]:
         return [Resize("hands")]
     if word in _STEPS:
         return [Browse(step=_STEPS[word])]
-    if word == _CHOOSES:
+    if word == _PARTS_COMMAND:
         return [Possess(parts=parts, mode="preview")]
     mode = _MODES[word]
     return [
@@ -100,9 +100,9 @@ log = logging.getLogger(__name__)
 
 PATIENCE = 0.1
 """Seconds to wait for a press before checking whether to stop."""
-_WAITING = 32
+_MAX_QUEUED = 32
 """Maximum number of queued commands. Older ones are dropped, since the stage has changed since then."""
-_STRANGERS = 16
+_MAX_UNKNOWN_KEYS = 16
 """Maximum number of unknown keys that are logged, as a help for writing the map."""
 
 
@@ -194,7 +194,7 @@ class ControlReader:
         self.name = name
         self._device, self._words, self._retry = device, dict(words), retry
         self._debouncer = Debouncer(debounce)
-        self._said: deque[Press] = deque(maxlen=_WAITING)
+        self._said: deque[Press] = deque(maxlen=_MAX_QUEUED)
         self._paused = threading.Event()
         self._why: EnlivenError | None = None
         self._strangers: set[str] = set()
@@ -299,6 +299,6 @@ class ControlReader:
         if word is not None:
             log.debug("control %s: %r, %s", self.name, key, word)
             self._said.append(Press(key, word))
-        elif key not in self._strangers and len(self._strangers) < _STRANGERS:
+        elif key not in self._strangers and len(self._strangers) < _MAX_UNKNOWN_KEYS:
             self._strangers.add(key)
             log.info("control %s sent %r, which its map does not have", self.name, key)

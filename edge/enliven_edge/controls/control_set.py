@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import MAX_PHRASES, HeardMessage, Order, VoiceMessage
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.controls.base import (
     CALLS,
     WORDS,
@@ -43,7 +43,7 @@ PHRASES = {
     "puppet stop recording": "stop",
 }
 """The phrases of a microphone that a window opens at an edge without a voice control in its settings."""
-_MOST_LETTERS = 160
+_MAX_MESSAGE_LENGTH = 160
 """Maximum number of characters of a sentence in a wire message."""
 
 
@@ -64,7 +64,7 @@ class _Start(threading.Thread):
             self.result = ControlReader("voice", device, PHRASES, settings.debounce, settings.retry)
 
 
-class Controls(Closing):
+class Controls(Closeable):
     """Carries out the commands of several controls on the stage.
 
     Args:
@@ -128,8 +128,8 @@ class Controls(Closing):
     def _heard(self, control: ControlReader, press: Press, refused: str) -> HeardMessage:
         """Returns the message to windows about an utterance."""
         words = press.key if press.command or not self._hides_talk else ""
-        cut = words[:_MOST_LETTERS], bool(press.command), press.command[:_MOST_LETTERS]
-        return HeardMessage(control.name[:64] or "voice", *cut, refused[:_MOST_LETTERS])
+        cut = words[:_MAX_MESSAGE_LENGTH], bool(press.command), press.command[:_MAX_MESSAGE_LENGTH]
+        return HeardMessage(control.name[:64] or "voice", *cut, refused[:_MAX_MESSAGE_LENGTH])
 
     def listen(self, on: bool) -> None:
         """Opens or closes the microphones of all voice controls. Starts a voice control if there are none."""
@@ -159,8 +159,8 @@ class Controls(Closing):
         commands_by_phrase = {
             phrase: word for control in voices for phrase, word in control.phrases.items()
         } or PHRASES
-        phrases = [phrase[:_MOST_LETTERS] for phrase in commands_by_phrase][:MAX_PHRASES]
-        actions = [word[:_MOST_LETTERS] for word in commands_by_phrase.values()][:MAX_PHRASES]
+        phrases = [phrase[:_MAX_MESSAGE_LENGTH] for phrase in commands_by_phrase][:MAX_PHRASES]
+        actions = [word[:_MAX_MESSAGE_LENGTH] for word in commands_by_phrase.values()][:MAX_PHRASES]
         if any(control.there for control in voices):
             return VoiceMessage("listening", phrases=phrases, actions=actions)
         why = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
@@ -171,7 +171,7 @@ class Controls(Closing):
                 "off" if any(voice.is_paused for voice in voices) else "starting"
             )
             return VoiceMessage(state, phrases=phrases, actions=actions)
-        problem, mend = why.what[:_MOST_LETTERS], (why.mend or "")[:_MOST_LETTERS]
+        problem, mend = why.what[:_MAX_MESSAGE_LENGTH], (why.mend or "")[:_MAX_MESSAGE_LENGTH]
         return VoiceMessage("missing", problem, mend, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:

@@ -96,9 +96,9 @@ class Edges:
         self._down = frozenset()
 
 
-_OPENING = threading.Lock()
+_LISTING_LOCK = threading.Lock()
 """Lock for listing devices: hidapi's enumeration is not thread-safe."""
-_LONGEST_REPORT = 64
+_MAX_REPORT_BYTES = 64
 """Maximum bytes read of a report: the most that USB's full speed sends at once."""
 _KEYBOARD = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
@@ -124,13 +124,13 @@ class HidPedal(Device):
     def open(self) -> None:
         hid = _library()
         self._edges.forget()
-        with _OPENING:
+        with _LISTING_LOCK:
             device = hid.device()
             device.open_path(self._path(hid))
         self._device = device
 
     def read(self) -> list[str]:
-        report = bytes(self._device.read(_LONGEST_REPORT, int(PATIENCE * 1000)))
+        report = bytes(self._device.read(_MAX_REPORT_BYTES, int(PATIENCE * 1000)))
         return self._edges.feed(report) if report else []
 
     def close(self) -> None:

@@ -50,12 +50,12 @@ VERSION = "01"
 """The version of the protocol of this edge, as two digits of the panel's greeting."""
 ASK = "?"
 """The body of a message that requests the panel's greeting."""
-_LONGEST = 64
+_MAX_BODY_BYTES = 64
 """Maximum bytes of a body and its checksum: longer data is noise. The panel's longest message has 19."""
-_MOST_BEATS = 12
+_MAX_BEATS = 12
 """The panel sends four heartbeats per second. If more than this number is missing, it restarted or was not
 received."""
-_MOST_PRESSES = 7
+_MAX_PRESSES = 7
 """Maximum number of presses between two messages. People cannot press more often, so the panel restarted."""
 _CODES = {"off": "-", "steady": "S", "breathing": "B", "flashing": "F"}
 _GREETING = re.compile(r"H(\d\d)([PEBW?])")
@@ -96,7 +96,7 @@ class Decoder:
                 if body:
                     bodies.append(body)
                 self._line = None
-            elif len(self._line) < _LONGEST:
+            elif len(self._line) < _MAX_BODY_BYTES:
                 self._line.append(byte)
             else:
                 self._line = None
@@ -150,7 +150,7 @@ class PanelKeys:
         """
         beats = (beat - self._beat) % 0x10000
         more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self.counts, strict=False)]
-        follows = len(counts) == len(self.counts) and beats <= _MOST_BEATS and max(more) <= _MOST_PRESSES
+        follows = len(counts) == len(self.counts) and beats <= _MAX_BEATS and max(more) <= _MAX_PRESSES
         self._beat, self.counts = beat, counts
         if not follows:
             return []

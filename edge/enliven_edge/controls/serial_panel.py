@@ -12,19 +12,19 @@ from enliven_edge.controls.settings import ControlSettings
 
 log = logging.getLogger(__name__)
 
-_WAIT = 0.03
+_READ_TIMEOUT_S = 0.03
 """Seconds to wait for the panel's first byte before checking whether the lamps change."""
-_BEAT = 0.25
+_MESSAGE_INTERVAL_S = 0.25
 """Seconds between two messages to the panel. After 1 s without a message the panel shows "no edge"."""
-_STALE = 1.0
+_STALE_AFTER_S = 1.0
 """Age, in seconds, at which the state of the stage is too old to be shown. An edge that hangs sends
 nothing."""
-_SILENCE = 2.0
+_SILENCE_TIMEOUT_S = 2.0
 """Longest time without a message of the panel before it is opened again, in seconds. Noise does not damage
 eight messages in a row."""
-_STUCK = 1.0
+_WRITE_TIMEOUT_S = 1.0
 """Seconds to wait for a port that accepts no byte."""
-_GREETING = 4.0
+_GREETING_TIMEOUT_S = 4.0
 """Time within which a panel must greet, in seconds. An Arduino resets when its port opens, which takes 2
 s."""
 _CAUSES = {
@@ -58,7 +58,7 @@ class SerialPanel(SerialPedal):
     def open(self) -> None:
         self._forget()
         super().open()
-        self._port.timeout, self._port.write_timeout = _WAIT, _STUCK
+        self._port.timeout, self._port.write_timeout = _READ_TIMEOUT_S, _WRITE_TIMEOUT_S
 
     def read(self) -> list[str]:
         began, heard, answered = time.monotonic(), self._keys.heard, self.answers
@@ -79,9 +79,9 @@ class SerialPanel(SerialPedal):
         """Sends the lamps if they changed or a heartbeat is due. Requests a greeting that was missed."""
         now = time.monotonic()
         body = lamps_body(self._wanted) if self.answers else ASK
-        if self.answers and now - self._wanted_at > _STALE:
+        if self.answers and now - self._wanted_at > _STALE_AFTER_S:
             return
-        if body != self._said or now - self._said_at >= _BEAT:
+        if body != self._said or now - self._said_at >= _MESSAGE_INTERVAL_S:
             self._port.write(encode(body))
             self._said, self._said_at = body, now
 
@@ -90,8 +90,8 @@ class SerialPanel(SerialPedal):
 
         Raises after too long.
         """
-        self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _WAIT)
-        if self._quiet > (_SILENCE if self._keys.heard else _GREETING):
+        self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _READ_TIMEOUT_S)
+        if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.heard else _GREETING_TIMEOUT_S):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
             raise ResourceError("the panel says nothing", where=self._where, mend=mend)
         if self._keys.version not in ("", VERSION):

@@ -11,7 +11,7 @@ from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
 
-_LONGEST_LINE = 64
+_MAX_LINE_BYTES = 64
 """Maximum bytes of a line: a longer one comes from a wrong baud rate or another device."""
 
 
@@ -72,11 +72,11 @@ class LineKeys:
         keys = []
         for byte in data:
             if byte not in b"\r\n":
-                if len(self._line) <= _LONGEST_LINE:
+                if len(self._line) <= _MAX_LINE_BYTES:
                     self._line.append(byte)
                 continue
             key = self._line.decode("ascii", "replace").strip()
-            if key and len(self._line) <= _LONGEST_LINE:
+            if key and len(self._line) <= _MAX_LINE_BYTES:
                 keys.append(key)
             self._line.clear()
         return keys

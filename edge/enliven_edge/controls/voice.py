@@ -138,15 +138,15 @@ class Microphone:
 
 log = logging.getLogger(__name__)
 
-_LONGEST = 3.0
+_MAX_UTTERANCE_S = 3.0
 """Maximum seconds of an utterance: a longer one is not a command."""
-_TALK = (
+_COMMON_WORDS = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
 )
 """Words that start ordinary talk: an utterance that does not start with a phrase's first word is talk."""
-_DEEDS = (
+_ACTION_WORDS = (
     "turn move dance run play sit lie down arm head hand body man day thing water house big small new good "
     "long little first great old work way people place back make take give tell find see want need know think"
 )
@@ -215,7 +215,7 @@ class Recogniser:
             self._utterance.clear()
         if speech is not None:
             self._bytes += len(speech)
-            if self._bytes < _LONGEST * RATE * 2:
+            if self._bytes < _MAX_UTTERANCE_S * RATE * 2:
                 self._decoder.process_raw(speech, False, False)
                 self._utterance += speech
         if before and not self._ends.in_speech:
@@ -248,7 +248,7 @@ class Recogniser:
         """Returns the utterance since the last silence, if it is a phrase."""
         self._decoder.end_utt()
         best = self._decoder.hyp()
-        if self._bytes >= _LONGEST * RATE * 2:
+        if self._bytes >= _MAX_UTTERANCE_S * RATE * 2:
             return None
         if best is not None and best.hypstr in self._phrases:
             log.debug("heard %r", best.hypstr)
@@ -266,9 +266,9 @@ def _grammar(phrases: Sequence[str]) -> str:
     names = sorted({phrase.split()[0] for phrase in phrases})
     rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
     rest = f"[{' | '.join(rests)}]" if rests else ""
-    talk = [word for word in _TALK.split() if word not in names]
+    talk = [word for word in _COMMON_WORDS.split() if word not in names]
     followers = {rest.split()[0] for rest in rests}
-    others = [word for word in dict.fromkeys((*talk, *_DEEDS.split())) if word not in followers]
+    others = [word for word in dict.fromkeys((*talk, *_ACTION_WORDS.split())) if word not in followers]
     alternatives = " | ".join(f"/1.0/ {phrase}" for phrase in phrases)
     return (
         "#JSGF V1.0; grammar commands;"

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
 from enliven.frames import Frame
 
-_MOST_TEXT = 1 << 28
+_MAX_TEXT_BYTES = 1 << 28
 """Maximum bytes of a table or a list: an hour of 25 joints in plain numbers has some 30 million."""
 
 
@@ -133,7 +133,7 @@ def text_of(path: Path) -> str:
     Raises:
         InputError: if it cannot be read.
     """
-    return decode_text(read_file(path, _MOST_TEXT))
+    return decode_text(read_file(path, _MAX_TEXT_BYTES))
 
 
 def only_one(paths: Sequence[Path]) -> Path:

@@ -88,7 +88,7 @@ def _camera_file(depth: Path) -> Path:
 
 _BYTES = KINECT1.width * KINECT1.height * 2
 """Bytes of a file: two for each pixel."""
-_FARTHEST = 10_000
+_MAX_DEPTH_MM = 10_000
 """Maximum valid depth of a Kinect v1, in millimetres. Larger values are not distances."""
 
 
@@ -118,7 +118,7 @@ def _raw_images(paths: Sequence[Path]) -> list[Path]:
 def _plausible(values: UInt16) -> bool:
     """Returns True if numbers look like distances: some are near enough, and hardly any too far."""
     measured = values[values > 0]
-    return measured.size > 100 and float(np.mean(measured > _FARTHEST)) < 0.001
+    return measured.size > 100 and float(np.mean(measured > _MAX_DEPTH_MM)) < 0.001
 
 
 def _read(path: Path) -> UInt16:

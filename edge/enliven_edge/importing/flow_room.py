@@ -36,7 +36,7 @@ they turn towards the sensor, and all people in the known recordings agree on it
 would be flat."""
 _INVALID = -500
 """Value of z at or below which a point was not measured: the files use large negative numbers."""
-_LONGEST = 0.4
+_MAX_DEPTH_STEP_M = 0.4
 """Maximum metres of depth between neighbouring joints. Beyond it a joint was measured on the background."""
 _HEAD_TO_ANKLE = 0.88
 """The head joint's height above the ankles as a fraction of the stature."""
@@ -115,7 +115,7 @@ def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
     middle = float(np.median(points[good, 2])) if good.any() else 0.0
     for joint, parent in enumerate(PARENTS):
         expected = points[parent, 2] if parent >= 0 else middle
-        if not good[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _LONGEST:
+        if not good[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _MAX_DEPTH_STEP_M:
             points[joint, 2], good[joint] = expected, False
     return points, good
 

@@ -21,11 +21,11 @@ KINECT2 = Intrinsics(512, 424, 365.0, 365.0, 255.5, 211.5)
 """The Kinect v2's depth camera; individual devices differ by about 1 %."""
 AZURE = Intrinsics(640, 576, 504.0, 504.0, 320.0, 333.0)
 """The Azure Kinect's depth camera in its narrow mode without binning; devices differ by about 1 %."""
-_USUAL = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
+_KNOWN_SENSORS = {"kinect1": KINECT1, "kinect2": KINECT2, "azure-kinect": AZURE}
 """Sensors by name, which are recognised by the shape of their images."""
-_COLOUR = ("PNG", "JPEG")
+_COLOUR_FORMATS = ("PNG", "JPEG")
 """Image formats of the layouts. Pillow's other decoders start programs or trust hostile bytes."""
-_MOST_PIXELS = 1 << 26
+_MAX_PIXELS = 1 << 26
 """Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
 
@@ -43,7 +43,7 @@ def png_size(path: Path) -> tuple[int, int]:
 
 def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
     """Returns the name and the camera of the sensor with depth images of this shape. None: unknown."""
-    for name, camera in _USUAL.items():
+    for name, camera in _KNOWN_SENSORS.items():
         scaled = camera.scaled(width / camera.width)
         if (scaled.width, scaled.height) == (width, height):
             return name, scaled
@@ -53,7 +53,7 @@ def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
 def colour_kind(path: Path) -> str | None:
     """Returns the kind of an image without depth, such as "a JPEG image in colour". None: another file."""
     try:
-        with _opened(path, _COLOUR) as image:
+        with _opened(path, _COLOUR_FORMATS) as image:
             if image.mode.startswith("I") or image.format is None:
                 return None
             grey = image.mode in ("1", "L", "LA")
@@ -93,7 +93,7 @@ def read_colour(path: Path) -> UInt8 | None:
     if not path.exists():
         return None
     try:
-        with _opened(path, _COLOUR) as image:
+        with _opened(path, _COLOUR_FORMATS) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
         mend = "Copy it again, or remove it."
@@ -107,7 +107,7 @@ def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
         InputError: if it declares more pixels than any sensor has.
     """
     image = Image.open(io.BytesIO(read_file(path)), formats=formats)
-    if image.width * image.height > _MOST_PIXELS:
+    if image.width * image.height > _MAX_PIXELS:
         image.close()
         problem = f"it states {image.width} x {image.height} pixels"
         raise InputError(problem, where=str(path), mend="Take a smaller image.")

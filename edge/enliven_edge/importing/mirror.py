@@ -11,7 +11,7 @@ from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.person import Joint
 from enliven.person import mirrored as reflected
 
-_ACROSS = np.array([1.0, 0.0, 0.0])
+_MIRROR_NORMAL = np.array([1.0, 0.0, 0.0])
 """(3,) the normal of the mirror: x of the bodies' world."""
 OTHER_SIDE = [
     Joint[name.replace("LEFT", "?").replace("RIGHT", "LEFT").replace("?", "RIGHT")]
@@ -36,5 +36,5 @@ def _depth(frame: DepthFrame) -> DepthFrame:
 
 
 def _bodies(frame: BodyFrame) -> BodyFrame:
-    bodies = [reflected(body, np.zeros(3), _ACROSS) for body in frame.bodies]
+    bodies = [reflected(body, np.zeros(3), _MIRROR_NORMAL) for body in frame.bodies]
     return dataclasses.replace(frame, bodies=bodies)

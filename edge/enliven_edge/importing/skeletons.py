@@ -28,8 +28,8 @@ KINECT2_ORDER = (0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 
 SpineBase, SpineMid and SpineShoulder stand for the hip centre, the spine and the shoulder centre. The neck,
 the hand tips and the thumbs have no counterpart.
 """
-_OF_THE_SPINE = ["SpineBase", "SpineMid", "SpineShoulder"]
-KINECT2_NAMES = [*_OF_THE_SPINE, *(joint.name.title().replace("_", "") for joint in list(Joint)[3:])]
+_SPINE_NAMES = ["SpineBase", "SpineMid", "SpineShoulder"]
+KINECT2_NAMES = [*_SPINE_NAMES, *(joint.name.title().replace("_", "") for joint in list(Joint)[3:])]
 """(20,) the names of the Kinect SDK 2 for each of :class:`enliven.person.body.Joint`."""
 TRACKED = 1.0
 """Confidence of a joint that the SDK reports as tracked."""

@@ -13,7 +13,7 @@ from enliven_edge.sensors import Condition
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
 
-_SPAN_KEEPS = 0.97
+_SPAN_SMOOTHING = 0.97
 """Smoothing factor per frame of the grey value range, so that images do not flicker."""
 
 
@@ -61,7 +61,7 @@ class Inspector:
     def _settled_span(self, frame: DepthFrame) -> tuple[float, float]:
         now = depth_span(frame.depth)
         before = self._span or now
-        k = _SPAN_KEEPS
+        k = _SPAN_SMOOTHING
         self._span = k * before[0] + (1 - k) * now[0], k * before[1] + (1 - k) * now[1]
         return self._span
 

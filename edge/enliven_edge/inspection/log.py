@@ -6,9 +6,9 @@ from collections import Counter
 
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors import DiaryEntry, SensorFault
+from enliven_edge.sensors import LogEntry, SensorFault
 
-_MOST_TOLD = 5
+_MAX_DESCRIBED_LOSSES = 5
 """Maximum number of losses that are described one by one. Further ones are only counted."""
 
 
@@ -28,7 +28,7 @@ class SensorLog:
         self._away, self._lost = 0.0, False
         self._bad = 0
 
-    def add(self, moment: DiaryEntry) -> None:
+    def add(self, moment: LogEntry) -> None:
         """Adds the next event."""
         match moment.said:
             case SensorFault() as error:
@@ -66,7 +66,7 @@ class SensorLog:
             facts.append(("lens", "that of its kind, as the camera did not know its own"))
         if self._losses:
             facts.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
-            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MOST_TOLD]]
+            facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]
         if self._bad:
             facts.append(("unusable", f"{self._bad} frames, left out"))
         return facts
@@ -88,7 +88,7 @@ class SensorLog:
             self._gaps.append((self._seconds(time_ns), sequence - before - 1))
         self._counts[sensor] = sequence
 
-    def _fares(self, moment: DiaryEntry) -> None:
+    def _fares(self, moment: LogEntry) -> None:
         condition = moment.condition
         if condition is None:
             return

@@ -15,12 +15,12 @@ _TINTS = np.array(
     [(70, 130, 255), (255, 140, 60), (90, 220, 120), (230, 90, 210), (240, 220, 70), (90, 220, 230)], float
 )
 """(6, 3) sRGB tints of the people, in turn: easy to distinguish."""
-_NEAREST = 0.12
+_MIN_JOINT_DEPTH_M = 0.12
 """Minimum distance from the camera of joints that are drawn, in metres. The projection of nearer joints
 leaves the image."""
-_HOLE = 12
+_HOLE_GREY = 12
 """Grey value of a pixel without depth, of 255: darker than every distance, lighter than black."""
-_UNSURE = 0.05
+_MIN_CONFIDENCE = 0.05
 """Bones with both ends below this confidence are not drawn."""
 
 
@@ -31,7 +31,7 @@ def depth_picture(depth: UInt16, near: float, far: float) -> UInt8:
     """
     z = depth.astype(np.float64) * 1e-3
     grey = 235.0 - 190.0 * np.clip((z - near) / max(far - near, 1e-6), 0.0, 1.0)
-    grey[depth == 0] = _HOLE
+    grey[depth == 0] = _HOLE_GREY
     return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
 
 
@@ -83,12 +83,12 @@ def draw_bodies(
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
     for body in bodies:
         local = (body.joints - origin) @ rotation
-        ahead = local[:, 2] > _NEAREST
+        ahead = local[:, 2] > _MIN_JOINT_DEPTH_M
         uv = np.zeros((len(local), 2))
         uv[ahead] = (project(local[ahead], intrinsics) + 0.5) * scale
         for a, b in BONES:
             sure = float(min(body.confidence[a], body.confidence[b]))
-            if ahead[a] and ahead[b] and max(body.confidence[a], body.confidence[b]) >= _UNSURE:
+            if ahead[a] and ahead[b] and max(body.confidence[a], body.confidence[b]) >= _MIN_CONFIDENCE:
                 draw.line([*uv[a], *uv[b]], fill=confidence_colour(sure), width=max(1, round(2 * scale)))
         for j in np.flatnonzero(ahead):
             _dot(draw, uv[j], 3.0 * scale, float(body.confidence[j]))
@@ -100,7 +100,7 @@ def draw_bodies(
 def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: float) -> None:
     """Draws a joint: filled if it is observed, a ring if it is a guess."""
     box = [at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius]
-    if confidence >= _UNSURE:
+    if confidence >= _MIN_CONFIDENCE:
         draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))
     else:
         draw.ellipse(box, outline=(150, 40, 40))

@@ -51,7 +51,7 @@ def _weights() -> Float:
 
 
 WEIGHTS = _weights()
-_USED = np.abs(WEIGHTS) > 0.15
+_NEEDED_LANDMARKS = np.abs(WEIGHTS) > 0.15
 """(20, 33) True for the landmarks that a joint needs."""
 
 
@@ -62,14 +62,14 @@ def joints_of(landmarks: Float) -> Float:
 
 def visibility_of(visibility: Float) -> Float:
     """Returns (20,) the probability that each joint is visible: that of its least visible landmark."""
-    return np.asarray(np.where(_USED, visibility, 1.0).min(1))
+    return np.asarray(np.where(_NEEDED_LANDMARKS, visibility, 1.0).min(1))
 
 
-_PATCH = 0.03
+_PATCH_RADIUS_M = 0.03
 """Metres to each side of a landmark within which depth is read."""
-_FEWEST = 3
+_MIN_MEDIAN_SAMPLES = 3
 """Minimum number of measured values for a median, to outvote a single wrong one."""
-_BEYOND_BONES = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
+_HEIGHT_BEYOND_BONES_M = HEAD_ABOVE_JOINT + ANKLE_ABOVE_SOLE
 """Metres of a person's height beyond the bones, above the head and below the ankles."""
 
 
@@ -125,7 +125,7 @@ class Lifter:
         ray, inside = self._ray(pixels, camera)
         first = self._measured(frame, pixels, posture[:, 2], inside, np.inf)
         usable = np.isfinite(first) & (seen >= self.settings.visible)
-        if usable.sum() >= _FEWEST:
+        if usable.sum() >= _MIN_MEDIAN_SAMPLES:
             posture = posture * float(np.median((first + SURFACE)[usable] / posture[usable, 2]))
         depth = self._measured(frame, pixels, posture[:, 2], inside, self.settings.depth_margin) + SURFACE
         measured = np.isfinite(depth) & inside
@@ -144,8 +144,8 @@ class Lifter:
         Its distance is that of a person with the configured height.
         """
         posture = self._placed(found, found.points, camera)
-        bones = Body(person, posture, np.ones(20)).height - _BEYOND_BONES
-        posture = posture * ((self.settings.body_height - _BEYOND_BONES) / max(bones, 0.1))
+        bones = Body(person, posture, np.ones(20)).height - _HEIGHT_BEYOND_BONES_M
+        posture = posture * ((self.settings.body_height - _HEIGHT_BEYOND_BONES_M) / max(bones, 0.1))
         _, inside = self._ray(joints_of(found.points), camera)
         seen = visibility_of(found.visibility)
         sure = np.where(inside & (seen >= self.settings.visible), seen * self.settings.without_depth, 0.0)
@@ -190,11 +190,11 @@ class Lifter:
         joint_depths = np.full(len(pixels), np.nan)
         for joint in np.flatnonzero(inside):
             u, v = np.rint(pixels[joint]).astype(int)
-            reach = int(np.clip(round(_PATCH * camera.fx / max(expected[joint], 0.3)), 1, 12))
+            reach = int(np.clip(round(_PATCH_RADIUS_M * camera.fx / max(expected[joint], 0.3)), 1, 12))
             patch = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
             metres = patch[(patch > 0) & (patch < 65535)] * 1e-3
             metres = metres[np.abs(metres + SURFACE[joint] - expected[joint]) <= margin]
-            if len(metres) >= _FEWEST:
+            if len(metres) >= _MIN_MEDIAN_SAMPLES:
                 joint_depths[joint] = np.median(metres)
         return joint_depths
 

@@ -17,7 +17,7 @@ from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
 from enliven.files import own_folder
 from enliven.settings import setting
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 
 NAMES: tuple[str, ...] = (
     "nose", "left eye inner", "left eye", "left eye outer", "right eye inner", "right eye", "right eye outer",
@@ -46,7 +46,7 @@ class Landmarks:
     offsets: Float
 
 
-class LandmarkSource(Closing, Protocol):
+class LandmarkSource(Closeable, Protocol):
     """Detects people in colour images."""
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
@@ -66,9 +66,9 @@ _PERSON_BYTES = len(NAMES) * 6 * 4
 """Bytes of one person in the worker's output: six float32 for each landmark."""
 _MODEL = "pose_landmarker.task"
 """File name of the default model in the user's own folder."""
-_MOST = 64
+_MAX_PEOPLE = 64
 """Maximum number of people in an image: a larger number from the worker means corrupt data."""
-_MEND = (
+_INSTALL_HINT = (
     "Either install the extra 'colour' (pip install \"./edge[colour]\") and give the model's .task file, or "
     "give the Python of an environment with mediapipe 0.10.21, which brings its model."
 )
@@ -107,7 +107,7 @@ class MediaPipeSettings:
         spec = importlib.util.find_spec("mediapipe")
         if spec is None:
             problem = "the library 'mediapipe' is not installed here"
-            raise ResourceError(problem, where="landmarks", mend=_MEND)
+            raise ResourceError(problem, where="landmarks", mend=_INSTALL_HINT)
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
             own = own_folder() / _MODEL
@@ -140,7 +140,7 @@ class MediaPipeSource(LandmarkSource):
         except OSError as error:
             self._said.close()
             raise ResourceError(
-                f"it cannot be run ({error.strerror})", where=command[0], mend=_MEND
+                f"it cannot be run ({error.strerror})", where=command[0], mend=_INSTALL_HINT
             ) from None
         assert self._worker.stdin is not None and self._worker.stdout is not None
         self._in, self._out = self._worker.stdin, self._worker.stdout
@@ -155,7 +155,7 @@ class MediaPipeSource(LandmarkSource):
             self._in.write(np.ascontiguousarray(colour, np.uint8).tobytes())
             self._in.flush()
             count = struct.unpack("<I", self._exactly(4))[0]
-            if count > _MOST:
+            if count > _MAX_PEOPLE:
                 raise self._failed()
             people = [self._exactly(_PERSON_BYTES) for _ in range(count)]
         except (BrokenPipeError, ValueError):
@@ -183,7 +183,7 @@ class MediaPipeSource(LandmarkSource):
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
         why = lines[-1][:200] if lines else "it ended without a message"
-        return ResourceError(f"MediaPipe does not run: {why}", where="landmarks", mend=_MEND)
+        return ResourceError(f"MediaPipe does not run: {why}", where="landmarks", mend=_INSTALL_HINT)
 
 
 def _one_person(data: bytes) -> Landmarks:

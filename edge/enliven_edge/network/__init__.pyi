@@ -1,5 +1,5 @@
-from .listening import raise_descriptor_limit as raise_descriptor_limit
+from .tcp_listener import raise_descriptor_limit as raise_descriptor_limit
 from .frame_rate import FrameRate as FrameRate
 from .handlers import Handler as Handler, Handlers as Handlers
-from .listening import check_open as check_open
+from .tcp_listener import check_open as check_open
 from .outlet import Outlet as Outlet, need_free as need_free

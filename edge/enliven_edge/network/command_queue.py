@@ -10,24 +10,24 @@ from enliven.wire import SUPERSEDED, Refused
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
-_MOST = 1024
+_MAX_QUEUED_COMMANDS = 1024
 """Maximum number of queued commands. Beyond it the commands of disconnected viewers are dropped."""
-_RESERVED = 0.4
+_RESERVED_FRACTION = 0.4
 """Fraction of the time budget for viewers with few requests, so that a flood of others does not delay
 them."""
-_LITTLE = 0.06
+_LOW_COST_S = 0.06
 """Seconds of recent cost. A viewer below it may use the reserve: half is ten small orders per second."""
-_KNOWN_AFTER = 1.0
+_KNOWN_AFTER_S = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
-_FEW = 4
+_MAX_RESERVED_ORDERS = 4
 """Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, floods
 many."""
-_OWED = 15
+_MAX_DEBT_FRAMES = 15
 """Maximum debt after a slow order, in frames: half a second. With more, the next order would seem ignored."""
-_STEP = 1 / 30
+_FRAME_S = 1 / 30
 """Frame duration in seconds that the budget applies to. A longer frame adds more, so that a slow edge
 answers."""
-_SAVED = 50
+_MAX_SAVED_FRAMES = 50
 """Unused time that is saved up, in frames, so that a few orders in one frame need not wait."""
 
 
@@ -43,8 +43,8 @@ class CommandQueue:
     """
 
     def __init__(self, budget: float) -> None:
-        self._shares = [budget * (1 - _RESERVED), budget * _RESERVED]
-        self._budgets = [_SAVED * share for share in self._shares]
+        self._shares = [budget * (1 - _RESERVED_FRACTION), budget * _RESERVED_FRACTION]
+        self._budgets = [_MAX_SAVED_FRAMES * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
         self._worked = time.monotonic()
 
@@ -57,15 +57,15 @@ class CommandQueue:
             own.remove(older)
             older.reply(Refused(SUPERSEDED))
         own.append(command)
-        if sum(map(len, self._waiting.values())) > _MOST:
+        if sum(map(len, self._waiting.values())) > _MAX_QUEUED_COMMANDS:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}
 
     def work(self, do: Callable[[Command], None]) -> None:
         """Carries out commands as far as the time budget allows."""
         now = time.monotonic()
-        frames, self._worked = min(max((now - self._worked) / _STEP, 1.0), _SAVED), now
+        frames, self._worked = min(max((now - self._worked) / _FRAME_S, 1.0), _MAX_SAVED_FRAMES), now
         self._budgets = [
-            min(budget + frames * share, _SAVED * share)
+            min(budget + frames * share, _MAX_SAVED_FRAMES * share)
             for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
         while (next_turn := self._next()) is not None:
@@ -74,7 +74,9 @@ class CommandQueue:
             do(self._waiting[peer].popleft())
             took = time.perf_counter() - start
             peer.charge(took)
-            self._budgets[budget] = max(self._budgets[budget] - took, -_OWED * self._shares[budget])
+            self._budgets[budget] = max(
+                self._budgets[budget] - took, -_MAX_DEBT_FRAMES * self._shares[budget]
+            )
             if not self._waiting[peer]:
                 del self._waiting[peer]
 
@@ -94,5 +96,5 @@ class CommandQueue:
 
     def _asks_little(self, peer: Connection) -> bool:
         """Returns True if a viewer may use the reserve."""
-        is_known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER
-        return is_known and peer.cost < _LITTLE and len(self._waiting[peer]) <= _FEW
+        is_known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER_S
+        return is_known and peer.cost < _LOW_COST_S and len(self._waiting[peer]) <= _MAX_RESERVED_ORDERS

@@ -9,9 +9,9 @@ from typing import Any
 
 from enliven.wire import ZmtpSession, head
 
-_HALVED_EVERY = 10.0
+_COST_HALF_LIFE_S = 10.0
 """Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
-_AT_ONCE = 1 << 18
+_SEND_BYTES = 1 << 18
 """Bytes that are passed to the system in one call."""
 MOST_PENDING = 32
 """Maximum number of pending orders of one connection. At this number nothing more is read from it."""
@@ -62,7 +62,7 @@ class Connection:
     @property
     def cost(self) -> float:
         """Seconds of the edge's time that it recently used."""
-        return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _HALVED_EVERY)
+        return self._cost * 0.5 ** ((time.monotonic() - self._weighed) / _COST_HALF_LIFE_S)
 
     def charge(self, seconds: float) -> None:
         """Adds to the cost."""
@@ -108,12 +108,12 @@ class Connection:
         while self._outbox and self._socket is not None:
             piece = self._outbox[0]
             try:
-                sent = self._socket.send(piece[:_AT_ONCE]) if piece else 0
+                sent = self._socket.send(piece[:_SEND_BYTES]) if piece else 0
             except BlockingIOError:
                 return
             self.owed -= sent
             self.moved = time.monotonic()
-            if sent == _AT_ONCE < len(piece) and self.moved > until:
+            if sent == _SEND_BYTES < len(piece) and self.moved > until:
                 self._outbox[0] = piece[sent:]
                 return
             if sent == len(piece):

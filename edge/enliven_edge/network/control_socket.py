@@ -28,7 +28,7 @@ from enliven_edge.network.server import ZmtpServer
 
 log = logging.getLogger(__name__)
 
-_GONE_AFTER = 5.0
+_VIEWER_TIMEOUT_S = 5.0
 """Time without a message after which a viewer is no longer counted, in seconds."""
 
 
@@ -67,7 +67,7 @@ class _Viewer:
     filled: float
     name: str = "a viewer"
     listening: bool = False
-    heard: float = -_GONE_AFTER
+    heard: float = -_VIEWER_TIMEOUT_S
 
 
 class ControlSocket:
@@ -91,7 +91,7 @@ class ControlSocket:
     @property
     def viewers(self) -> int:
         """The number of viewers that receive the streams and sent a message in the last seconds."""
-        since = time.monotonic() - _GONE_AFTER
+        since = time.monotonic() - _VIEWER_TIMEOUT_S
         states = (c.state for c in self._server.connections if c.state is not None)
         return sum(viewer.listening and viewer.heard > since for viewer in states)
 

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-_REMEMBERED = 150
+_WINDOW_FRAMES = 150
 """Number of frames in the statistics: five seconds at 30 Hz, enough for a steady percentile."""
 
 
@@ -14,8 +14,8 @@ class FrameRate:
     """Statistics over the last 150 frames."""
 
     def __init__(self) -> None:
-        self._latency: deque[float] = deque(maxlen=_REMEMBERED)
-        self._done: deque[int] = deque(maxlen=_REMEMBERED)
+        self._latency: deque[float] = deque(maxlen=_WINDOW_FRAMES)
+        self._done: deque[int] = deque(maxlen=_WINDOW_FRAMES)
 
     def took(self, read_ns: int, published_ns: int) -> None:
         """Adds one frame with the times at which it was read and published, nanoseconds of one clock."""

@@ -22,7 +22,7 @@ from enliven.wire import (
     health_to_messages,
     props_to_message,
 )
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, carried_out, subject_of
@@ -31,7 +31,7 @@ from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Tick
 
-_LAST_HEARTBEATS = 5
+_FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
 
@@ -46,7 +46,7 @@ def need_free(wire: WireSettings) -> None:
         pass
 
 
-class Outlet(Closing):
+class Outlet(Closeable):
     """Publishes characters, poses and bodies, answers viewers, and writes the take if requested.
 
     Args:
@@ -184,7 +184,7 @@ class Outlet(Closing):
     def end(self, pace: FrameRate) -> None:
         """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
         self.report(pace, "ended", 0)
-        for _ in range(_LAST_HEARTBEATS):
+        for _ in range(_FINAL_HEARTBEATS):
             self._publisher.beat()
             self.poll_requests({})
             time.sleep(0.05)

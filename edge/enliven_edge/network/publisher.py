@@ -42,20 +42,20 @@ from enliven.wire import (
     pack_checked,
     payload,
 )
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.network.control_socket import Command, ControlSocket
-from enliven_edge.network.listening import check_open
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.server import ZmtpServer
 from enliven_edge.network.subscribers import Subscribers
+from enliven_edge.network.tcp_listener import check_open
 
 log = logging.getLogger(__name__)
 
-_BEATS_APART = 0.05
+_MIN_HEARTBEAT_INTERVAL_S = 0.05
 """Minimum seconds between heartbeats that viewers may trigger."""
 
 
-class Publisher(Closing):
+class Publisher(Closeable):
     """One port for streams and one for requests. Used from one thread, without blocking.
 
     Viewers connect with libzmq's SUB and DEALER sockets. A slow or dead viewer loses messages, but no other
@@ -276,7 +276,7 @@ class Publisher(Closing):
 
     def _let_hear(self, listening: bool) -> None:
         """Sends a heartbeat to a viewer that the streams have not reached yet, with a rate limit."""
-        if not listening and time.monotonic() - self._last_beat >= _BEATS_APART:
+        if not listening and time.monotonic() - self._last_beat >= _MIN_HEARTBEAT_INTERVAL_S:
             self.beat()
 
     def _answer(self, request: Ask) -> Answer | bytes:

@@ -18,42 +18,42 @@ from typing import Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.listening import connections_allowed, listen, make_watchful
+from enliven_edge.network.tcp_listener import connections_allowed, listen, make_watchful
 
 log = logging.getLogger(__name__)
 
 MOST_CONNECTIONS = 200
 """Maximum number of connections of one server: two servers stay below the limit of ``select`` on Windows
 (512)."""
-_INTRODUCED_WITHIN = 3.0
+_HANDSHAKE_TIMEOUT_S = 3.0
 """Maximum seconds from connecting to the first valid message. A connection without one is closed."""
-_STALLED_AFTER = 10.0
+_STALL_TIMEOUT_S = 10.0
 """Seconds after which a connection that accepts none of its waiting bytes is closed."""
-_QUIET_AFTER = 10.0
+_QUIET_TIMEOUT_S = 10.0
 """Time without a message after which a new peer may replace this one, in seconds: ten of a viewer's pings."""
-_IDLE_AFTER = 0.25
+_IDLE_TIMEOUT_S = 0.25
 """Seconds without a byte after which a connection that has started its handshake loses its place."""
-_KNOWN_AFTER = 1.0
+_KNOWN_AFTER_S = 1.0
 """Time of service after which a connection counts as known, in seconds. Endless newcomers do not delay known
 connections."""
-_TRUSTED_AFTER = 60.0
+_MAX_SERVICE_S = 60.0
 """Maximum seconds of service that count: a viewer of an hour is not read before a viewer of a minute."""
-_RESERVED = 0.5
+_RESERVED_FRACTION = 0.5
 """Fraction of an address's places that is reserved for the connections that were served for longest."""
-_HEARD_ONCE = 0.05
+_HEARD_ONCE_S = 0.05
 """Maximum time from the first to the last message, in seconds, of a connection that counts as heard only
 once."""
-_ACCEPTED_AT_ONCE = 32
+_MAX_ACCEPTS_PER_POLL = 32
 """Maximum number of connections accepted in one poll. The system queues the others until the next."""
-_ACCEPTED_ANYHOW = 8
+_MIN_ACCEPTS_PER_POLL = 8
 """Number of connections accepted in a poll even if its time is used up. In a flood of connections a new
 one keeps its place for six polls, and needs three for its handshake."""
-_TIDIED_EVERY = 0.25
+_CLEANUP_INTERVAL_S = 0.25
 """Interval between two searches for connections to close, in seconds."""
-_READ_AT_ONCE = 4096
+_READ_BYTES = 4096
 """Number of bytes that are read from a connection before the next connection is served, or the rest of a
 longer message."""
-_FRAMES_A_TURN = 16
+_FRAMES_PER_TURN = 16
 """Number of frames handled of a connection before the next one's turn."""
 
 
@@ -67,7 +67,7 @@ class ZmtpServer:
     places.
 
     Args:
-        host, port, option: as for :func:`~enliven_edge.network.listening.listen`.
+        host, port, option: as for :func:`~enliven_edge.network.tcp_listener.listen`.
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
         most: maximum number of connections. Fewer if the process may not open that number.
@@ -170,7 +170,7 @@ class ZmtpServer:
         start, session, asked = time.monotonic(), connection.session, 0
         try:
             if not connection.buffered:
-                asked = max(_READ_AT_ONCE, session.missing)
+                asked = max(_READ_BYTES, session.missing)
                 data = connection.read(asked)
                 connection.streaming = data is not None and len(data) == asked
                 if data is None:
@@ -180,11 +180,11 @@ class ZmtpServer:
                 session.feed(data)
                 connection.spoke = time.monotonic()
                 connection.buffered = True
-            for _ in range(_FRAMES_A_TURN):
+            for _ in range(_FRAMES_PER_TURN):
                 parts = session.take()
                 if parts is None:
                     connection.buffered = False
-                    connection.streaming &= max(asked, session.missing) > _READ_AT_ONCE
+                    connection.streaming &= max(asked, session.missing) > _READ_BYTES
                     break
                 if parts:
                     yield connection, parts
@@ -229,18 +229,18 @@ class ZmtpServer:
     def _tidy(self) -> None:
         """Closes connections without a timely handshake, or that do not accept sent bytes."""
         now = time.monotonic()
-        if now - self._tidied < _TIDIED_EVERY:
+        if now - self._tidied < _CLEANUP_INTERVAL_S:
             return
         self._tidied = now
         for connection in list(self._open):
-            overdue = not connection.introduced and now - connection.opened > _INTRODUCED_WITHIN
-            if overdue or (connection.owed and now - connection.moved > _STALLED_AFTER):
+            overdue = not connection.introduced and now - connection.opened > _HANDSHAKE_TIMEOUT_S
+            if overdue or (connection.owed and now - connection.moved > _STALL_TIMEOUT_S):
                 self.drop(connection)
 
     def _accept(self, until: float) -> None:
-        for count in range(_ACCEPTED_AT_ONCE):
+        for count in range(_MAX_ACCEPTS_PER_POLL):
             is_full = len(self._open) >= self._most
-            if count >= _ACCEPTED_ANYHOW and (is_full or time.monotonic() >= until):
+            if count >= _MIN_ACCEPTS_PER_POLL and (is_full or time.monotonic() >= until):
                 return
             # If the server is full, connections in the middle of their handshake have priority. Leave the
             # others in the queue of the operating system.
@@ -287,7 +287,7 @@ class ZmtpServer:
             return max(idle, key=lambda c: (crowd[c.address], -c.opened))
         if self._kind == "ROUTER":
             quietest = min(self._open, key=lambda c: c.heard)
-            if time.monotonic() - quietest.heard > _QUIET_AFTER:
+            if time.monotonic() - quietest.heard > _QUIET_TIMEOUT_S:
                 return quietest
         crowd = Counter(c.address for c in self._open)
         most = max(crowd.values())
@@ -299,7 +299,7 @@ class ZmtpServer:
 
     def _idle(self) -> list[Connection]:
         """Returns the connections that have not started their handshake, or stopped in the middle of it."""
-        before = time.monotonic() - _IDLE_AFTER
+        before = time.monotonic() - _IDLE_TIMEOUT_S
         return [c for c in self._open if not c.introduced and (c.spoke == c.opened or c.spoke < before)]
 
     def _least_served(self, crowd: list[Connection]) -> Connection:
@@ -308,9 +308,9 @@ class ZmtpServer:
         The connections that were served for longest stay. Of the others, one that was heard only once is
         dropped first, then the oldest. So a newcomer stays long enough to be served.
         """
-        kept = int(_RESERVED * len(crowd))
+        kept = int(_RESERVED_FRACTION * len(crowd))
         others = sorted(crowd, key=lambda c: (-c.served, c.opened))[kept:]
-        return min(others, key=lambda c: (c.served > _HEARD_ONCE, c.opened))
+        return min(others, key=lambda c: (c.served > _HEARD_ONCE_S, c.opened))
 
 
 def _in_turn(ready: list[Connection]) -> list[Connection]:
@@ -319,10 +319,10 @@ def _in_turn(ready: list[Connection]) -> list[Connection]:
     Known and recent ones are sorted by recent cost, known ones relative to their time of service. Newcomers
     that have started their handshake come before the others.
     """
-    known_peers = [c for c in ready if c.served > _KNOWN_AFTER]
-    known_peers.sort(key=lambda c: c.cost / min(c.served, _TRUSTED_AFTER))
-    recent = [c for c in ready if c.introduced and c.served <= _KNOWN_AFTER]
-    new = [c for c in ready if not c.introduced and c.served <= _KNOWN_AFTER]
+    known_peers = [c for c in ready if c.served > _KNOWN_AFTER_S]
+    known_peers.sort(key=lambda c: c.cost / min(c.served, _MAX_SERVICE_S))
+    recent = [c for c in ready if c.introduced and c.served <= _KNOWN_AFTER_S]
+    new = [c for c in ready if not c.introduced and c.served <= _KNOWN_AFTER_S]
     recent.sort(key=lambda c: c.cost)
     new.sort(key=lambda c: (c.spoke == c.opened, c.opened))
     turns = itertools.zip_longest(known_peers, recent, new)

@@ -7,12 +7,12 @@ import time
 from enliven.wire import MAX_STREAM_BYTES, STREAMS, framed
 from enliven_edge.network.server import ZmtpServer
 
-_MOST_SUBSCRIPTION = 64
+_MAX_SUBSCRIPTION_BYTES = 64
 """Maximum bytes of a subscriber's frame: "SUBSCRIBE" and the name of a topic have 23."""
-_MOST_OWED = 2 * MAX_STREAM_BYTES
+_MAX_PENDING_BYTES = 2 * MAX_STREAM_BYTES
 """Maximum bytes that wait for a subscriber, in addition to the system's buffer. More are dropped for that
 one only."""
-_READING = 0.00025
+_READ_TIME_S = 0.00025
 """Time per poll for reading subscriptions, in seconds. Subscriptions are short and rare."""
 
 
@@ -23,12 +23,12 @@ class Subscribers:
     """
 
     def __init__(self, host: str, port: int, option: str) -> None:
-        self._server = ZmtpServer(host, port, option, "PUB", _MOST_SUBSCRIPTION)
+        self._server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES)
         self.port, self.drain, self.close = self._server.port, self._server.drain, self._server.close
 
     def poll(self) -> None:
         """Accepts connections, reads subscriptions and sends queued bytes."""
-        for peer, parts in self._server.messages(time.monotonic() + _READING):
+        for peer, parts in self._server.messages(time.monotonic() + _READ_TIME_S):
             request = parts[0]
             # Ignore a prefix that matches no topic, so that it is not stored.
             if len(parts) == 1 and any((name.encode() + b"\0").startswith(request[1:]) for name in STREAMS):
@@ -43,5 +43,5 @@ class Subscribers:
         frame = framed(data)
         for peer in list(self._server.connections):
             wanted = peer.state
-            if wanted and data.startswith(tuple(wanted)) and peer.owed + len(frame) <= _MOST_OWED:
+            if wanted and data.startswith(tuple(wanted)) and peer.owed + len(frame) <= _MAX_PENDING_BYTES:
                 self._server.send_raw(peer, frame)

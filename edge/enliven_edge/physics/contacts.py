@@ -18,14 +18,14 @@ FLOOR = -2
 """Stands for the floor in place of a sphere's index."""
 NOTHING = -1
 """Stands for no contact in place of a sphere's index."""
-_SLOW = 0.5
+_MAX_REST_SPEED = 0.5
 """Maximum speed of contacts that do not bounce, in metres per second. Without it, balls would not come to
 rest."""
-_CALM = 0.02
+_DAMPED_SPEED = 0.02
 """Metres per second below which a prop is damped."""
-_CALM_TURN = 0.1
+_DAMPED_TURN_RATE = 0.1
 """Angular speed below which a prop is damped, in radians per second."""
-_BRAKE = 0.5
+_DAMPING = 0.5
 """Fraction of its velocity that a damped prop keeps at each step."""
 
 
@@ -98,7 +98,7 @@ def correct_contacts(
         for who in (first, second):
             if who <= -3:
                 springy = max(springy, bounce[-3 - who])
-        if springy > 0.0 and approach[row] < -_SLOW:
+        if springy > 0.0 and approach[row] < -_MAX_REST_SPEED:
             reference[row] = max(reference[row], -(1.0 + springy) * approach[row] / step)
 
 
@@ -112,9 +112,9 @@ def limit_speeds(velocities, fastest, fastest_turn):
     for p in range(velocities.shape[0]):
         moving = velocities[p, 0] ** 2 + velocities[p, 1] ** 2 + velocities[p, 2] ** 2
         turning = velocities[p, 3] ** 2 + velocities[p, 4] ** 2 + velocities[p, 5] ** 2
-        if moving < _CALM * _CALM and turning < _CALM_TURN * _CALM_TURN:
+        if moving < _DAMPED_SPEED * _DAMPED_SPEED and turning < _DAMPED_TURN_RATE * _DAMPED_TURN_RATE:
             for a in range(6):
-                velocities[p, a] *= _BRAKE
+                velocities[p, a] *= _DAMPING
         for part, most in ((0, fastest), (3, fastest_turn)):
             square = 0.0
             for a in range(part, part + 3):

@@ -14,16 +14,16 @@ from enliven_edge.physics.ground import FIXED, WorldGround
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings
 from enliven_edge.physics.world import PropSpecs, World
 
-_GAP = 0.003
+_BOX_GAP_M = 0.003
 """Metres between neighbouring boxes, which would otherwise rub against each other."""
-_STILL = 0.05
+_STILL_SPEED = 0.05
 """Metres per second below which a box counts as still: the engine's own jitter is slower."""
-_MOVED = 0.5
+_FALLEN_DISTANCE = 0.5
 """Distance, in box edge lengths, above which a moved box counts as fallen."""
-_CLEAR = 0.15
+_MIN_TOWER_GAP_M = 0.15
 """Minimum gap between a new tower and its neighbours, in metres. A performer that possesses a character sways
 by less."""
-_AROUND = np.array(
+_TOWER_PLACES = np.array(
     [(0.0, 0.0)]
     + [
         (far * np.cos(turn), far * np.sin(turn))
@@ -32,7 +32,7 @@ _AROUND = np.array(
     ]
 )
 """(A, 2) metres, candidate offsets that move a tower to free space, the nearest first."""
-_MOST = 200
+_MAX_BOXES = 200
 """Maximum number of boxes of all towers: with more, physics does not keep pace with a camera."""
 _BLOCK_COLOURS = np.array(
     [(214, 96, 77), (236, 178, 82), (104, 160, 138), (88, 124, 168), (226, 214, 190), (150, 108, 150)]
@@ -48,9 +48,9 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
     """
     layer = np.repeat(np.arange(settings.high), settings.wide**2)
     count = len(settings.at) * len(layer)
-    if count > _MOST:
+    if count > _MAX_BOXES:
         raise InputError(
-            f"the towers have {count} boxes, at most {_MOST} keep pace with a camera",
+            f"the towers have {count} boxes, at most {_MAX_BOXES} keep pace with a camera",
             where="physics.boxes",
             mend="Ask for fewer, lower or narrower towers.",
         )
@@ -67,7 +67,7 @@ def tower_props(settings: BoxesSettings) -> PropSpecs:
 
 def tower_places(settings: BoxesSettings) -> Float:
     """Returns (P, 3) metres, the positions of the boxes of :func:`tower_props`: sideways, up and ahead."""
-    pitch, half = settings.side + _GAP, (settings.wide - 1) / 2
+    pitch, half = settings.side + _BOX_GAP_M, (settings.wide - 1) / 2
     places = [
         (x + (i - half) * pitch, (k + 0.5) * settings.side, z + (j - half) * pitch)
         for x, z in settings.at
@@ -88,16 +88,19 @@ def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float
         radii: (S,) metres.
     """
     towers = tower_places(settings).reshape(len(settings.at), settings.high * settings.wide**2, 3)
-    half, top = (settings.wide * (settings.side + _GAP)) / 2 + _CLEAR, settings.high * settings.side + _CLEAR
+    half, top = (
+        (settings.wide * (settings.side + _BOX_GAP_M)) / 2 + _MIN_TOWER_GAP_M,
+        settings.high * settings.side + _MIN_TOWER_GAP_M,
+    )
     low = spheres[:, 1] - radii < top
     middles, reach = spheres[low][:, [0, 2]], radii[low] + half
     placed = list[Float]()
     for tower in towers:
-        at = tower[:, [0, 2]].mean(0) + _AROUND
+        at = tower[:, [0, 2]].mean(0) + _TOWER_PLACES
         away = np.abs(at[:, None] - middles).max(2) > reach
         free = away.all(1)
         for other in placed:
-            free &= np.abs(at - other).max(1) > 2 * half - _CLEAR
+            free &= np.abs(at - other).max(1) > 2 * half - _MIN_TOWER_GAP_M
         chosen = at[int(free.argmax())]  # If no place is free, this is the first of all places.
         placed.append(chosen)
         tower[:, [0, 2]] += chosen - tower[:, [0, 2]].mean(0)
@@ -129,8 +132,8 @@ class Towers:
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
         """Rebuilds fallen towers after all boxes have been still for long and their places are free."""
-        gone = np.linalg.norm(world.positions - self._stand, axis=1) > _MOVED * self.settings.side
-        still = bool((np.abs(world.velocities[:, :3]) < _STILL).all())
+        gone = np.linalg.norm(world.positions - self._stand, axis=1) > _FALLEN_DISTANCE * self.settings.side
+        still = bool((np.abs(world.velocities[:, :3]) < _STILL_SPEED).all())
         self._quiet = self._quiet + seconds if still and gone.any() else 0.0
         if self.settings.rebuild and self._quiet > self.settings.rebuild and self._is_free(spheres):
             world.put(slice(None), self._stand, self._turns)
@@ -150,10 +153,10 @@ class Towers:
 
 _COLOURS = np.array([(222, 74, 66), (240, 190, 70), (80, 150, 210), (120, 186, 96)])
 """(4, 3) sRGB of the balls, in turn."""
-_ROOM = 0.7
+_THROWER_DISTANCE_M = 0.7
 """Distance of the ball from the target at the thrower's side, in metres. Otherwise the ball would start
 inside the target."""
-_NEAREST = 0.8
+_MIN_THROW_DISTANCE_M = 0.8
 """Shortest throw, in metres. A ball that is thrown from nearer could not be seen coming."""
 
 
@@ -232,8 +235,8 @@ class Dodgeball:
         other = self._middle(here[(self._turn + 1) % len(here)], spheres, names, owners)
         if len(here) > 1 and other is not None:
             across = (other - aim) * [1.0, 0.0, 1.0]
-            room = float(np.linalg.norm(across)) - _ROOM
-            if room > _NEAREST:
+            room = float(np.linalg.norm(across)) - _THROWER_DISTANCE_M
+            if room > _MIN_THROW_DISTANCE_M:
                 way, far = across / np.linalg.norm(across), min(far, room)
         begin = aim + far * way
         begin[1] = self.settings.hand

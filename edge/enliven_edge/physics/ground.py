@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.person import BONES, Body, Joint
 from enliven.possession import facing
 
-_STILL = 0.12
+_MAX_SWAY_M = 0.12
 """Maximum sway of a person that stands still, in metres."""
 
 
@@ -69,7 +69,7 @@ class StandingDetector:
             if ground is None:
                 continue
             begin = self._since.get(body.id, (ground, time_ns))
-            if np.linalg.norm(ground.at - begin[0].at) > _STILL:
+            if np.linalg.norm(ground.at - begin[0].at) > _MAX_SWAY_M:
                 begin = ground, time_ns
             seen[body.id] = begin
             if (time_ns - begin[1]) * 1e-9 >= self.seconds:

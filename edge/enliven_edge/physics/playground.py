@@ -20,9 +20,9 @@ from enliven_edge.physics.settings import PhysicsSettings
 from enliven_edge.physics.world import World
 from enliven_edge.stage import Tick
 
-_NEAR = 4
+_NEIGHBOURS = 4
 """Number of control points that move a vertex: the limit of skin weights."""
-_SHARP = 3.0
+_WEIGHT_EXPONENT = 3.0
 """Exponent of the inverse distance weights: the nearest control points dominate."""
 
 
@@ -33,9 +33,9 @@ def roughly_skinned(character: Character) -> Character:
     """
     if character.kind != "points" or len(character.pivots) < 2:
         return character
-    near = min(_NEAR, len(character.pivots) - 1)
+    near = min(_NEIGHBOURS, len(character.pivots) - 1)
     away, which = cKDTree(character.pivots[1:]).query(character.vertices, k=np.arange(1, near + 1))
-    counts = 1.0 / np.maximum(away, 1e-6) ** _SHARP
+    counts = 1.0 / np.maximum(away, 1e-6) ** _WEIGHT_EXPONENT
     indices = np.zeros((len(character.vertices), 4), np.uint16)
     weights = np.zeros((len(character.vertices), 4), np.float32)
     indices[:, :near] = which + 1

@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 _WHERE = "physics"
 """The part of the edge that errors name."""
-_MOST_LETTERS = 160
+_MAX_MESSAGE_LENGTH = 160
 """Maximum number of characters of a sentence in a wire message."""
 
 
@@ -135,7 +135,7 @@ class PhysicsSwitch:
     def _begin(self, result: Playground | EnlivenError) -> None:
         """Puts the prepared objects on the stage, or stores the reason of the failure."""
         if isinstance(result, EnlivenError):
-            problem, mend = result.what[:_MOST_LETTERS], (result.mend or "")[:_MOST_LETTERS]
+            problem, mend = result.what[:_MAX_MESSAGE_LENGTH], (result.mend or "")[:_MAX_MESSAGE_LENGTH]
             self._state = PhysicsMessage(self._state.world, "failed", problem, mend)
             return
         self._playground = result

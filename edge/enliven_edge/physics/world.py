@@ -27,13 +27,13 @@ _SPHERE = 2
 """Collision bit of spheres, which collide with props only."""
 _FLOOR = 4
 """Collision bit of the floor, which collides with props only."""
-_PARKED = np.array([0.0, -60.0, 0.0])
+_PARKING_PLACE = np.array([0.0, -60.0, 0.0])
 """(3,) metres: the place of unused spheres, far below the floor."""
-_SPARE = 64
+_SPHERE_BATCH = 64
 """Number of spheres that the model grows by. Rebuilding takes time, so a few newcomers must not cause it."""
-_FASTEST_TURN = 40.0
+_MAX_TURN_RATE = 40.0
 """Maximum radians per second of a prop: a faster rotation is a contact error."""
-_FARTHEST = 500.0
+_MAX_PROP_DISTANCE_M = 500.0
 """Maximum distance of a prop from the origin, in metres. A prop farther away was flung away by an error."""
 
 
@@ -114,7 +114,7 @@ class World:
         if len(centres) > len(self._to):
             self._build(len(centres))
         was, count = self._radii, len(centres)
-        target = np.tile(_PARKED, (len(self._to), 1))
+        target = np.tile(_PARKING_PLACE, (len(self._to), 1))
         target[:count][there] = centres[there]
         self._radii = np.zeros(len(self._to))
         self._radii[:count][there] = radii[there]
@@ -158,7 +158,7 @@ class World:
                 break
         self._data.mocap_pos[:] = self._to
         far = np.abs(self.positions).max(initial=0.0)
-        return "" if far < _FARTHEST else "a prop was flung out of the world"
+        return "" if far < _MAX_PROP_DISTANCE_M else "a prop was flung out of the world"
 
     def _substep(self, speeds: Float) -> str:
         """Runs one step of the engine. Returns an error text, or ""."""
@@ -184,20 +184,20 @@ class World:
             mujoco.mj_step2(model, data)
         except mujoco.FatalError as error:
             return f"the engine gave up ({error})"
-        if not limit_speeds(self.velocities, self.settings.fastest_prop, _FASTEST_TURN):
+        if not limit_speeds(self.velocities, self.settings.fastest_prop, _MAX_TURN_RATE):
             return "a speed was no longer a number"
         return "" if np.isfinite(data.qpos).all() else "a place was no longer a number"
 
     def _build(self, spheres: int) -> None:
         """Builds the model for at least ``spheres`` spheres. Moving props keep their motion."""
-        count = -(-spheres // _SPARE) * _SPARE
+        count = -(-spheres // _SPHERE_BATCH) * _SPHERE_BATCH
         before = getattr(self, "_data", None)
         self._model = _model(self.props, count, self.settings)
         self._data = mujoco.MjData(self._model)
         if before is not None:
             self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
         kept = len(self._to)
-        self._from, self._to = (_longer(a, count, _PARKED) for a in (self._from, self._to))
+        self._from, self._to = (_longer(a, count, _PARKING_PLACE) for a in (self._from, self._to))
         self._radii = np.concatenate([self._radii, np.zeros(count - kept)])
         self._geoms = np.array([self._model.geom(f"sphere{k}").id for k in range(count)], np.int64)
         self._owner = np.full(self._model.ngeom, FLOOR, np.int64)
@@ -260,7 +260,7 @@ def _model(props: PropSpecs, spheres: int, settings: EngineSettings) -> Any:
             name=f"prop{p}", type=kind, size=list(props.sizes[p]), mass=float(props.masses[p]), **prop_contact
         )
     for k in range(spheres):
-        body = spec.worldbody.add_body(mocap=True, pos=list(_PARKED))
+        body = spec.worldbody.add_body(mocap=True, pos=list(_PARKING_PLACE))
         sphere_contact = {"contype": _SPHERE, "conaffinity": _PROP, **common}
         body.add_geom(
             name=f"sphere{k}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.01, 0, 0], **sphere_contact

@@ -12,9 +12,9 @@ from enliven.errors import ResourceError
 SYNC_EVERY = 5.0
 """Interval between two calls of fsync, in seconds. A power cut may cost this part of a recording. The disk of
 a small computer takes up to a second for one call, which must not block the frame loop."""
-_LAST = 1.0
+_CLOSE_TIMEOUT_S = 1.0
 """Longest time that closing waits for the last call, in seconds."""
-_NOT_THERE = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
+_UNSUPPORTED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 """Errors of a file system without fsync."""
 
 
@@ -49,7 +49,7 @@ class DiskSync:
         """Calls fsync a last time, and waits a little for it. A second call does nothing."""
         self._ended.set()
         if self._thread is not threading.current_thread():
-            self._thread.join(_LAST)
+            self._thread.join(_CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
         ended = False
@@ -59,7 +59,7 @@ class DiskSync:
                 os.fsync(self._descriptor)
                 self.count += 1
             except OSError as error:
-                if error.errno not in _NOT_THERE:
+                if error.errno not in _UNSUPPORTED:
                     self._failure = error
                 break
         with contextlib.suppress(OSError):

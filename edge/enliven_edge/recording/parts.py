@@ -13,7 +13,7 @@ from typing import Any
 from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven.recording import Recorder
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 from enliven_edge.recording.disk_sync import DiskSync
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ def free_path(pattern: Path) -> Path:
     raise InputError("every number is taken", where=str(pattern), mend="Move the recordings elsewhere.")
 
 
-class PartedRecorder(Closing):
+class PartedRecorder(Closeable):
     """A :class:`~enliven.recording.Recorder` that continues in a new part after writing has failed.
 
     A failed write never raises: ``failure`` contains the reason. When there is room again, the next write

@@ -6,11 +6,11 @@ import copy
 from collections import deque
 from typing import Generic, TypeVar
 
-_EVERY = 2.0
+_INTERVAL_S = 2.0
 """Seconds of the sensor's clock between two checkpoints."""
-_KEPT = 3
+_MAX_CHECKPOINTS = 3
 """Number of checkpoints: six seconds, in which users notice a mistake."""
-_MEGABYTES = 1200.0
+_MAX_MEGABYTES = 1200.0
 """Memory limit of all checkpoints. Fewer are kept of a larger scan, and none of a very large one."""
 
 State = TypeVar("State")
@@ -24,9 +24,9 @@ class Checkpoints(Generic[State]):
 
     def offer(self, state: State, time_ns: int, megabytes: float) -> None:
         """Keeps a copy of a state if the newest copy is old enough and memory is left."""
-        most = min(_KEPT, int(_MEGABYTES / max(megabytes, 1e-9)))
+        most = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
         newest = self._kept[-1][0] if self._kept else None
-        if newest is not None and 0 <= time_ns - newest < _EVERY * 1e9:
+        if newest is not None and 0 <= time_ns - newest < _INTERVAL_S * 1e9:
             return
         while len(self._kept) >= max(most, 1):
             self._kept.popleft()
@@ -53,5 +53,5 @@ class Checkpoints(Generic[State]):
 
     def _meant(self, now_ns: int) -> int | None:
         """Returns the index of the newest checkpoint that is at least half an interval old."""
-        old = [k for k, (at, _) in enumerate(self._kept) if now_ns - at >= 0.5e9 * _EVERY]
+        old = [k for k, (at, _) in enumerate(self._kept) if now_ns - at >= 0.5e9 * _INTERVAL_S]
         return old[-1] if old else None

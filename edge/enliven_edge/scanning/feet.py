@@ -9,15 +9,15 @@ from enliven.camera import rays
 from enliven.frames import DepthFrame
 from enliven.person import Body, Joint
 
-_SEEN = 0.5
+_MIN_CONFIDENCE = 0.5
 """Minimum confidence of a joint that is used."""
-_FOOT = 0.16
+_FOOT_RADIUS_M = 0.16
 """Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half of a
 foot's length."""
 LOW = 0.12
 """Maximum height of foot pixels above the floor, in metres. The tracker leaves out pixels this near the
 floor."""
-_SOLE = 0.02
+_FLOOR_NOISE_M = 0.02
 """Height up to which points count as the floor, in metres. It is the noise of the floor at two to three
 metres."""
 
@@ -28,12 +28,12 @@ def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool
     rows = np.flatnonzero((frame.depth > 0).any(1))
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]
     points = np.concatenate([ray[rows] * z[rows], z[rows]], -1) @ turn.T + place
-    low = (points[..., 1] > _SOLE) & (points[..., 1] < LOW)
+    low = (points[..., 1] > _FLOOR_NOISE_M) & (points[..., 1] < LOW)
     near = np.zeros(low.shape, bool)
     for joint in (Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT):
-        if body.confidence[joint] >= _SEEN:
+        if body.confidence[joint] >= _MIN_CONFIDENCE:
             away = points[..., [0, 2]] - body.joints[joint, [0, 2]]
-            near |= np.square(away).sum(-1) < _FOOT**2
+            near |= np.square(away).sum(-1) < _FOOT_RADIUS_M**2
     feet: Bool = np.zeros(frame.depth.shape, bool)
     feet[rows] = low & near
     return feet

@@ -21,25 +21,25 @@ from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeS
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
-from enliven_edge.scanning.diary import ScanDiary
-from enliven_edge.scanning.finish import Keep, finished
-from enliven_edge.scanning.growing import GrowingSurface
+from enliven_edge.scanning.object_messages import said_of_places
 from enliven_edge.scanning.person import FARTHEST, PersonScanner, ScannedPerson
-from enliven_edge.scanning.shown import ThingTold, shown_of
-from enliven_edge.scanning.standing import ScanPlace
-from enliven_edge.scanning.things import said_of_places
+from enliven_edge.scanning.scan_log import ScanLog
+from enliven_edge.scanning.scan_mesh import Keep, finished
+from enliven_edge.scanning.scan_placement import ScanPlacement
+from enliven_edge.scanning.scan_view import MovedObjectState, shown_of
+from enliven_edge.scanning.surface_preview import SurfacePreview
 
 log = logging.getLogger(__name__)
 
-_TOLD_EVERY = 0.1
+_PROGRESS_INTERVAL_S = 0.1
 """Interval between two progress messages, in seconds. It is short, so that lost tracking is shown at once."""
-_SHOWN_EVERY = 0.25
+_PREVIEW_INTERVAL_S = 0.25
 """Interval between two searches for changed pieces of the surface, in seconds."""
-_BYTES = 400_000
+_MAX_BYTES_PER_SECOND = 400_000
 """Maximum bytes per second of preview pieces: a wireless network carries them in addition to the poses."""
-_WAITS = 0.03
+_MAX_WAIT_S = 0.03
 """Longest time that an image of a recording waits before the edge's loop continues, in seconds: one frame."""
-_TRIANGLES = 50_000
+_MAX_TRIANGLES = 50_000
 """Maximum number of triangles of the resulting mesh: a chair stays accurate to a millimetre."""
 
 Phase = Literal["scanning", "paused", "finishing", "done", "failed"]
@@ -54,8 +54,8 @@ class ScanRun:
     """The state that "undo" restores: the surface, the scan log, and the state of a moved object."""
 
     scanner: Scanner | MovedScanner
-    diary: ScanDiary
-    thing: ThingTold = field(default_factory=ThingTold)
+    scan_log: ScanLog
+    thing: MovedObjectState = field(default_factory=MovedObjectState)
 
 
 def scan_settings(order: Scan) -> ScanSettings:
@@ -92,9 +92,9 @@ class LiveScan(threading.Thread):
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        self._run = ScanRun(_scanner_of(order), ScanDiary(), ThingTold("person" if order.person else ""))
+        self._run = ScanRun(_scanner_of(order), ScanLog(), MovedObjectState("person" if order.person else ""))
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
-        self._growing, self._place = GrowingSurface(number), ScanPlace()
+        self._growing, self._place = SurfacePreview(number), ScanPlacement()
         self._frame: DepthFrame | None = None
         self._orders: deque[Scan] = deque()
         self._messages: deque[ScanMessage | ScanPieceMessage] = deque()
@@ -114,7 +114,7 @@ class LiveScan(threading.Thread):
         """
         with self._wake:
             waits = waits and self.phase == "scanning"
-            if waits and not self._wake.wait_for(lambda: self._frame is None, _WAITS):
+            if waits and not self._wake.wait_for(lambda: self._frame is None, _MAX_WAIT_S):
                 return False
             self._frame = frame
             self._wake.notify_all()
@@ -157,7 +157,7 @@ class LiveScan(threading.Thread):
         """Fuses images and carries out orders, until the scan is ended."""
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _TOLD_EVERY)
+                self._wake.wait_for(lambda: self._ended or self._orders or self._frame, _PROGRESS_INTERVAL_S)
                 if self._ended:
                     return
                 frame, self._frame = self._frame, None
@@ -184,7 +184,7 @@ class LiveScan(threading.Thread):
             step = self._moved(added, frame.time_ns)
         else:
             step, self._camera = added, added.world_from_camera
-            run.diary.add(step, frame.time_ns)
+            run.scan_log.add(step, frame.time_ns)
         self._tracking, self._now_ns = step.state.value, frame.time_ns
         if step.state is ScanState.SCANNING:
             self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
@@ -198,7 +198,7 @@ class LiveScan(threading.Thread):
             self._shown = 0.0
         is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if is_placed else None
-        self._run.diary.add(added.told, time_ns)
+        self._run.scan_log.add(added.told, time_ns)
         return added.told
 
     def _obey(self, order: Scan) -> None:
@@ -215,8 +215,8 @@ class LiveScan(threading.Thread):
     def _finish(self, order: Scan) -> None:
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
-        run.diary.refuse("scan", run.scanner)
-        scan_result = finished(run.scanner, self._meant(order), _TRIANGLES, name)
+        run.scan_log.refuse("scan", run.scanner)
+        scan_result = finished(run.scanner, self._meant(order), _MAX_TRIANGLES, name)
         self.actor = self._cast(scan_result.mesh, name, scan_result.person)
         if scan_result.person is not None:
             settings = self.actor.settings
@@ -224,7 +224,7 @@ class LiveScan(threading.Thread):
                 [x for group in groups for x in group] for groups in (settings.ends, settings.joints)
             )
         places = [] if order.whole else said_of_places(run.scanner)
-        self._note = _note([*places, *run.diary.advice(run.scanner)], scan_result.said)
+        self._note = _note([*places, *run.scan_log.advice(run.scanner)], scan_result.said)
         self.phase = "done"
 
     def _meant(self, order: Scan) -> Keep:
@@ -244,28 +244,28 @@ class LiveScan(threading.Thread):
     def _tell(self) -> None:
         """Sends progress and the pieces that changed."""
         now, scanner = time.monotonic(), self._run.scanner
-        if now - self._shown >= _SHOWN_EVERY and self.phase in ("scanning", "paused", "failed"):
+        if now - self._shown >= _PREVIEW_INTERVAL_S and self.phase in ("scanning", "paused", "failed"):
             since, self._shown = min(now - self._shown, 1.0), now
             shown = shown_of(scanner)
             if shown.alone is not self._alone:
                 self._alone = shown.alone
                 self._growing.anew()
-            self._messages.extend(self._growing.changes(shown.volume, round(_BYTES * since)))
+            self._messages.extend(self._growing.changes(shown.volume, round(_MAX_BYTES_PER_SECOND * since)))
             self._place.look(shown)
-        if now - self._told >= _TOLD_EVERY or self.phase == "done":
+        if now - self._told >= _PROGRESS_INTERVAL_S or self.phase == "done":
             self._told = now
             self._messages.append(self._message())
 
     def _message(self) -> ScanMessage:
-        diary, place, scanner = self._run.diary, self._place, self._run.scanner
+        scan_log, place, scanner = self._run.scan_log, self._place, self._run.scanner
         missing = scanner.missing if isinstance(scanner, PersonScanner) else place.missing
         return ScanMessage(
             number=self.number,
             phase=self.phase,
             tracking=self._tracking,
             time_ns=self._now_ns,
-            fused=diary.counts[ScanState.SCANNING],
-            way=diary.way,
+            fused=scan_log.counts[ScanState.SCANNING],
+            way=scan_log.way,
             full=scanner.full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,

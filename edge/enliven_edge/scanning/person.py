@@ -34,25 +34,25 @@ FARTHEST = 3.5
 PERSON_VOXEL = 0.008
 """Voxel size for a person, in metres. At a distance of two metres, a pixel and the noise of a Kinect have
 this size. With smaller voxels the person's rotation is often ambiguous."""
-_SIDES = 12
+_DIRECTIONS = 12
 """Number of directions around a person that are counted separately, of 30 degrees each."""
-_FACING = np.deg2rad(50.0)
+_MAX_TURN = np.deg2rad(50.0)
 """Rotation since the first image, in radians, above which joints are ignored. From behind, the tracker may
 swap left and right."""
-_SEEN = 0.5
+_MIN_CONFIDENCE = 0.5
 """Minimum confidence of a joint that is used."""
-_HELD = 0.12
+_MOVED_JOINT_M = 0.12
 """Distance of a joint from its place on the body above which its limb counts as moved, in metres."""
-_OFTEN = 0.2
+_MIN_MOVED_FRACTION = 0.2
 """Minimum fraction of images with a moved joint before the user is notified."""
-_FEWEST = 5
+_MIN_JOINT_IMAGES = 5
 """Minimum number of images to estimate a joint."""
-_RIM = 0.04
+_FOOT_CUT_M = 0.04
 """Height above the floor at which feet are cut, in metres. Lower parts are visible in some images only."""
-_CROWN = 0.6
+_MAX_HOLE_M = 0.6
 """Maximum boundary size of holes that are filled, in metres. A level camera does not see the crown from
 above."""
-_UNSURE = 0.25
+_MAX_CAMERA_ERROR_M = 0.25
 """Tolerated position uncertainty of the camera around a person, in metres. It equals 7 degrees of rotation at
 two metres."""
 _UP = np.array([0.0, 1.0, 0.0])
@@ -120,7 +120,7 @@ class PersonScanner(Scanner):
 
     def __init__(self, settings: ScanSettings | None = None, tracker: Tracker | None = None) -> None:
         settings = settings or ScanSettings()
-        tracking = replace(settings.tracking, unsure=max(settings.tracking.unsure, _UNSURE))
+        tracking = replace(settings.tracking, unsure=max(settings.tracking.unsure, _MAX_CAMERA_ERROR_M))
         super().__init__(replace(settings, tracking=tracking))
         self._people = tracker or Tracker()
         self._person: int | None = None
@@ -153,7 +153,10 @@ class PersonScanner(Scanner):
     def missing(self) -> float:
         """Fraction of the directions around the person that were not scanned yet, 0..1."""
         angles = [np.arctan2(pose[0, 2], pose[2, 2]) for _, pose in self.poses]
-        return 1.0 - len({int(angle // (2 * np.pi / _SIDES)) % _SIDES for angle in angles}) / _SIDES
+        return (
+            1.0
+            - len({int(angle // (2 * np.pi / _DIRECTIONS)) % _DIRECTIONS for angle in angles}) / _DIRECTIONS
+        )
 
     def person(self) -> ScannedPerson:
         """Returns the scanned person.
@@ -168,7 +171,7 @@ class PersonScanner(Scanner):
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
         # Cut the mesh off above the boundary of the soles, and close it down to the floor. This also fills
         # feet that were hidden or outside the image.
-        cut = replace(self.settings.cut_out, number=1, clearance=_RIM, hole=_CROWN, drawn=LOW)
+        cut = replace(self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=LOW)
         # If no floor is visible, use the lowest visible point as the floor.
         floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
@@ -201,7 +204,7 @@ class PersonScanner(Scanner):
         sentences = []
         if self.absent:
             sentences.append(f"In {self.absent} of {frames} images the person was out of view; stay in it.")
-        if self.lost > _OFTEN * frames:
+        if self.lost > _MIN_MOVED_FRACTION * frames:
             problem = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
             sentences.append(f"{problem} Turn in five seconds or more, and keep your pose.")
         moved = self.limbs_moved()
@@ -217,14 +220,14 @@ class PersonScanner(Scanner):
             ways = [
                 max(
                     float(np.linalg.norm(place[j] - median[j]))
-                    if sure[j] >= _SEEN and np.isfinite(median[j]).all()
+                    if sure[j] >= _MIN_CONFIDENCE and np.isfinite(median[j]).all()
                     else 0.0
                     for j in joints
                 )
                 for place, sure in self._joints
             ]
-            far = [way for way in ways if way > _HELD]
-            if len(far) > max(_OFTEN * len(ways), 1):
+            far = [way for way in ways if way > _MOVED_JOINT_M]
+            if len(far) > max(_MIN_MOVED_FRACTION * len(ways), 1):
                 moved[limb] = float(np.median(far))
         return moved
 
@@ -260,7 +263,7 @@ class PersonScanner(Scanner):
     def _note(self, body: Body, object_from_room: Float) -> None:
         """Stores the joints in the body frame while the person faces about the same way as at first."""
         turned = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
-        if turned < _FACING:
+        if turned < _MAX_TURN:
             places = body.joints @ object_from_room[:3, :3].T + object_from_room[:3, 3]
             self._joints.append((places, body.confidence))
 
@@ -268,7 +271,7 @@ class PersonScanner(Scanner):
         """Returns (20, 3) the median position of each joint, NaN if it was seen too rarely."""
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
-            places = [place[joint] for place, sure in self._joints if sure[joint] >= _SEEN]
-            if len(places) >= _FEWEST:
+            places = [place[joint] for place, sure in self._joints if sure[joint] >= _MIN_CONFIDENCE]
+            if len(places) >= _MIN_JOINT_IMAGES:
                 joints[joint] = np.median(places, axis=0)
         return joints

@@ -15,7 +15,7 @@ from enliven_edge.tracking.frame import flaw_of
 
 log = logging.getLogger(__name__)
 
-_PATIENCE = 0.25
+_FRAME_TIMEOUT_S = 0.25
 """Seconds to wait for a frame before checking whether to stop."""
 
 
@@ -41,7 +41,7 @@ def sensor_images(name: str, options: list[str], stop: threading.Event) -> Itera
     with kept_open(sensor_opener(name, **sensor_options(options))) as stream:
         while not stop.is_set():
             try:
-                frame = stream.read(_PATIENCE)
+                frame = stream.read(_FRAME_TIMEOUT_S)
             except TimeoutError:
                 continue
             except (SensorFault, InputError) as error:

@@ -9,8 +9,8 @@ from .base import (
     health_of as health_of,
     is_device as is_device,
 )
-from .camera_list import FoundCamera as FoundCamera, found_cameras as found_cameras
-from .diary import Diary as Diary, DiaryEntries as DiaryEntries, DiaryEntry as DiaryEntry
+from .camera_list import DetectedCamera as DetectedCamera, found_cameras as found_cameras
+from .event_log import EventLog as EventLog, LogReader as LogReader, LogEntry as LogEntry
 from .registry import sensor_options as sensor_options
 from .profile import profile_names as profile_names, profiles_folder as profiles_folder
 from .registry import (

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.errors import ResourceError
 from enliven.frames import Frame
 from enliven.health import HealthState
-from enliven_edge.closing import Closing
+from enliven_edge.closeable import Closeable
 
 CHECK_IT = "Check its cable and power. The edge keeps trying to open it."
 """The advice for a sensor without a more specific one."""
@@ -51,7 +51,7 @@ class Condition:
         return np.array(self.gravity) / length if np.isfinite(length) and length > 0 else None
 
 
-class Sensor(Closing, Protocol):
+class Sensor(Closeable, Protocol):
     """A stream of frames from hardware, from a file or synthetic.
 
     ``name`` is the sensor's identity in its frames. Optional members extend the protocol. ``fps`` is a fixed

@@ -26,7 +26,7 @@ _BY_SERIAL = {"realsense": "serial", "oak": "device"}
 _EXTRA = 'Type: pip install "enliven-edge[colour]"; in a checkout: pip install "./edge[colour]"'
 
 
-class FoundCamera(msgspec.Struct, frozen=True):
+class DetectedCamera(msgspec.Struct, frozen=True):
     """One camera.
 
     Attributes:
@@ -47,12 +47,12 @@ class FoundCamera(msgspec.Struct, frozen=True):
     depth: bool = True
 
 
-def found_cameras() -> list[FoundCamera]:
+def found_cameras() -> list[DetectedCamera]:
     """Returns all cameras of this machine, depth cameras first."""
     return [*_on_usb(attached()), *_at_ports(), *video_cameras()]
 
 
-def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
+def _on_usb(cameras: list[Attached]) -> list[DetectedCamera]:
     """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
     makes = Counter(camera.kind.sensor for camera in cameras)
     listed = []
@@ -70,22 +70,22 @@ def _on_usb(cameras: list[Attached]) -> list[FoundCamera]:
             if camera.kind.name.lower() in camera.title.lower()
             else f"{camera.kind.name} {camera.title}"
         )
-        listed.append(FoundCamera(title, sensor, options, problem, mend, hint))
+        listed.append(DetectedCamera(title, sensor, options, problem, mend, hint))
     return listed
 
 
-def _at_ports() -> list[FoundCamera]:
+def _at_ports() -> list[DetectedCamera]:
     """Returns the cameras that libcamera lists, or the problem that prevents listing them."""
     try:
         return [
-            FoundCamera(f"{seen.model} at camera port {number}", "libcamera", {"left": str(number)})
+            DetectedCamera(f"{seen.model} at camera port {number}", "libcamera", {"left": str(number)})
             for number, seen in enumerate(listed_cameras())
         ]
     except ResourceError as error:
-        return [FoundCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.mend)]
+        return [DetectedCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.mend)]
 
 
-def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamera]:
+def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[DetectedCamera]:
     """Returns time-of-flight cameras and webcams, recognised by the names of their drivers."""
     cameras = []
     for device in sorted(devices.glob("video*"), key=lambda path: int("0" + re.sub(r"\D", "", path.name))):
@@ -95,17 +95,17 @@ def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[FoundCamer
             continue
         if _TOF.search(name):
             cameras.append(
-                _checked(FoundCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera")
+                _checked(DetectedCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera")
             )
             continue
-        webcam = FoundCamera(f"Webcam {name}", "webcam", {"device": str(node)}, depth=False)
+        webcam = DetectedCamera(f"Webcam {name}", "webcam", {"device": str(node)}, depth=False)
         cameras.append(_checked(webcam, node, "mediapipe"))
     if not sys.platform.startswith("linux") and not cameras:
-        cameras.append(_checked(FoundCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
+        cameras.append(_checked(DetectedCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
     return cameras
 
 
-def _checked(camera: FoundCamera, node: Path | None, module: str) -> FoundCamera:
+def _checked(camera: DetectedCamera, node: Path | None, module: str) -> DetectedCamera:
     """Returns a camera with the problem that prevents its use, if any: missing permission or library."""
     if node is not None and not os.access(node, os.R_OK | os.W_OK):
         mend = "Type: sudo usermod -aG video $USER, and log in again."

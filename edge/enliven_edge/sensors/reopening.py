@@ -19,7 +19,7 @@ from typing import Any, Literal
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault, condition_of, is_device
-from enliven_edge.sensors.errands import Errands
+from enliven_edge.sensors.worker_thread import WorkerThread
 
 log = logging.getLogger(__name__)
 
@@ -32,13 +32,13 @@ GOOD_FRAMES = 30
 """Number of good frames, one second, after which the back-off starts again."""
 BAD_FRAMES = 30
 """Number of unusable frames in a row after which the device is reopened."""
-_LONGEST: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
+_CALL_TIMEOUTS_S: dict[str, float] = {"read": 10.0, "open": 60.0, "close": 10.0}
 """Seconds after which a driver's call counts as hanging and is abandoned. Opening may load firmware."""
-_TURN = 0.25
+_READ_TIMEOUT_S = 0.25
 """Maximum seconds that one call waits for a frame. The device can be closed between two calls."""
-_LEFT_TO_THEMSELVES = 4
+_MAX_HANGING_THREADS = 4
 """Maximum number of threads that hang in a driver. No further attempt is made until one returns."""
-_CLOSING = 0.25
+_CLOSE_TIMEOUT_S = 0.25
 """Seconds that closing waits for the device. After that it closes in the background."""
 _CLOCK_JUMP_NS = 1_000_000_000
 """Nanoseconds that a clock may be ahead after its device was reopened, and still count as the same clock."""
@@ -75,7 +75,7 @@ class ReopeningSensor(Sensor):
             self._use(first or open_device())
         getattr(open_device, "patient", lambda: None)()
         self._errands, self._doing = self._thread(), "read"
-        self._left: list[Errands] = []
+        self._left: list[WorkerThread] = []
         self._wait, self._due = FIRST_WAIT, 0.0
         self._good = self._bad = 0
         self._fresh, self._shift_ns = False, 0
@@ -90,7 +90,7 @@ class ReopeningSensor(Sensor):
             if not self._errands.busy:
                 self._begin(left)
             try:
-                answer = self._errands.answer(_TURN if left is None else min(left, _TURN))
+                answer = self._errands.answer(_READ_TIMEOUT_S if left is None else min(left, _READ_TIMEOUT_S))
             except Exception as error:
                 if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
                     self._give_up_what_hangs()
@@ -120,7 +120,7 @@ class ReopeningSensor(Sensor):
         if not self._closed:
             self._closed = True
             getattr(self._open, "close", lambda: None)()
-            if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSING):
+            if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSE_TIMEOUT_S):
                 log.warning("%s does not release its device", self.name)
 
     def _begin(self, timeout: float | None) -> None:
@@ -130,7 +130,7 @@ class ReopeningSensor(Sensor):
             TimeoutError: if it is not due within ``timeout`` seconds.
         """
         if self._device is not None:
-            turn = _TURN if timeout is None else min(timeout, _TURN)
+            turn = _READ_TIMEOUT_S if timeout is None else min(timeout, _READ_TIMEOUT_S)
             self._ask("read", functools.partial(self._device.read, turn))
             return
         wait = self._due - time.monotonic()
@@ -202,9 +202,9 @@ class ReopeningSensor(Sensor):
         Raises:
             SensorFault: if a call was abandoned.
         """
-        limit = _LONGEST[self._doing]
+        limit = _CALL_TIMEOUTS_S[self._doing]
         self._left = [errands for errands in self._left if errands.alive]
-        if self._errands.waited < limit or len(self._left) >= _LEFT_TO_THEMSELVES:
+        if self._errands.waited < limit or len(self._left) >= _MAX_HANGING_THREADS:
             return
         self._errands.finish(functools.partial(_let_go, self._device))
         self._left.append(self._errands)
@@ -220,8 +220,8 @@ class ReopeningSensor(Sensor):
         self._wait = min(2 * self._wait, LONGEST_WAIT)
         self._good = self._bad = 0
 
-    def _thread(self) -> Errands:
-        return Errands(f"driver of {self.name}")
+    def _thread(self) -> WorkerThread:
+        return WorkerThread(f"driver of {self.name}")
 
 
 def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:

@@ -18,7 +18,7 @@ from enliven.frames import TIME_LIMIT_NS, Frame
 from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recorder, Recording, RecordingInfo
 from enliven_edge.importing import MotionCaptureReader
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.diary import DiaryEntries, DiaryEntry
+from enliven_edge.sensors.event_log import LogEntry, LogReader
 
 log = logging.getLogger(__name__)
 
@@ -68,8 +68,8 @@ class ReplaySensor(Sensor):
         self._speed = speed
         # Keep the file open, so that a lack of file descriptors cannot end a loop later.
         self._file = open_file(self.recording.path)
-        entries = functools.partial(DiaryEntries, self.recording, self._file)
-        self._entries: Iterator[DiaryEntry] = _Endless(entries) if loop else entries()
+        entries = functools.partial(LogReader, self.recording, self._file)
+        self._entries: Iterator[LogEntry] = _Endless(entries) if loop else entries()
         self._ahead = _up_to_first_frame(self._entries)
         if not self._ahead:
             self._file.close()
@@ -112,14 +112,14 @@ class ReplaySensor(Sensor):
         self._file.close()
         self._made.cleanup()
 
-    def _due(self, entry: DiaryEntry) -> float:
+    def _due(self, entry: LogEntry) -> float:
         """Returns the monotonic time in seconds at which an entry is due."""
         if self._started is None:
             self._started = time.monotonic()
         passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._too_long(entry)
         return self._started + passed_ns * 1e-9 / self._speed
 
-    def _too_long(self, entry: DiaryEntry) -> int:
+    def _too_long(self, entry: LogEntry) -> int:
         """Returns the nanoseconds that the silence before an entry exceeds the maximum."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
@@ -142,9 +142,9 @@ def _rate(info: RecordingInfo) -> float | None:
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _up_to_first_frame(entries: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
+def _up_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
     """Returns the entries up to the first usable frame. Empty if there is none."""
-    ahead: deque[DiaryEntry] = deque()
+    ahead: deque[LogEntry] = deque()
     while True:
         try:
             entry = next(entries, None)
@@ -161,7 +161,7 @@ def _up_to_first_frame(entries: Iterator[DiaryEntry]) -> deque[DiaryEntry]:
 class _Endless:
     """Repeats the entries endlessly, with increasing times. Frames that cannot be used are skipped."""
 
-    def __init__(self, entries: Callable[[], Iterator[DiaryEntry]]) -> None:
+    def __init__(self, entries: Callable[[], Iterator[LogEntry]]) -> None:
         self._again, self._entries = entries, entries()
         self._shift, self._step = 0, _USUAL_STEP_NS
         self._first: int | None = None
@@ -170,7 +170,7 @@ class _Endless:
     def __iter__(self) -> _Endless:
         return self
 
-    def __next__(self) -> DiaryEntry:
+    def __next__(self) -> LogEntry:
         entry = next(self._entries, None)
         if entry is None:
             if self._first is None or self._last is None:
@@ -186,7 +186,7 @@ class _Endless:
         return _later(entry, self._shift) if self._shift else entry
 
 
-def _later(entry: DiaryEntry, shift_ns: int) -> DiaryEntry:
+def _later(entry: LogEntry, shift_ns: int) -> LogEntry:
     reading, time_ns = entry.said, entry.time_ns + shift_ns
     frame = reading if isinstance(reading, Exception) else dataclasses.replace(reading, time_ns=time_ns)
-    return DiaryEntry(time_ns, frame, entry.condition)
+    return LogEntry(time_ns, frame, entry.condition)

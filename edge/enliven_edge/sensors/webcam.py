@@ -15,7 +15,7 @@ from enliven_edge.landmarks import LandmarkSource, MediaPipeSettings, MonocularP
 from enliven_edge.sensors.base import Sensor
 
 _FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
-_MENDS = {
+_REMEDIES = {
     errno.EACCES: "Let your user use cameras (sudo usermod -aG video $USER), and log in again.",
     errno.EBUSY: "Another program uses it: close that.",
 }
@@ -135,7 +135,7 @@ def _opened(device: str, live: bool) -> Any:
         container = av.open(device, format=_FORMATS.get(sys.platform) if live else None)
     except (av.error.FFmpegError, OSError) as error:
         if live:
-            mend = _MENDS.get(error.errno or 0, "Check that it is a camera that no other program uses.")
+            mend = _REMEDIES.get(error.errno or 0, "Check that it is a camera that no other program uses.")
             raise ResourceError(f"it cannot be opened ({error.strerror})", where=device, mend=mend) from None
         raise InputError("it is not a film that can be read", where=device) from None
     if not container.streams.video:

@@ -1,7 +1,7 @@
-from .casting import cast as cast, cast_mesh as cast_mesh, name_of as name_of, parts_for as parts_for
-from .hold_memory import Carried as Carried
-from .opening import Opening as Opening
-from .places import Peer as Peer, StageSettings as StageSettings
+from .character_setup import cast as cast, cast_mesh as cast_mesh, name_of as name_of, parts_for as parts_for
+from .hold_memory import HoldStarts as HoldStarts
+from .initial_possession import InitialPossession as InitialPossession
+from .stage_capacity import Peer as Peer, StageSettings as StageSettings
 from .sizing import HandSizing as HandSizing
 from .stage import Stage as Stage
 from .tick import Tick as Tick

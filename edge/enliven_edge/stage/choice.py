@@ -16,7 +16,7 @@ FLOOR = [0, 2]
 
 
 @dataclass(frozen=True)
-class Taking:
+class PendingPossession:
     """A performer and the character that the performer is about to possess.
 
     Attributes:

@@ -11,7 +11,7 @@ from enliven.document import HoldMode
 from enliven.person import Body
 from enliven.possession import Actor, Mode
 from enliven.wire import MAX_SETTINGS, HoldMessage
-from enliven_edge.stage.hold_memory import Carried
+from enliven_edge.stage.hold_memory import HoldStarts
 
 
 class HoldLog:
@@ -63,7 +63,7 @@ class HoldLog:
         for who in lost:
             self._add(actor, "release", who)
 
-    def carried_over(self, actor: Actor, carried: Carried) -> None:
+    def carried_over(self, actor: Actor, carried: HoldStarts) -> None:
         """Logs the performers that hold a character after it replaced another one."""
         for taken in carried:
             self._add(actor, "join", taken.body.id, parts=taken.parts, place=actor.place)

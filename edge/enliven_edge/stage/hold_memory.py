@@ -12,13 +12,13 @@ from enliven.possession import Actor, Mode
 
 log = logging.getLogger(__name__)
 
-_SETTLED_IN = 12
+_SETTLING_SOLVES = 12
 """Number of solves of one frame, from the starting pose of the hold to the current pose. Each solve about
 halves the remaining distance."""
 
 
 @dataclass(frozen=True, eq=False)
-class TakenHold:
+class HoldStart:
     """The state in which a performer possessed a character. ``body`` is the performer at that moment."""
 
     body: Body
@@ -26,7 +26,7 @@ class TakenHold:
     mode: Mode = "join"
 
 
-Carried = tuple[TakenHold, ...]
+HoldStarts = tuple[HoldStart, ...]
 """How the holds of a character started, the oldest first."""
 
 
@@ -35,7 +35,7 @@ class HoldMemory:
 
     def __init__(self) -> None:
         self._met: dict[str, Body] = {}
-        self._taken: dict[str, Carried] = {}
+        self._taken: dict[str, HoldStarts] = {}
 
     def meet(self, character: str, bodies: Sequence[Body]) -> None:
         """Remembers the first performer in view: the character is placed relative to this performer."""
@@ -46,7 +46,7 @@ class HoldMemory:
         """Remembers that a performer possessed the character."""
         earlier = self._taken.get(character, ()) if mode != "alone" else ()
         earlier = tuple(hold for hold in earlier if mode == "extend" or hold.body.id != body.id)
-        self._taken[character] = (*earlier, TakenHold(body, parts, "join" if mode == "alone" else mode))
+        self._taken[character] = (*earlier, HoldStart(body, parts, "join" if mode == "alone" else mode))
 
     def release(self, character: str, body: int | None) -> None:
         """Remembers that a performer released the character. If ``body`` is None, all performers did."""
@@ -60,7 +60,7 @@ class HoldMemory:
         self._met.pop(character, None)
         self._taken.pop(character, None)
 
-    def holds_of(self, actor: Actor, bodies: Sequence[Body]) -> Carried:
+    def holds_of(self, actor: Actor, bodies: Sequence[Body]) -> HoldStarts:
         """Returns how the current holds of an actor started.
 
         A hold without a record counts as started now.
@@ -68,9 +68,9 @@ class HoldMemory:
         name, holders = actor.character.id, [hold.body for hold in actor.holds]
         recorded = tuple(hold for hold in self._taken.get(name, ()) if hold.body.id in holders)
         asked = {hold.body.id for hold in recorded}
-        return recorded + tuple(TakenHold(b) for b in bodies if b.id in holders and b.id not in asked)
+        return recorded + tuple(HoldStart(b) for b in bodies if b.id in holders and b.id not in asked)
 
-    def carry_over(self, before: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> Carried:
+    def carry_over(self, before: Actor, actor: Actor, bodies: list[Body], time_ns: int) -> HoldStarts:
         """Moves all holds from one actor to another and returns how the holds started.
 
         Each performer possesses the new actor in the pose with which the hold started, and then moves to the
@@ -91,6 +91,6 @@ class HoldMemory:
                 actor.possess(taken.body, taken.parts, taken.mode)
             except InputError as error:
                 log.warning("%s", error)
-        for _ in range(_SETTLED_IN if held else 0):
+        for _ in range(_SETTLING_SOLVES if held else 0):
             actor.perform(bodies, time_ns)
         return held

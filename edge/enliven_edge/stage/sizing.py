@@ -14,19 +14,19 @@ from enliven.wire import MAX_GROWTH, Resize, SizeMessage
 from enliven_edge.stage.stage import Stage
 
 _HANDS = (Joint.HAND_LEFT, Joint.HAND_RIGHT)
-_SURE = 0.3
+_MIN_CONFIDENCE = 0.3
 """Minimum confidence of a hand. Below it the hand is ignored and its last distance is kept."""
-_NEAR = 0.15
+_DISTANCE_OFFSET_M = 0.15
 """Metres added to every distance, so that hands that start close together do not cause a huge scale at
 once."""
-_BAND = float(np.log(1.06))
+_DEAD_BAND = float(np.log(1.06))
 """Dead band: hands never keep still, so the size follows only beyond 6 % of distance change."""
-_EASE = 0.12
+_SMOOTHING_S = 0.12
 """Time constant in seconds of the size's smoothing, which hides the tracker's noise."""
-_STILL = 1.5
+_GESTURE_END_S = 1.5
 """Time for which the hands must be still after a change of size until the gesture ends, in seconds. A pause
 within the gesture is shorter."""
-_TOLD = 0.005
+_MIN_SENT_CHANGE = 0.005
 """Smallest relative change of size that is sent to windows during a gesture."""
 
 
@@ -92,7 +92,7 @@ class HandSizing:
             _lead(gesture, body, time_ns)
             wanted = float(np.clip(gesture.first + gesture.led, -np.log(MAX_GROWTH), np.log(MAX_GROWTH)))
             now = float(np.log(actor.growth))
-            now += (wanted - now) * (1.0 - float(np.exp(-seconds / _EASE)))
+            now += (wanted - now) * (1.0 - float(np.exp(-seconds / _SMOOTHING_S)))
             actor.resize(float(np.exp(now)), self._about(name, body))
 
     def changes(self) -> list[SizeMessage]:
@@ -102,7 +102,7 @@ class HandSizing:
             gesture = self._gestures.get(name)
             current = actor.growth, -1 if gesture is None else gesture.body, actor.exaggeration
             before = self._told.get(name, (1.0, -1, None))
-            moved = abs(current[0] / before[0] - 1.0) > (_TOLD if gesture is not None else 1e-9)
+            moved = abs(current[0] / before[0] - 1.0) > (_MIN_SENT_CHANGE if gesture is not None else 1e-9)
             if moved or current[1:] != before[1:]:
                 self._told[name] = current
                 messages.append(SizeMessage(name, *current))
@@ -145,18 +145,18 @@ class HandSizing:
 def _lead(gesture: _Gesture, body: Body, time_ns: int) -> None:
     """Updates the target size from the distance of the hands, with a dead band."""
     left, right = (body.joints[hand] for hand in _HANDS)
-    sure = all(body.confidence[hand] >= _SURE for hand in _HANDS)
+    sure = all(body.confidence[hand] >= _MIN_CONFIDENCE for hand in _HANDS)
     if not (sure and np.isfinite(left).all() and np.isfinite(right).all()):
         return
-    away = float(np.log(np.linalg.norm(left - right) + _NEAR))
+    away = float(np.log(np.linalg.norm(left - right) + _DISTANCE_OFFSET_M))
     if gesture.away is None:
         gesture.away = away
     wanted, before = away - gesture.away, gesture.led
-    gesture.led = float(np.clip(before, wanted - _BAND, wanted + _BAND))
+    gesture.led = float(np.clip(before, wanted - _DEAD_BAND, wanted + _DEAD_BAND))
     if gesture.led != before:
         gesture.still_ns = time_ns
 
 
 def _done(gesture: _Gesture, time_ns: int) -> bool:
     """Returns True if the hands have changed the size and then kept still for long enough."""
-    return gesture.still_ns is not None and (time_ns - gesture.still_ns) * 1e-9 > _STILL
+    return gesture.still_ns is not None and (time_ns - gesture.still_ns) * 1e-9 > _GESTURE_END_S

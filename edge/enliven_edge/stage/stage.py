@@ -15,15 +15,15 @@ from enliven.matching import Board, ScreenView
 from enliven.person import Body
 from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
-from enliven_edge.stage.choice import FLOOR, Taking, in_order, pairs
+from enliven_edge.stage.choice import FLOOR, PendingPossession, in_order, pairs
 from enliven_edge.stage.hold_log import HoldLog
-from enliven_edge.stage.hold_memory import Carried, HoldMemory
-from enliven_edge.stage.places import Peer, StagePlaces, StageSettings
+from enliven_edge.stage.hold_memory import HoldMemory, HoldStarts
+from enliven_edge.stage.stage_capacity import Peer, StageCapacity, StageSettings
 from enliven_edge.stage.tick import Tick
 
 Surfaces = Mapping[int, ObservedPoints]
 """The part of a performer's surface that a depth sensor sees, by body id."""
-_GAP = 0.4
+_CHARACTER_GAP_M = 0.4
 """Gap on the floor between two characters that wait side by side, in metres. Their arms must not reach across
 by chance."""
 
@@ -43,7 +43,7 @@ class Stage:
 
     def __init__(self, actors: Sequence[Actor] = (), settings: StageSettings | None = None) -> None:
         self.actors: dict[str, Actor] = {}
-        self.places = StagePlaces(settings or StageSettings(), self.actors.keys())
+        self.places = StageCapacity(settings or StageSettings(), self.actors.keys())
         self._bodies: list[Body] = []
         self._places: dict[str, Float] = {}
         self._memory = HoldMemory()
@@ -58,7 +58,7 @@ class Stage:
         """The characters by id. An object is replaced with its actor. Other threads may read this, too."""
         return {name: actor.character for name, actor in self.actors.copy().items()}
 
-    def put(self, actor: Actor, carried: Carried | None = None, owner: Peer | None = None) -> None:
+    def put(self, actor: Actor, carried: HoldStarts | None = None, owner: Peer | None = None) -> None:
         """Puts a character on the stage, or replaces the one with the same id. The others go on.
 
         The holders of the replaced character hold the new one. The caller has warmed the actor up.
@@ -79,7 +79,7 @@ class Stage:
         if before is not None:
             self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
 
-    def carry_over(self, actor: Actor) -> Carried:
+    def carry_over(self, actor: Actor) -> HoldStarts:
         """Lets the holders of the character with an actor's id hold that actor. May run on another thread."""
         before = self.actors.get(actor.character.id)
         if self._view is not None and isinstance(actor, ChosenActor):
@@ -220,7 +220,7 @@ class Stage:
             body = next((hold.body for hold in actor.holds if hold.body in present), body)
         return (body if body in present else None), parts
 
-    def takings(self, mode: Mode = "alone", body: int | None = None) -> list[Taking]:
+    def takings(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
         """Returns the pairs of performer and character for a command that names no character.
 
         The cues show the same.
@@ -236,14 +236,14 @@ class Stage:
         if len(self.actors) == 1:
             (name,) = self.actors
             first, parts = self.candidate(name, mode)
-            return [Taking(name, first if body is None else body, parts)]
+            return [PendingPossession(name, first if body is None else body, parts)]
         if mode == "extend":
             paired = [(name, hold.body) for name, actor in self.actors.items() for hold in actor.holds]
             paired = [(name, who) for name, who in paired if body in (None, who)]
         else:
             performers = [performer for performer in self._bodies if body in (performer.id, None)]
             paired = pairs(performers, self.actors, self._places, anyhow=body is not None)
-        return [Taking(name, who, self.actors[name].candidate[1]) for name, who in paired]
+        return [PendingPossession(name, who, self.actors[name].candidate[1]) for name, who in paired]
 
     def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
         """Makes the cues show what this performer (None: the next one) would hold with these parts."""
@@ -324,4 +324,4 @@ class Stage:
         """Returns the sideways offset in metres for one more character next to those that are there."""
         wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
         aside = [actor.aside for actor in self.actors.values()]
-        return max((a + float(w) + _GAP for a, w in zip(aside, wide, strict=True)), default=0.0)
+        return max((a + float(w) + _CHARACTER_GAP_M for a, w in zip(aside, wide, strict=True)), default=0.0)

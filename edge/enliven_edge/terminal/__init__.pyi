@@ -1,2 +1,6 @@
-from .probing import image_protocol as image_protocol
-from .showing import WAYS as WAYS, Way as Way, encoded_picture as encoded_picture
+from .protocol_query import image_protocol as image_protocol
+from .image_encoding import (
+    IMAGE_PROTOCOLS as IMAGE_PROTOCOLS,
+    ImageProtocol as ImageProtocol,
+    encoded_picture as encoded_picture,
+)

@@ -51,7 +51,7 @@ class SceneSettings:
 
 
 @dataclass(frozen=True)
-class RoomSettings:
+class BackgroundSettings:
     """How the background model, the room without people, is learnt."""
 
     absorb_after: float = setting(
@@ -280,7 +280,7 @@ class TrackerSettings:
     scene: SceneSettings = setting(
         SceneSettings, "Sensor pose, and the part of the image that may show people."
     )
-    room: RoomSettings = setting(RoomSettings, "Background model: the room without people.")
+    room: BackgroundSettings = setting(BackgroundSettings, "Background model: the room without people.")
     people: PeopleSettings = setting(PeopleSettings, "Number of people, and re-identification.")
     search: SearchSettings = setting(SearchSettings, "Search for new people.")
     fit: FitSettings = setting(FitSettings, "Fit of the body model.")

@@ -18,25 +18,25 @@ from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
 from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
 from enliven_edge.tracking.people import GuessedFloor, MultiPersonTracker, Person
-from enliven_edge.tracking.scene import UNSEEN, Mounting, RoomModel
+from enliven_edge.tracking.scene import UNSEEN, BackgroundModel, Mounting
 from enliven_edge.tracking.segment import furniture_beside, lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 
-_YOUNG = 1.0
+_YOUNG_AGE_S = 1.0
 """Age of the background model in seconds up to which it may contain parts of people by mistake."""
-_SURFACE = 0.05
+_SURFACE_DISTANCE_M = 0.05
 """Metres from a person's surface within which a part of the background is taken for the person. It covers the
 error of the fit."""
-_GIVES_UP = 5.0
+_FURNITURE_RATE_HZ = 5.0
 """Searches per second for furniture next to people. Furniture does not move, so this is enough."""
 
-_LEGS_WITHOUT_FLOOR = 0.5
+_MAX_LEG_CONFIDENCE = 0.5
 """Maximum confidence of a knee, ankle or foot while the floor is only guessed. The guessed floor plane cuts
 off the shins."""
-_AT_FIRST = 0.6
+_FIRST_CONFIDENCE = 0.6
 """Maximum confidence of a joint in the frame in which its person is found. In a single frame a pattern on a
 wall may fit a body."""
-_EARNED_NS = 300_000_000
+_CONFIDENCE_RAMP_NS = 300_000_000
 """Nanoseconds after which the limit of a new person's confidence is gone, if the network also sees a person.
 A pattern loses its body within about ten frames."""
 _IS_LEG = np.isin(np.arange(len(Joint)), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
@@ -61,7 +61,7 @@ class Tracker:
         self._fitter = Fitter(self.settings.fit)
         self._people = MultiPersonTracker(self.settings, self._fitter)
         self._guessed_floor = GuessedFloor(self.settings)
-        self._room: RoomModel | None = None
+        self._room: BackgroundModel | None = None
         self._owner: Int16 | None = None
         self._view: FrameView | None = None
         self._by_depth, self._gave_up = True, 0
@@ -88,7 +88,7 @@ class Tracker:
     @property
     def performers(self) -> list[Person]:
         """Returns the tracked people that may perform, in the order in which they were found."""
-        return self._people.roster.performers
+        return self._people.track_manager.performers
 
     @property
     def bystanders(self) -> int:
@@ -140,17 +140,17 @@ class Tracker:
             InputError: if the sensor tracks people itself.
         """
         self._need_depth()
-        self._people.roster.lock_to(ids)
+        self._people.track_manager.lock_to(ids)
 
     @property
     def locked(self) -> bool:
         """Returns True if new people are bystanders."""
-        return self._people.roster.lock.closed
+        return self._people.track_manager.lock.closed
 
     def unlock(self) -> None:
         """Lets new people be performers again. Raises InputError like :meth:`lock`."""
         self._need_depth()
-        self._people.roster.lock.open()
+        self._people.track_manager.lock.open()
 
     def _need_depth(self) -> None:
         """Raises InputError if the sensor tracks people itself."""
@@ -173,7 +173,7 @@ class Tracker:
         """
         if isinstance(frame, BodyFrame):
             self._by_depth = False
-            self._people.roster.lock.open()
+            self._people.track_manager.lock.open()
             return self.output(frame.bodies, frame.time_ns, frame.world_from_camera)
         self._by_depth = True
         return self._track_depth(frame)
@@ -213,33 +213,33 @@ class Tracker:
             person.lift(step)
         return self._mounting.raise_guess(view, step)
 
-    def _take_back(self, room: RoomModel, view: FrameView) -> None:
+    def _take_back(self, room: BackgroundModel, view: FrameView) -> None:
         """Removes parts of people from the background model that it learnt in the first frames.
 
         An example is a leg below a hole in the depth.
         """
         people = [p.follower.posture for p in self._people.people if not p.travelled]
-        if people and room.age < _YOUNG:
-            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE))
+        if people and room.age < _YOUNG_AGE_S:
+            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
 
-    def _give_up(self, room: RoomModel, view: FrameView, kind: UInt8) -> None:
+    def _give_up(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds pixels that touch people and never move to the background model.
 
         They are furniture that was there when the people were first seen.
         """
         people = [p.follower.posture for p in self._people.people]
-        if people and self._owner is not None and round(room.age * _GIVES_UP) != self._gave_up:
-            self._gave_up = round(room.age * _GIVES_UP)
+        if people and self._owner is not None and round(room.age * _FURNITURE_RATE_HZ) != self._gave_up:
+            self._gave_up = round(room.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
             room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
 
-    def _room_of(self, view: FrameView) -> RoomModel:
+    def _room_of(self, view: FrameView) -> BackgroundModel:
         """Returns the background model: a new one if the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
             self._people.sensor_moved(view.time_ns)
         if self._room is None or mounting.new_camera or mounting.new_place:
-            self._room = RoomModel(view.z.shape, self.settings.room)
+            self._room = BackgroundModel(view.z.shape, self.settings.room)
         return self._room
 
     def _bounded(self, sure: Float, age_ns: int) -> Float:
@@ -251,11 +251,13 @@ class Tracker:
             sure: (20,) the confidence from the fit.
             age_ns: nanoseconds since the person was found.
         """
-        earned = min(max(age_ns / _EARNED_NS, 0.0), 1.0)
+        earned = min(max(age_ns / _CONFIDENCE_RAMP_NS, 0.0), 1.0)
         if earned == 1.0 and self._mounting.floor_known:
             return sure
-        legs = 1.0 if self._mounting.floor_known else _LEGS_WITHOUT_FLOOR
-        most = np.minimum(_AT_FIRST + (1.0 - _AT_FIRST) * earned, np.where(_IS_LEG, legs, 1.0))
+        legs = 1.0 if self._mounting.floor_known else _MAX_LEG_CONFIDENCE
+        most = np.minimum(
+            _FIRST_CONFIDENCE + (1.0 - _FIRST_CONFIDENCE) * earned, np.where(_IS_LEG, legs, 1.0)
+        )
         return np.minimum(sure, most)
 
     def _bodies(self, frame: DepthFrame) -> list[Body]:

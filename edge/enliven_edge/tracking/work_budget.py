@@ -15,7 +15,7 @@ Steps = Generator[float, Any, T]
 """A task as a generator: it yields the cost of each step, in coarse fits, and returns its result."""
 LOOK = 2
 """Cost of evaluating the network on one blob of pixels, in coarse fits."""
-_RATE = 30.0
+_REFERENCE_FPS = 30.0
 """Frames per second at which a frame's budget equals the setting."""
 
 
@@ -41,7 +41,7 @@ def frame_budget(fits: int, elapsed: float | None) -> Budget:
     """
     if fits == 0:
         return Budget(float("inf"))
-    return Budget(fits * max(1.0, (elapsed or 0.0) * _RATE))
+    return Budget(fits * max(1.0, (elapsed or 0.0) * _REFERENCE_FPS))
 
 
 class BudgetedTask(Generic[T]):

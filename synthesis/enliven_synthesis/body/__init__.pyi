@@ -7,7 +7,7 @@ from .body_sdf import (
 )
 from .performer import Figure as Figure, Performer as Performer, Proportions as Proportions
 from .posture import ArmPose as ArmPose, FootPose as FootPose, PerformerPosture as PerformerPosture
-from .reaching import reach as reach
+from .arm_ik import reach as reach
 from .rotations import about_x as about_x, about_y as about_y, about_z as about_z, on_grid as on_grid
 from .sphere_tracing import (
     DEPTH as DEPTH,

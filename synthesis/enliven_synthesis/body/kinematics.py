@@ -17,7 +17,7 @@ STRAIGHTEST = 0.997
 """Maximum reach of a leg as a fraction of thigh + shank. A knee is never fully locked."""
 FOLDED = 0.3
 """Minimum reach of a leg as a fraction of thigh + shank. A knee bends no further."""
-_AHEAD = 0.35
+_PELVIS_WEIGHT = 0.35
 """Weight of the pelvis' forward direction in the direction of knee bending; the foot's direction has weight
 1."""
 
@@ -211,8 +211,8 @@ def _put_leg(build: Any, foot: Any, side: int, joints: Float, frames: Float) -> 
     distance = min(max(apart, FOLDED * reach), reach)
     heading = foot.yaw + sign * foot.splay
     copy_row(forward, pelvis[:, 2])
-    forward[0], forward[1] = _AHEAD * forward[0] + math.sin(heading), _AHEAD * forward[1]
-    forward[2] = _AHEAD * forward[2] + math.cos(heading)
+    forward[0], forward[1] = _PELVIS_WEIGHT * forward[0] + math.sin(heading), _PELVIS_WEIGHT * forward[1]
+    forward[2] = _PELVIS_WEIGHT * forward[2] + math.cos(heading)
     _clear_of(forward, along)
     reach_along = (distance**2 + build.thigh**2 - build.shank**2) / (2.0 * distance)
     bow = math.sqrt(max(build.thigh**2 - reach_along**2, 0.0))

@@ -17,17 +17,17 @@ SIDE = 4
 widths."""
 LANES = SIDE * SIDE
 """Number of rays in a tile."""
-_STEPS = 64
+_MAX_STEPS = 64
 """Maximum number of steps of a ray. Grazing rays need the most."""
-_CLOSE = 5e-4
+_HIT_DISTANCE_M = 5e-4
 """A ray has arrived if it is this close to the surface, metres. It is less than a sensor's depth step."""
-_WARINESS = 1.4
+_STEP_SAFETY = 1.4
 """Safety factor: a distance may shrink this many times faster than the ray advances, since the distances of
 ellipsoids are first-order approximations."""
 _FAR = 1e9
 """Initial distance, metres, before any primitive has been evaluated. It is larger than any room."""
 
-X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST, _APART = range(0, 11 * LANES, LANES)
+X, Y, LENGTH, END, DEPTH, MET, _WHOLE, _PART, _LEAST, _NEAREST_HIT, _APART = range(0, 11 * LANES, LANES)
 """Offsets into the array of lanes: the rays' x/z and y/z, their lengths per unit of depth, and the depths (m)
 at which they end; then the depths (m) reached and the primitives hit (-1: none); then scratch."""
 LANES_SIZE = 11 * LANES
@@ -52,8 +52,8 @@ def sphere_trace(
     for k in range(LANES):
         lanes[DEPTH + k], lanes[MET + k] = near, -1.0
     longest = _greatest(lanes, LENGTH, 1.0)
-    for _ in range(_STEPS):
-        travelled = _WARINESS * (_greatest(lanes, DEPTH, 1.0) - near) * longest
+    for _ in range(_MAX_STEPS):
+        travelled = _STEP_SAFETY * (_greatest(lanes, DEPTH, 1.0) - near) * longest
         _distances(shape, kind, group, near_by, clear, travelled, lanes, blend, between)
         if _advance(lanes) == 0:
             return
@@ -70,8 +70,8 @@ def _advance(lanes: Float) -> int:
         lanes[DEPTH + k] += lanes[_WHOLE + k] / lanes[LENGTH + k]
         if lanes[DEPTH + k] >= lanes[END + k]:
             continue
-        if lanes[_WHOLE + k] < _CLOSE:
-            lanes[MET + k] = lanes[_NEAREST + k]
+        if lanes[_WHOLE + k] < _HIT_DISTANCE_M:
+            lanes[MET + k] = lanes[_NEAREST_HIT + k]
         else:
             active += 1
     return active
@@ -89,7 +89,12 @@ def _distances(
     until a ray has ``travelled`` past its ``clear``, the depth up to which all rays found it distant.
     """
     for k in range(LANES):
-        lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST + k] = _FAR, _FAR, _FAR, -1.0
+        lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST_HIT + k] = (
+            _FAR,
+            _FAR,
+            _FAR,
+            -1.0,
+        )
     current, bound = -1, _FAR
     for n in range(len(near_by)):
         i = near_by[n]
@@ -141,7 +146,7 @@ def _add(lanes: Float, width: float, i: float) -> None:
         h = 1.0 - abs(d) * inverse
         h = 0.0 if h < 0.0 else h
         lanes[_PART + k] = (a if d < 0.0 else b) - h * h * quarter
-        lanes[_NEAREST + k] = i if b < so_far else lanes[_NEAREST + k]
+        lanes[_NEAREST_HIT + k] = i if b < so_far else lanes[_NEAREST_HIT + k]
         lanes[_LEAST + k] = b if b < so_far else so_far
 
 

@@ -18,9 +18,9 @@ THICKNESS = np.array(
     ]
 )  # fmt: skip
 """(20,) Maximum thickness of body and clothes in front of each joint, metres, for an average build."""
-_AROUND = 0.03
+_JOINT_RADIUS_M = 0.03
 """Radius around a joint, metres, in which the body must be visible. About the radius of a fist."""
-_ENOUGH = 0.5
+_MIN_VISIBLE = 0.5
 """Minimum fraction of the pixels around a joint that must show the joint's own body."""
 
 
@@ -51,12 +51,12 @@ def seen_joints(
         if not reach[0] <= point[2] <= reach[1]:
             continue
         u, v = project(point, intrinsics)
-        radius = max(_AROUND * intrinsics.fx / point[2], 1.0)
+        radius = max(_JOINT_RADIUS_M * intrinsics.fx / point[2], 1.0)
         if not (0 <= u < intrinsics.width and 0 <= v < intrinsics.height):
             continue
         rows = slice(max(int(v - radius + 0.5), 0), int(v + radius + 0.5) + 1)
         columns = slice(max(int(u - radius + 0.5), 0), int(u + radius + 0.5) + 1)
         own = owner[rows, columns] == number
         behind_surface = own & (depth[rows, columns] > point[2] - thick[j])
-        seen[j] = behind_surface.mean() >= _ENOUGH
+        seen[j] = behind_surface.mean() >= _MIN_VISIBLE
     return seen

@@ -30,9 +30,9 @@ from enliven_synthesis.motion.exercises import mixed_fields
 from enliven_synthesis.motion.motion import placed
 from enliven_synthesis.motion.tracks import ease
 
-_SPREAD = 0.025
+_TARGET_SPREAD_M = 0.025
 """Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
-_TEMPO = 0.2
+_TEMPO_VARIATION = 0.2
 """Maximum random variation of the tempo, as a fraction."""
 _DOWN = (0.7, -0.7, -0.35)
 """Direction of a hanging elbow in the chest's frame: outward, down and back."""
@@ -147,7 +147,7 @@ _KEYS: dict[str, tuple[Key, ...]] = _written() | {
     ),
     "jog": (Key(0.0, _RUN_FORE, _RUN_BACK), Key(6.0, _RUN_FORE, _RUN_BACK)),
 }  # fmt: skip
-_STRIDES = 1.35
+_STRIDE_RATE_HZ = 1.35
 """Frequency of jogging on the spot, strides per second."""
 
 
@@ -169,10 +169,10 @@ class CloseLimbs:
             names = ", ".join(_KEYS)
             raise InputError(f"unknown motion {name!r}", where="synthetic performer", mend=f"Known: {names}.")
         rng = np.random.default_rng(seed) if seed else None
-        tempo = 1.0 if rng is None else 1.0 + _TEMPO * float(rng.uniform(-1.0, 1.0))
+        tempo = 1.0 if rng is None else 1.0 + _TEMPO_VARIATION * float(rng.uniform(-1.0, 1.0))
         self._performer, self._jogs = performer, name == "jog"
         self._keys = [replace(_varied(key, rng), time=tempo * key.time) for key in _KEYS[name]]
-        self._pace = 2.0 * math.pi * _STRIDES / tempo
+        self._pace = 2.0 * math.pi * _STRIDE_RATE_HZ / tempo
         self.duration = self._keys[-1].time
 
     def figure(self, time: float) -> Figure:
@@ -249,7 +249,9 @@ def _varied(key: Key, rng: Generator | None) -> Key:
         return key
     left, right = (
         replace(w, x=w.x + dx, y=w.y + dy, z=w.z + abs(dz))
-        for w, (dx, dy, dz) in zip((key.left, key.right), rng.normal(0.0, _SPREAD, (2, 3)), strict=True)
+        for w, (dx, dy, dz) in zip(
+            (key.left, key.right), rng.normal(0.0, _TARGET_SPREAD_M, (2, 3)), strict=True
+        )
     )
     bent = {name: value * float(rng.uniform(0.8, 1.2)) for name, value in key.trunk.items()}
     if "rise" in bent:  # Do not vary the height of a seat.

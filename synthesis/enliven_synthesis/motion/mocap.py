@@ -19,12 +19,12 @@ from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
 """Unit direction that a motion faces when it begins."""
-_SETTLE = 0.06
+_HEIGHT_SMOOTHING_S = 0.06
 """Standard deviation, in seconds, of the Gaussian that smooths height corrections. It is a fraction of a
 step."""
 
 
-class Captured:
+class CapturedMotion:
     """A motion capture retargeted to a performer. It begins at the world's origin, facing +Z.
 
     Args:
@@ -80,7 +80,7 @@ def _pelvis_path(
     lowest = np.array(
         [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
     )
-    pelvis[:, 1] += _smoothed(wanted - lowest, _SETTLE / capture.seconds)
+    pelvis[:, 1] += _smoothed(wanted - lowest, _HEIGHT_SMOOTHING_S / capture.seconds)
     return pelvis
 
 

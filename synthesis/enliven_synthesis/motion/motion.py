@@ -27,7 +27,7 @@ class Motion(Protocol):
         """Returns the figure at a time in seconds, clamped to the start and the end."""
 
 
-class Danced:
+class DanceMotion:
     """A choreography performed by a performer.
 
     Args:
@@ -70,7 +70,7 @@ class MotionSegment:
     yaw: float = 0.0
 
 
-class Chained:
+class MotionSequence:
     """A sequence of motions. Each continues until the next begins, with a cut or a blend between them.
 
     Args:

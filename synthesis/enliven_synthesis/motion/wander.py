@@ -15,9 +15,9 @@ from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 
-_HALF = 0.56
+_STANCE_FRACTION = 0.56
 """Fraction of a stride during which a foot stands. Over one half means walking, not running."""
-_APART = 0.09
+_FOOT_OFFSET_M = 0.09
 """Sideways distance of a foot from the path, metres. About half the width of the hips."""
 
 
@@ -74,21 +74,21 @@ class WalkPath:
         count, share = divmod(time / stride + 0.5 * side, 1.0)
         middle = (count - 0.5 * side) * stride
         start, stop = self._print(side, middle), self._print(side, middle + stride)
-        flown = ease((share - _HALF) / (1.0 - _HALF))
+        flown = ease((share - _STANCE_FRACTION) / (1.0 - _STANCE_FRACTION))
         bump = 4.0 * flown * (1.0 - flown)
         (x, z), yaw = start[0] + flown * (stop[0] - start[0]), start[1] + flown * _turned(start[1], stop[1])
         return FootPose(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
 
     def stands(self, side: int, time: float) -> bool:
         """Returns True if the left (0) or right (1) foot stands."""
-        return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _HALF
+        return (time / (2 * self._pace) + 0.5 * side) % 1.0 < _STANCE_FRACTION
 
     def _print(self, side: int, time: float) -> tuple[Float, float]:
         """Returns (x, z) metres and yaw of a footprint, next to the body's position halfway through the
         foot's stance."""
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
-        aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_APART if side == 0 else -_APART)
+        aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_FOOT_OFFSET_M if side == 0 else -_FOOT_OFFSET_M)
         return self.at(at) + aside, yaw
 
 

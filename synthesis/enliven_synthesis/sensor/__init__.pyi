@@ -1,14 +1,14 @@
-from .handled import (
+from .moved_object import (
     FollowingPath as FollowingPath,
-    HandledScan as HandledScan,
-    HandledWay as HandledWay,
-    MovingThing as MovingThing,
+    MovedObjectScan as MovedObjectScan,
+    MovedObjectPath as MovedObjectPath,
+    MovingObject as MovingObject,
     laid_on_its_back as laid_on_its_back,
 )
 from .handheld import HandheldPath as HandheldPath, HandheldScan as HandheldScan, looking_at as looking_at
-from .in_hands import InHandsWay as InHandsWay
+from .hand_turned_object import HandTurnedPath as HandTurnedPath
 from .noise import DepthNoise as DepthNoise
 from .profile import SensorProfile as SensorProfile, load_profile as load_profile
 from .render import DepthRenderer as DepthRenderer
 from .studio import SyntheticSettings as SyntheticSettings, SyntheticStudio as SyntheticStudio
-from .turntable import TurntableWay as TurntableWay
+from .turntable_object import TurntablePath as TurntablePath

@@ -18,10 +18,10 @@ from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
-_STANDS = 0.02
+_STANDING_HEIGHT_M = 0.02
 """A foot counts as standing if its sole is at most this high above the floor, metres. Less than a sensor's
 noise."""
-_STILL = 0.35
+_STANDING_SPEED = 0.35
 """Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
 faster."""
 
@@ -177,9 +177,9 @@ class Ensemble:
         soles = performer.soles(figure)
         later = self.cast[p].figure(time + step)
         if later is None:
-            return np.asarray(soles.min(1) < _STANDS)
+            return np.asarray(soles.min(1) < _STANDING_HEIGHT_M)
         ends = [14, 15], [18, 19]
         speed = np.array(
             [np.linalg.norm(later.joints[e] - figure.joints[e], axis=-1).min() / step for e in ends]
         )
-        return np.asarray((soles.min(1) < _STANDS) & (speed < _STILL))
+        return np.asarray((soles.min(1) < _STANDING_HEIGHT_M) & (speed < _STANDING_SPEED))

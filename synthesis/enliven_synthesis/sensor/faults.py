@@ -7,10 +7,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, UInt8, UInt16
 from enliven.kernels import njit
 
-_JUMP = 0.035
+_MIN_DEPTH_STEP = 0.035
 """Minimum depth difference, as a fraction of the depth, for two neighbouring pixels to be on different
 surfaces."""
-_BEYOND = 1.25
+_RANGE_MARGIN = 1.25
 """Surfaces beyond this multiple of the sensor's range are never measured: noise cannot bring them into
 range."""
 
@@ -57,7 +57,7 @@ def _is_edge(before: float, here: float, there: float, beyond: float) -> bool:
     """Returns True if the depth from ``here`` to ``there`` jumps more than the slopes of the surfaces
     explain."""
     jump = abs(there - here)
-    if jump < _JUMP * min(here, there):
+    if jump < _MIN_DEPTH_STEP * min(here, there):
         return False
     return jump > 3.0 * min(abs(here - before), abs(beyond - there))
 
@@ -160,5 +160,5 @@ def measure(seen: Float, slant: Float, noise: Float, limits: Float, sigma: Float
             measured = max(z + noise[v, u] * np.sqrt(rest), 1e-3)
             measured = unit / np.rint(unit / measured) if by_disparity else measured
             measured = np.rint(measured / step) * step
-            good = near <= measured <= far and seen[v, u] <= _BEYOND * far and tangent2 <= steepest
+            good = near <= measured <= far and seen[v, u] <= _RANGE_MARGIN * far and tangent2 <= steepest
             out[v, u] = np.uint16(np.rint(measured * 1000.0)) if good else np.uint16(0)

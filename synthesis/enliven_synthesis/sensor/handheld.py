@@ -32,14 +32,14 @@ _SHADES = np.array([[168, 150, 128], [196, 190, 178]], np.uint8)
 """(2, 3) sRGB of the squares on floor and walls."""
 _SQUARE = 0.25
 """Side of a square of the floor pattern, metres. Several squares are in view at a time."""
-_SWAYS = 4
+_SWAY_WAVES = 4
 """Number of sine waves that make up the motion of the hand, from slow sway to tremor."""
-_SLOWEST = 0.3
+_MIN_SWAY_HZ = 0.3
 """Frequency of the slowest wave, Hz. An arm sways about once in three seconds."""
-_QUICKEST = 6.0
+_MAX_SWAY_HZ = 6.0
 """Frequency of the fastest wave, Hz. It is below a hand's tremor of 8 to 12 Hz, which a depth camera hardly
 measures."""
-_NOWHERE = 65.0
+_NO_DEPTH_M = 65.0
 """Depth, in metres, that a depth image in 16-bit millimetres cannot store."""
 
 
@@ -87,11 +87,11 @@ class HandheldPath:
     def _unrest(self, time: float) -> Float:
         """Returns (6,) hand motion as sums of slow and fast waves, with unit variance."""
         random = np.random.default_rng(self.seed)
-        rates = _SLOWEST * (_QUICKEST / _SLOWEST) ** random.random((_SWAYS, 6))
+        rates = _MIN_SWAY_HZ * (_MAX_SWAY_HZ / _MIN_SWAY_HZ) ** random.random((_SWAY_WAVES, 6))
         # Let the amplitude fall with the frequency, so that all waves have about the same speed.
         sizes = 1.0 / rates
         sizes *= math.sqrt(2.0) / np.sqrt(np.square(sizes).sum(0))
-        phases = 2.0 * math.pi * random.random((_SWAYS, 6))
+        phases = 2.0 * math.pi * random.random((_SWAY_WAVES, 6))
         return np.asarray((sizes * np.sin(2.0 * math.pi * rates * time + phases)).sum(0))
 
 
@@ -169,7 +169,7 @@ class HandheldScan:
         surfaces."""
         height, width = depth.shape
         rows, columns = np.mgrid[0:height, 0:width]
-        i, z = self.intrinsics, np.minimum(depth, _NOWHERE)
+        i, z = self.intrinsics, np.minimum(depth, _NO_DEPTH_M)
         local = np.stack([(columns - i.cx) / i.fx * z, (rows - i.cy) / i.fy * z, z], -1)
         cells = np.floor((local @ pose[:3, :3].T + pose[:3, 3]) / _SQUARE + 1e-4).astype(int).sum(-1)
         picture = _SHADES[cells % 2].copy()
@@ -181,4 +181,6 @@ class HandheldScan:
 
 def _whole_millimetres(depth: Float) -> UInt16:
     """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
-    return np.where(depth < _NOWHERE, np.rint(np.minimum(depth, _NOWHERE) * 1000.0), 0.0).astype(np.uint16)
+    return np.where(depth < _NO_DEPTH_M, np.rint(np.minimum(depth, _NO_DEPTH_M) * 1000.0), 0.0).astype(
+        np.uint16
+    )

@@ -25,12 +25,12 @@ from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 """Standard deviation of a uniform byte."""
-_FROZEN = -1
+_FROZEN_FRAME = -1
 """Frame number of the noise that never changes. It is lower than that of any frame."""
 _FROZEN_PATCHES = 0.9
 """Fraction of the variance that never changes in the lost patches of dark and mirroring surfaces. Nearly
 all."""
-_NOWHERE = 1e3
+_NO_HIT_DEPTH_M = 1e3
 """Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
 
 
@@ -62,7 +62,7 @@ class DepthNoise:
         self._pitch = np.array([1.0 / intrinsics.fx, 1.0 / intrinsics.fy])
         self._frozen = (n.frozen, n.frozen, _FROZEN_PATCHES)
         self._still = [
-            math.sqrt(self._frozen[stream]) * self._field(_FROZEN, stream, self._windows[stream])
+            math.sqrt(self._frozen[stream]) * self._field(_FROZEN_FRAME, stream, self._windows[stream])
             for stream in range(3)
         ]
 
@@ -77,7 +77,7 @@ class DepthNoise:
         axial, blobs, patches = self._aged(index, 0), self._aged(index, 1), self._aged(index, 2)
         across, down = self._field(index, 3, self._blob), self._field(index, 4, self._blob)
         shadow, zone = np.zeros(self._shape, np.bool_), np.zeros(self._shape, np.bool_)
-        depth = np.minimum(depth, _NOWHERE)
+        depth = np.minimum(depth, _NO_HIT_DEPTH_M)
         slant = np.empty(self._shape)
         slants(depth, self._ray, self._pitch, slant)
         if self._parallax != 0.0:

@@ -32,7 +32,7 @@ _BLEND = np.array(BLEND)
 """(6,) Widths of the smooth unions within the groups, metres, in the form that compiled kernels accept."""
 _REACH = np.array([BLEND[piece.group] + 0.5 * BETWEEN for piece in PIECES])
 """(P,) Distance from each primitive within which it can still change the surface, metres."""
-_NEAR = 0.15
+_MIN_DISTANCE_M = 0.15
 """Minimum distance from the camera at which bodies are drawn, metres. Sensors measure no closer."""
 
 
@@ -82,7 +82,7 @@ def _sort_into_tiles(
     for i in range(len(hull)):
         radius = hull[i, 6] + reach[i]
         last = max(hull[i, 2], hull[i, 5]) + radius
-        first = max(min(hull[i, 2], hull[i, 5]) - radius, _NEAR)
+        first = max(min(hull[i, 2], hull[i, 5]) - radius, _MIN_DISTANCE_M)
         if last <= first:
             continue
         low = min(hull[i, 1], hull[i, 4]) - radius
@@ -108,7 +108,7 @@ def _hull_distance(hull: Float, i: int, x: float, y: float, enough: float) -> fl
 
     It is 0 if the hull reaches behind the camera, and inf if it is clearly more than ``enough``.
     """
-    if hull[i, 2] < _NEAR or hull[i, 5] < _NEAR:
+    if hull[i, 2] < _MIN_DISTANCE_M or hull[i, 5] < _MIN_DISTANCE_M:
         return 0.0
     ax, ay = hull[i, 0] / hull[i, 2], hull[i, 1] / hull[i, 2]
     bx, by = hull[i, 3] / hull[i, 5] - ax, hull[i, 4] / hull[i, 5] - ay

@@ -39,14 +39,14 @@ _HOLDS = (*_ANGLES, *_TARGETS)
 """Names of the holds that one arm can take independently of the other."""
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
 """Names of all holds of the arms."""
-_CLOSE = 0.4
+_CLOSE_ARMS_FRACTION = 0.4
 """Fraction of people that hold both arms close in front of the trunk. Performers often do, and it is hard to
 detect."""
-_TRIES = 12
+_MAX_TRIES = 12
 """Number of attempts to find an arm pose outside trunk and head, before the arm is held outward. Nearly every
 hold succeeds."""
 
-_OUTWARD = 0.01
+_OUTWARD_STEP_M = 0.01
 """Distance that arms held close move away from the trunk with each attempt, metres."""
 
 
@@ -56,13 +56,13 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
     Args:
         hold: a name of :data:`HOLDS` for both arms; None draws one at random, often the same for both.
     """
-    if hold in CLOSE_HOLDS or (hold is None and rng.random() < _CLOSE):
+    if hold in CLOSE_HOLDS or (hold is None and rng.random() < _CLOSE_ARMS_FRACTION):
         _hold_close(performer, rotations, rng, hold)
         return
     left = hold or _hold(rng)
     right = left if hold is not None or rng.random() < 0.4 else _hold(rng)
     for side, name in enumerate((left, right)):
-        for _ in range(_TRIES):
+        for _ in range(_MAX_TRIES):
             _turn_arm(performer, rotations, rng, name, side)
             if not _inside_trunk(performer, rotations, side):
                 break
@@ -72,8 +72,8 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
 
 def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: str | None) -> None:
     """Holds both arms close in front of the trunk, in place. An arm for which this fails is held outward."""
-    for n in range(_TRIES):
-        for side, wrist in enumerate(close_wrists(performer, rng, hold, n * _OUTWARD)):
+    for n in range(_MAX_TRIES):
+        for side, wrist in enumerate(close_wrists(performer, rng, hold, n * _OUTWARD_STEP_M)):
             _place_arm(rotations, rng, *reach_close(performer, rotations, wrist, side), side)
         inside = [_inside_trunk(performer, rotations, side) for side in (0, 1)]
         if not any(inside):

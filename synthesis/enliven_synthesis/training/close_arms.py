@@ -63,11 +63,11 @@ _HOLDS: dict[str, tuple[WristPlace, WristPlace]] = {
 """Every hold with the positions of both wrists. Which arm gets the first one is drawn at random."""
 CLOSE_HOLDS = tuple(_HOLDS)
 """Names of all ways to hold both arms close."""
-_PURE = 0.6
+_PURE_HOLD_FRACTION = 0.6
 """Fraction of the poses that are exactly one of the holds. The others are interpolated between two."""
-_SPREAD = 0.04
+_WRIST_SPREAD_M = 0.04
 """Standard deviation of a wrist's position along each axis, metres. About half a hand."""
-_SHIFT = 0.06
+_HEIGHT_SPREAD_M = 0.06
 """Standard deviation of the common height of both wrists, metres. People fold their arms at different
 heights."""
 _ELBOW_SPREAD = 0.3
@@ -84,11 +84,11 @@ def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, 
         ahead: additional distance of both wrists from the trunk, metres, for a person of 1.75 m.
     """
     wrists = _of(hold or _drawn(rng), rng)
-    if hold is None and rng.random() > _PURE:
+    if hold is None and rng.random() > _PURE_HOLD_FRACTION:
         part = rng.random()
         wrists = (1.0 - part) * wrists + part * _of(_drawn(rng), rng)
-    wrists[:, :3] += rng.normal(0.0, _SPREAD, (2, 3))
-    wrists[:, 1] += rng.normal(0.0, _SHIFT)
+    wrists[:, :3] += rng.normal(0.0, _WRIST_SPREAD_M, (2, 3))
+    wrists[:, 1] += rng.normal(0.0, _HEIGHT_SPREAD_M)
     wrists[:, 2] += ahead
     wrists[:, 2] *= max(1.0, performer.proportions.girth)
     wrists[:, :3] *= performer.scale

@@ -15,9 +15,9 @@ from scipy import ndimage
 from enliven.arrays import Bool, Float
 from enliven_synthesis.body import about_x, about_y, about_z
 
-_LEG = 0.025
+_LEG_RADIUS_M = 0.025
 """Half the thickness of a table leg of ordinary furniture, metres."""
-_PATCHY = (3.0, 14.0)
+_OUTLINE_SMOOTHING_PX = (3.0, 14.0)
 """Range of the standard deviation, in pixels, of the Gaussian that smooths the outline of a piece of wall."""
 
 
@@ -99,8 +99,8 @@ def _table(rng: Generator) -> list[ClutterSolid]:
     x, y, z = rng.uniform(0.18, 0.8), rng.uniform(0.3, 1.1), rng.uniform(0.18, 0.5)
     solids = [_box((-x, y - 0.04, -z), (x, y, z))]
     for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-        leg = np.array([a * (x - _LEG), 0.5 * y, b * (z - _LEG)])
-        solids.append(ClutterSolid(leg, np.array([_LEG, 0.5 * y, _LEG]), np.eye(3)))
+        leg = np.array([a * (x - _LEG_RADIUS_M), 0.5 * y, b * (z - _LEG_RADIUS_M)])
+        solids.append(ClutterSolid(leg, np.array([_LEG_RADIUS_M, 0.5 * y, _LEG_RADIUS_M]), np.eye(3)))
     if rng.random() < 0.5:
         solids.append(_box((-x, y, -z), (x, y + rng.uniform(0.2, 0.7), 0.04 - z)))
     if rng.random() < 0.5:
@@ -137,6 +137,6 @@ def piece_of_wall(shape: tuple[int, int], middle: Float, size: Float, rng: Gener
     down, right = (v - middle[0]) / (0.5 * size[0] + 1.0), (u - middle[1]) / (0.5 * size[1] + 1.0)
     square = rng.random() < 0.4
     away = np.maximum(np.abs(down), np.abs(right)) if square else np.hypot(down, right)
-    wander = ndimage.gaussian_filter(rng.normal(size=shape), rng.uniform(*_PATCHY))
+    wander = ndimage.gaussian_filter(rng.normal(size=shape), rng.uniform(*_OUTLINE_SMOOTHING_PX))
     wander *= rng.uniform(0.1, 0.7) / (wander.std() + 1e-9)
     return np.asarray(away + wander < 1.0)

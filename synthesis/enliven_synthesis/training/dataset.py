@@ -19,7 +19,7 @@ from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, traini
 SHARD = 2000
 """Number of samples rendered from one random generator. It makes the samples independent of the number of
 processes."""
-_STREAM = 77
+_RANDOM_STREAM = 77
 """Number that separates the random generators of samples from others with the same seed."""
 _COMPLETE = "complete.txt"
 """Name of the file that is written last. Without it the data set is incomplete and is not used."""
@@ -120,7 +120,7 @@ def render_dataset(
 def _render_shard(folder: Path, first: int, last: int, frontal: float, seed: int) -> int:
     """Renders the samples from ``first`` up to, but not including, ``last``. Returns their number."""
     arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r+") for name in _ARRAYS}
-    renderer, rng = PersonRenderer(), np.random.default_rng([seed, _STREAM, first])
+    renderer, rng = PersonRenderer(), np.random.default_rng([seed, _RANDOM_STREAM, first])
     for n in range(first, last):
         sample = training_sample(renderer, rng, frontal)
         for name, array in arrays.items():

@@ -28,11 +28,11 @@ WIDTH = 200
 """Width of the images, pixels. About the width at which the tracker works."""
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
 """(P,) Numbers of the pieces. The renderer writes them instead of materials."""
-_WALLS = 0.35
+_WALL_FRACTION = 0.35
 """Fraction of the clutter that is pieces of a wall. The rest is furniture and similar objects."""
-_SUNK = 0.08
+_SUNK_FEET_FRACTION = 0.08
 """Fraction of images in which feet or shanks are lost because the background model's floor is too high."""
-_STRAY = 0.12
+_STRAY_DISTANCE_M = 0.12
 """Distance from the true surface beyond which the tracker usually discards a measurement, metres."""
 
 
@@ -136,7 +136,7 @@ class PersonRenderer:
         """Renders clutter in place of a figure; sensor and pose as in :meth:`render_figure`."""
         _, ray, _, _, _ = self._cameras[sensor]
         depth = _background(ray, pose, instead, rng)
-        if rng.random() < _WALLS:
+        if rng.random() < _WALL_FRACTION:
             inverse = np.linalg.inv(pose)
             here = instead.joints @ inverse[:3, :3].T + inverse[:3, 3]
             fx, fy, cx, cy = self._lens(sensor)
@@ -167,7 +167,7 @@ class PersonRenderer:
         _, ray, _, noise, _ = self._cameras[sensor]
         z = noise.corrupt(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
-        stray = (np.abs(z - depth) > _STRAY) & (rng.random(z.shape) < 0.8)
+        stray = (np.abs(z - depth) > _STRAY_DISTANCE_M) & (rng.random(z.shape) < 0.8)
         seen = mask & (z > 0) & ~stray & (height > _floor_band(rng))
         person, nothing = np.where(seen, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
         lens = self._lens(sensor)
@@ -179,7 +179,9 @@ def _floor_band(rng: Generator) -> float:
 
     It is larger if the background was learnt while the person stood there.
     """
-    return float(rng.uniform(0.07, 0.3) if rng.random() < _SUNK else rng.choice([-1.0, 0.03, 0.05, 0.07]))
+    return float(
+        rng.uniform(0.07, 0.3) if rng.random() < _SUNK_FEET_FRACTION else rng.choice([-1.0, 0.03, 0.05, 0.07])
+    )
 
 
 def _partly_hidden(made: RenderedPerson, rng: Generator) -> RenderedPerson:

@@ -23,11 +23,11 @@ LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
 _MISPLACED = np.array([0.05, 0.05, 0.06, 0.06])
 """Standard deviations of a crop's errors, similar to a tracker's: three of its position, in metres, and one
 of the logarithm of its size."""
-_FLOOR_OFF = 0.02
+_FLOOR_ERROR_M = 0.02
 """Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
-_IN_THE_AIR = 0.1
+_JUMP_FRACTION = 0.1
 """Fraction of samples in which people jump, or stand on an object."""
-_HIGHEST = 0.6
+_MAX_JUMP_HEIGHT_M = 0.6
 """Maximum height at which people jump, or stand above the floor, metres: a high jump, or a chair."""
 _LOST = (
     BodyPart.HAND_LEFT,
@@ -38,27 +38,27 @@ _LOST = (
     BodyPart.HEAD,
 )
 """Body parts, of the left side or the head, that a tracker may lose."""
-_CLUTTER = 0.12
+_CLUTTER_FRACTION = 0.12
 """Fraction of samples without a person: one in eight."""
-_LOSES = 0.1
+_LOST_LIMB_FRACTION = 0.1
 """Fraction of samples in which a limb is lost."""
-_TAKES_IN = 0.1
+_FOREIGN_PIECE_FRACTION = 0.1
 """Fraction of samples in which a piece of another object is assigned to the person."""
-_TAKES_IN_WALL = 0.12
+_WALL_PIECE_FRACTION = 0.12
 """Fraction of samples in which the wall next to the person is assigned to the person. If the person is close
 to the wall, the depth has no step there."""
-_BEHIND = (0.0, 0.6)
+_WALL_DISTANCES_M = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
 """Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
-_LEFT_BESIDE = 0.3
+_WALL_REST_FRACTION = 0.3
 """Fraction of the samples without a person that show the rest of a wall next to a person. A person's outline
 cuts this piece out, so it has the side and the height of a person."""
-_STRAIGHT = 0.6
+_STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
-_FEWEST = 60
+_MIN_WALL_PIXELS = 60
 """Minimum number of pixels of such a piece of wall. The tracker ignores smaller blobs."""
-_SHREDS = 0.03
+_SHREDDED_FRACTION = 0.03
 """Fraction of samples in which depth is measured only in small discs."""
 
 
@@ -83,8 +83,8 @@ class TrainingSample:
 
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
     """Renders a random sample; ``frontal`` is the fraction of people that face the sensor."""
-    clutter = rng.random() < _CLUTTER
-    beside = clutter and rng.random() < _LEFT_BESIDE
+    clutter = rng.random() < _CLUTTER_FRACTION
+    beside = clutter and rng.random() < _WALL_REST_FRACTION
     if beside or not clutter:
         rendered = renderer.render_person(rng, frontal=frontal)
     else:
@@ -93,20 +93,20 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     z = np.where(mask, rendered.z, rendered.around)
     if beside:
         z, mask = _left_beside(z, mask, rng)
-    elif not clutter and rng.random() < _LOSES:
+    elif not clutter and rng.random() < _LOST_LIMB_FRACTION:
         mask &= ~_lost_limb(rendered, rng)
-    if mask.sum() < (_FEWEST if beside else 1):
+    if mask.sum() < (_MIN_WALL_PIXELS if beside else 1):
         return training_sample(renderer, rng, frontal)
-    if rng.random() < _TAKES_IN:
+    if rng.random() < _FOREIGN_PIECE_FRACTION:
         z, mask = _taken_in(z, mask, rng)
-    if not beside and rng.random() < _TAKES_IN_WALL:
+    if not beside and rng.random() < _WALL_PIECE_FRACTION:
         z, mask = _with_wall(z, mask, rng)
-    if rng.random() < _SHREDS:
+    if rng.random() < _SHREDDED_FRACTION:
         shreds = _shreds(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
-    raised = rng.normal(0.0, _FLOOR_OFF)
-    if rng.random() < _IN_THE_AIR:
-        raised += rng.uniform(0.0, _HIGHEST)
+    raised = rng.normal(0.0, _FLOOR_ERROR_M)
+    if rng.random() < _JUMP_FRACTION:
+        raised += rng.uniform(0.0, _MAX_JUMP_HEIGHT_M)
     shift = rng.normal(0.0, 1.0, 4) * _MISPLACED
     pose = rendered.world_from_camera
     crop = crop_person(z.astype(np.float64), mask, rendered.camera, pose, shift, raised)
@@ -173,7 +173,7 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     piece = (right * np.cos(direction) + down * np.sin(direction) > 0) & ~mask
     piece &= distance_transform_edt(~mask) < reach
     slope = rng.normal(0.0, _WALL_SLOPE, 2)
-    wall = float(np.median(z[mask])) + rng.uniform(*_BEHIND) + slope[0] * down + slope[1] * right
+    wall = float(np.median(z[mask])) + rng.uniform(*_WALL_DISTANCES_M) + slope[0] * down + slope[1] * right
     out = z.copy()
     out[piece] = np.maximum(0.3, wall[piece])
     return out, mask | piece
@@ -183,7 +183,7 @@ def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]
     """Adds the wall next to the person to the depth, (h, w). Returns it with a mask of that wall alone."""
     out, taken = _with_wall(z, mask, rng)
     piece = taken & ~mask
-    if piece.any() and rng.random() < _STRAIGHT:
+    if piece.any() and rng.random() < _STRAIGHT_EDGE_FRACTION:
         v, u = np.indices(mask.shape)
         lean = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
         at = u + lean * (v - 0.5 * len(mask))

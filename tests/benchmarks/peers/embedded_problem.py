@@ -16,7 +16,7 @@ from enliven.formats.motion.expmap import read_expmap
 from enliven.possession.attachment import Attachment, AttachmentSettings, attach
 from enliven.samples import load_sample
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.mocap import Captured
+from enliven_synthesis.motion.mocap import CapturedMotion
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data")) / "cmu_expmap"
 MOTIONS = ("test_walking_1.txt", "train_jumping_1.txt")
@@ -43,7 +43,7 @@ class Problem:
 @cache
 def joints_of(name: str) -> Float:
     """Returns (F, 20, 3) metres: the motion at 30 frames per second, starting above the origin."""
-    motion = Captured(Performer(), read_expmap(DATA / name))
+    motion = CapturedMotion(Performer(), read_expmap(DATA / name))
     # The first row of these files is a T-pose.
     times = np.arange(1, int(motion.duration * RATE)) / RATE
     joints = np.array([motion.figure(t).joints for t in times])

@@ -33,7 +33,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven_edge.importing.mirror import mirrored
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.stage.casting import cast, cast_mesh
+from enliven_edge.stage.character_setup import cast, cast_mesh
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 OUT = Path(__file__).parents[3] / "out" / "possess"

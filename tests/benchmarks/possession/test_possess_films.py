@@ -16,7 +16,7 @@ from possess_take import Act, Shot, Take, perform
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession.highlights import Cues
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 
 NOBODY = Cues("possessed", np.empty(0, np.int64), np.empty(0), -1)
 SECOND = 1_000_000_000

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven.person import Joint
 from enliven.possession import ActorSettings
-from enliven_edge.stage.casting import cast_mesh
+from enliven_edge.stage.character_setup import cast_mesh
 
 _HELD_FROM_S = 2.5
 """Time at which the performer is attached, seconds. By then they have turned since they were first

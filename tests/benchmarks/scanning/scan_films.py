@@ -48,14 +48,14 @@ from enliven.scanning import (
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import GrowingSurface, Keep, Made, PersonScanner, finished
-from enliven_edge.stage.casting import cast_mesh
+from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finished
+from enliven_edge.stage.character_setup import cast_mesh
 from enliven_synthesis.sensor import (
     FollowingPath,
     HandheldPath,
     HandheldScan,
-    HandledScan,
-    HandledWay,
+    MovedObjectPath,
+    MovedObjectScan,
     laid_on_its_back,
     load_profile,
 )
@@ -99,7 +99,7 @@ class Film:
     frames: Iterable[DepthFrame]
     settings: ScanSettings
     keep: Keep = field(default_factory=Keep)
-    bodies: Callable[[Made], tuple[list[BodyFrame], EmbeddedActor]] | None = None
+    bodies: Callable[[ScannedMesh], tuple[list[BodyFrame], EmbeddedActor]] | None = None
     scanner: Callable[[ScanSettings], Scanner | MovedScanner] = Scanner
     act: Act = Act(0.45, TRUNK)  # noqa: RUF009 - it is frozen
 
@@ -113,7 +113,7 @@ def chair() -> Film:
     return Film("A chair is scanned, cut out, and possessed", take, settings, Keep(), _sat_in)
 
 
-def _sat_in(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
+def _sat_in(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person that lifts something, or a motion of the project's own performer."""
     bodies = read(LIFT) if DATA.is_dir() else danced("chair")
     return bodies, cast_mesh(made.mesh, "thing", settings=RAISED)
@@ -127,8 +127,8 @@ def laid() -> Film:
         later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
     )  # fmt: skip
     poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
-    way = HandledWay(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
-    take = HandledScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
+    way = MovedObjectPath(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
+    take = MovedObjectScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))
     settings = ScanSettings(volume=VolumeSettings(voxel=0.005))
     return Film("A chair is laid on its back by hand", frames, settings, Keep(), None, MovedScanner)
@@ -146,7 +146,7 @@ def person() -> Film:
     )
 
 
-def _worn(made: Made) -> tuple[list[BodyFrame], EmbeddedActor]:
+def _worn(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person's motion, retargeted to start from the posture of the scanned person."""
     assert made.person is not None
     others, joints = read(WAVE), made.person.joints
@@ -184,7 +184,7 @@ class Growth:
     """The preview surface as a window builds it from an edge's messages, and its placement."""
 
     def __init__(self) -> None:
-        self._sent, self._mesh = GrowingSurface(_NO_NUMBER), GrowingMesh()
+        self._sent, self._mesh = SurfacePreview(_NO_NUMBER), GrowingMesh()
         self._pieces: dict[str, object] = {}
         self.stage_from_scan = np.eye(4)
         self.told: Float | None = None

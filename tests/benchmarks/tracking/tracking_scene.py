@@ -19,8 +19,8 @@ from enliven.formats.motion.expmap import read_expmap
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.close_limbs import CloseLimbs
 from enliven_synthesis.motion.exercises import exercise
-from enliven_synthesis.motion.mocap import Captured
-from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, Motion, MotionSegment
+from enliven_synthesis.motion.mocap import CapturedMotion
+from enliven_synthesis.motion.motion import DanceMotion, HeldMotion, Motion, MotionSegment, MotionSequence
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import ROOM, Box
@@ -56,13 +56,13 @@ class Move:
         if self.source == "close":
             return CloseLimbs(performer, self.name, self.seed)
         if self.source == "turns":
-            return Danced(performer, motion_named(self.name, self.seed))
+            return DanceMotion(performer, motion_named(self.name, self.seed))
         if self.source == "seated":
             return SittingDown(performer, self.seed)
         if self.source == "exercise":
-            danced = Danced(performer, exercise(self.name, self.seed))
+            danced = DanceMotion(performer, exercise(self.name, self.seed))
             return danced if self.held is None else HeldMotion(danced, self.held)
-        return Captured(performer, _capture(self.source), self.start, self.stop)
+        return CapturedMotion(performer, _capture(self.source), self.start, self.stop)
 
 
 @cache
@@ -91,7 +91,9 @@ class Person:
         legs = tuple(
             MotionSegment(t, move.made_for(performer), place, yaw) for t, move, place, yaw in self.moves
         )
-        return Appearance(performer, Chained(performer, legs, self.blend), (0.0, 0.0), 0.0, 0.0, self.present)
+        return Appearance(
+            performer, MotionSequence(performer, legs, self.blend), (0.0, 0.0), 0.0, 0.0, self.present
+        )
 
 
 @dataclass(frozen=True)

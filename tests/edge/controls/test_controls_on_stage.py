@@ -223,10 +223,10 @@ def test_a_locked_cast_is_the_trackers(outlet):
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
     edge._listen()
-    assert edge.tracker._people.roster.lock.ids is not None
+    assert edge.tracker._people.track_manager.lock.ids is not None
     say.words = ["unlock"]
     edge._listen()
-    assert edge.tracker._people.roster.lock.ids is None
+    assert edge.tracker._people.track_manager.lock.ids is None
 
 
 def test_lamps_show_the_stage_and_its_health(outlet):

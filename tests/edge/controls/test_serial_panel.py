@@ -53,7 +53,7 @@ def opened(port: Port):
 
 
 def test_a_port_is_no_panel_before_it_has_greeted(port, monkeypatch, caplog):
-    monkeypatch.setattr(serial_panel, "_GREETING", 0.3)
+    monkeypatch.setattr(serial_panel, "_GREETING_TIMEOUT_S", 0.3)
     with opened(port) as controls:
         until(lambda: "the panel says nothing. Is its firmware on it" in caplog.text)
         port.send(b"AT+GMM\r\n\xff\x00$P0000\n$H01P*0000\n")
@@ -112,7 +112,7 @@ def test_lamp_states_are_repeated_while_the_edge_runs(port, caplog):
 
 
 def test_a_change_of_the_lamps_waits_for_no_beat(port, monkeypatch):
-    monkeypatch.setattr(serial_panel, "_BEAT", 1000.0)
+    monkeypatch.setattr(serial_panel, "_MESSAGE_INTERVAL_S", 1000.0)
     with opened(port) as controls:
         ear = Ear(port, controls)
         for lamps, body in (

@@ -175,8 +175,8 @@ def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
         z, leftover = samples._left_beside(rendered.z, mask, dice)
         assert not (leftover & mask).any()
         np.testing.assert_array_equal(z[mask], rendered.z[mask])
-    monkeypatch.setattr(samples, "_CLUTTER", 1.0)
-    monkeypatch.setattr(samples, "_LEFT_BESIDE", 1.0)
+    monkeypatch.setattr(samples, "_CLUTTER_FRACTION", 1.0)
+    monkeypatch.setattr(samples, "_WALL_REST_FRACTION", 1.0)
     for _ in range(5):
         lesson = training_sample(studio, dice, 0.5)
         assert np.isnan(lesson.facing) and (lesson.parts == NOBODY).all()

@@ -37,7 +37,7 @@ def album(tmp_path_factory) -> Dataset:
 def few_kept_back(monkeypatch):
     """Makes the validation set small, so that the album and the training can be small too."""
     monkeypatch.setattr(training, "KEPT_BACK", BACK)
-    monkeypatch.setattr(training, "_WARM_UP", 3)
+    monkeypatch.setattr(training, "_WARM_UP_STEPS", 3)
 
 
 def seen_by(network, count: int, seed: int = 0):

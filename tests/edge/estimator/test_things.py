@@ -15,7 +15,7 @@ from people_for_estimator import turned_at_random
 from enliven_edge.tracking.estimator.labels import NOBODY
 from enliven_synthesis.training.clutter import ClutterSolid, piece_of_wall, random_clutter
 from enliven_synthesis.training.rendering import PersonRenderer
-from enliven_synthesis.training.samples import _CLUTTER, training_sample
+from enliven_synthesis.training.samples import _CLUTTER_FRACTION, training_sample
 
 STEPS, FARTHEST = 1500, 6.0
 """Number of samples along a ray, and their maximum distance in metres."""
@@ -154,4 +154,4 @@ def test_person_lessons_have_joint_labels(lessons):
 
 def test_fraction_of_clutter_lessons_is_as_configured(lessons):
     share = np.mean([np.isnan(lesson.facing) for lesson in lessons])
-    assert 0.4 * _CLUTTER < share < 1.8 * _CLUTTER
+    assert 0.4 * _CLUTTER_FRACTION < share < 1.8 * _CLUTTER_FRACTION

@@ -12,7 +12,7 @@ from enliven_edge.fusion.live.blending import (
     side_costs,
     trunk_distances,
 )
-from enliven_edge.fusion.live.naming import MIDDLES, OTHER_SIDE, middle_weights, middles
+from enliven_edge.fusion.live.side_assignment import MIDDLES, OTHER_SIDE, middle_weights, middles
 
 LATERAL = np.arange(20) != OTHER_SIDE
 """(20,) whether a joint has a side."""

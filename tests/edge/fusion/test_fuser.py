@@ -13,8 +13,8 @@ from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven_edge.fusion.live import blending
 from enliven_edge.fusion.live.fuser import Fuser, standing_person, warm_up_fusion
 from enliven_edge.fusion.live.grouping import plausible
-from enliven_edge.fusion.live.naming import exchanged
 from enliven_edge.fusion.live.sensor_view import SensorState
+from enliven_edge.fusion.live.side_assignment import exchanged
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_synthesis.motion.wander import WalkPath
 

@@ -8,7 +8,7 @@ from enliven.frames import DepthFrame
 from enliven_edge.fusion.placement.rigid_transform import inverse
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.dance import HOME_Z
-from enliven_synthesis.motion.motion import Danced
+from enliven_synthesis.motion.motion import DanceMotion
 from enliven_synthesis.motion.wander import wander
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.profile import load_profile
@@ -24,7 +24,7 @@ PHASE = 0.4
 def walker(duration: float = 16.0, height: float = 1.78, start: float = 0.0, **way) -> Appearance:
     """Returns a person that walks about."""
     performer = Performer(Proportions(height=height))
-    motion = Danced(performer, wander(duration, **way), repeat=True)
+    motion = DanceMotion(performer, wander(duration, **way), repeat=True)
     return Appearance(performer, motion, (0.0, HOME_Z), start=start)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven_edge.fusion.live.naming import exchanged
+from enliven_edge.fusion.live.side_assignment import exchanged
 from enliven_edge.fusion.placement.rigid_transform import inverse, moved, rigid, turn
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.wander import WalkPath

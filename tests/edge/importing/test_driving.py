@@ -17,7 +17,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.casting import cast, parts_for
+from enliven_edge.stage.character_setup import cast, parts_for
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.take_feed import TakeFeed

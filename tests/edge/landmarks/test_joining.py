@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven_edge.landmarks.eye import join, join_people
+from enliven_edge.landmarks.colour_pose import join, join_people
 
 ASIDE = np.array([1.0, 0.0, 0.0])
 

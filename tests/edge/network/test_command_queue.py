@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from enliven.wire import Release, ZmtpSession
-from enliven_edge.network.command_queue import _OWED, CommandQueue
+from enliven_edge.network.command_queue import _MAX_DEBT_FRAMES, CommandQueue
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command
 
@@ -18,13 +18,13 @@ BUDGET = 5e-4
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
+def served() -> Iterator[OrderTarget]:
     near, far = socket.socketpair()
     with near, far:
-        yield Served(near)
+        yield OrderTarget(near)
 
 
-class Served:
+class OrderTarget:
     """The command queue of an edge with one viewer, and the commands that were executed."""
 
     def __init__(self, near: socket.socket) -> None:
@@ -45,7 +45,7 @@ class Served:
         self.done.append(name)
 
 
-def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served: Served) -> None:
+def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served: OrderTarget) -> None:
     served.add("slow")
     served.work()
     served.add("next")
@@ -53,14 +53,14 @@ def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served:
     while "next" not in served.done:
         calls += 1
         served.work()
-        assert calls <= _OWED + 1
+        assert calls <= _MAX_DEBT_FRAMES + 1
     assert calls > 1, "the slow one is made up for a little"
 
 
-def test_an_edge_with_few_frames_a_second_answers_as_soon(served: Served) -> None:
+def test_an_edge_with_few_frames_a_second_answers_as_soon(served: OrderTarget) -> None:
     served.add("slow")
     served.work()
     served.add("next")
-    time.sleep((_OWED + 1) / 30)  # a loaded machine: one frame in half a second
+    time.sleep((_MAX_DEBT_FRAMES + 1) / 30)  # a loaded machine: one frame in half a second
     served.work()
     assert served.done == ["slow", "next"]

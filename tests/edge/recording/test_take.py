@@ -17,7 +17,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.stage.tick import Tick
 from enliven_edge.tracking.tracker import Tracker

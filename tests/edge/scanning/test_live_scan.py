@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import take_of
+from box_scans import take_of
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.errors import InputError
 from enliven.wire import Scan, ScanMessage
 from enliven_edge.scanning import LiveScan
-from enliven_edge.scanning.standing import ScanPlace
+from enliven_edge.scanning.scan_placement import ScanPlacement
 
 PATIENCE = 60.0
 """Timeout in seconds that is enough on any machine."""
@@ -33,7 +33,7 @@ def busy(monkeypatch):
         looks.set()
         assert free.wait(PATIENCE)
 
-    monkeypatch.setattr(ScanPlace, "look", look)
+    monkeypatch.setattr(ScanPlacement, "look", look)
     scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: name)
     scan.start()
     yield scan, looks, free

@@ -22,7 +22,13 @@ from enliven.scanning.objects import MovedScanner, ObjectState, sampled
 from enliven.scanning.rigid import apart, inverse
 from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import said_of_things
-from enliven_synthesis.sensor import HandheldPath, HandledScan, HandledWay, laid_on_its_back, load_profile
+from enliven_synthesis.sensor import (
+    HandheldPath,
+    MovedObjectPath,
+    MovedObjectScan,
+    laid_on_its_back,
+    load_profile,
+)
 from enliven_viewer.studio.scan import advice_of
 from enliven_viewer.studio.scan.session import VOXELS
 
@@ -33,7 +39,7 @@ CHAIR = load_sample("chair")
 BACK = laid_on_its_back(CHAIR, (0.0, 0.15))
 MOVE = 8.0, 10.0
 """Seconds in which the chair is laid on its back."""
-WAY = HandledWay([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
+WAY = MovedObjectPath([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
 PATH = HandheldPath(target=(0.0, 0.8, 0.15), radius=1.5, height=(0.7, 1.6), turns=1.7, seconds=18.0)
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=0.008))
 EVERY = 3
@@ -60,7 +66,7 @@ class Scanned:
 
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory):
-    take = HandledScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
+    take = MovedObjectScan(CHAIR, WAY, load_profile("kinect1"), PATH, width=320)
     steps, messages, add = [], [], MovedScanner.add
 
     def watched(scanner, frame, up=None):

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import NOTHING, PATH, recorded, run, take_of, with_depth, write
+from box_scans import NOTHING, PATH, recorded, run, take_of, with_depth, write
 
 from enliven import files
 from enliven.errors import InputError, ResourceError
 from enliven.meshes import load_mesh
-from enliven_edge.scanning import ScanDiary
+from enliven_edge.scanning import ScanLog
 from enliven_synthesis.sensor import HandheldPath
 from enliven_synthesis.sensor.handheld import STUDIO
 from enliven_synthesis.sensor.scene import Box
@@ -139,14 +139,14 @@ def test_a_full_memory_ends_the_scan_and_all_until_then_is_kept(carried, tmp_pat
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to whole groups of processes")
 def test_ctrl_c_saves_the_scan(carried, tmp_path, monkeypatch):
-    add = ScanDiary.add
+    add = ScanLog.add
 
-    def interrupted(diary, step, time_ns):
-        add(diary, step, time_ns)
-        if diary.frames == 8:
+    def interrupted(scan_log, step, time_ns):
+        add(scan_log, step, time_ns)
+        if scan_log.frames == 8:
             os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(ScanDiary, "add", interrupted)
+    monkeypatch.setattr(ScanLog, "add", interrupted)
     before = signal.getsignal(signal.SIGINT)
     # The camera never ends.
     camera = ["--sensor", "replay", "--set", f"path={carried}", "--set", "loop=true", "--set", "speed=0"]

@@ -14,10 +14,10 @@ from enliven.frames import BodyFrame
 from enliven.meshes import Mesh, load_mesh
 from enliven.recording import Recorder
 from enliven.scanning import Alignment, ScanState, ScanStep
-from enliven_edge.scanning import ScanDiary, sheet_of
+from enliven_edge.scanning import ScanLog, sheet_of
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import THING, recorded, run
+from box_scans import THING, recorded, run
 
 
 @pytest.fixture(scope="module")
@@ -87,23 +87,23 @@ def step(state, place=0.0, room=True):
 
 
 def test_scan_log_measures_the_path_and_gives_advice():
-    diary = ScanDiary()
+    scan_log = ScanLog()
     for n in range(10):
-        diary.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)
-    assert diary.way == pytest.approx(0.18) and not diary.advice()
+        scan_log.add(step(ScanState.SCANNING, 0.02 * n), n * 33_000_000)
+    assert scan_log.way == pytest.approx(0.18) and not scan_log.advice()
     for n in range(10):
-        diary.add(step(ScanState.LOST), (10 + n) * 33_000_000)
-    diary.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
+        scan_log.add(step(ScanState.LOST), (10 + n) * 33_000_000)
+    scan_log.add(step(ScanState.SCANNING, 3.0, room=False), 900_000_000)
     # the gap between losing and re-finding the camera adds no path length
-    assert diary.way == pytest.approx(0.18)
-    advice = " ".join(diary.advice())
+    assert scan_log.way == pytest.approx(0.18)
+    advice = " ".join(scan_log.advice())
     assert "10 of 21 frames" in advice and "memory" in advice and "1 m/s" not in advice
-    quick = ScanDiary()
+    quick = ScanLog()
     for n in range(5):
         quick.add(step(ScanState.SCANNING, 0.1 * n), n * 33_000_000)
     assert "1 m/s" in " ".join(quick.advice())
     with pytest.raises(InputError, match="no frame shows enough depth"):
-        ScanDiary().refuse("here")
+        ScanLog().refuse("here")
 
 
 def test_the_sheet_shows_the_colours_and_where_a_mesh_is_open():

@@ -9,7 +9,7 @@ from enliven.scanning.objects import MovedScanner, ObjectState, following
 from enliven.scanning.rigid import apart, inverse
 from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven_edge.scanning import said_of_things
-from enliven_synthesis.sensor import HandledScan, InHandsWay, TurntableWay, load_profile
+from enliven_synthesis.sensor import HandTurnedPath, MovedObjectScan, TurntablePath, load_profile
 
 IMAGES, TURNING = 85, 70
 """Number of images at 30 per second; first image in which the chair turns at full speed and counts as
@@ -17,7 +17,7 @@ moving."""
 
 
 def test_spun_object_is_tracked_and_room_stays_still():
-    take = HandledScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
+    take = MovedObjectScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
     frames = [take.frame(index) for index in range(IMAGES)]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
     scanner = MovedScanner(following(ScanSettings()))
@@ -39,7 +39,7 @@ def test_spun_object_is_tracked_and_room_stays_still():
 
 def test_object_picked_up_by_two_hands_is_tracked():
     """It stands for a second and a half, is picked up within the next second, and is then turned."""
-    take = HandledScan(THING, InHandsWay(), load_profile("kinect1"), HELD, room=ROOM, width=320)
+    take = MovedObjectScan(THING, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320)
     scanner, off = MovedScanner(following(ScanSettings())), list[float]()
     for index in range(0, 130, 2):
         frame = take.frame(index)
@@ -53,7 +53,9 @@ def test_object_picked_up_by_two_hands_is_tracked():
 
 
 def test_unmoved_object_is_reported_with_advice():
-    take = HandledScan(THING, TurntableWay(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160)
+    take = MovedObjectScan(
+        THING, TurntablePath(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160
+    )
     scanner = MovedScanner(following(ScanSettings(volume=VolumeSettings(voxel=0.008))))
     steps = [scanner.add(take.frame(index)) for index in range(4)]
     assert all(step.state is ObjectState.RESTING for step in steps)

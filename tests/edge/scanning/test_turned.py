@@ -27,7 +27,7 @@ from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.surface_points import nearest_grid
 from enliven.scanning.rigid import inverse
 from enliven_edge.commands.scan import scan
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, HandledScan, InHandsWay, load_profile
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, HandTurnedPath, MovedObjectScan, load_profile
 from enliven_synthesis.sensor.scene import Box
 
 WALL = (Box((-3.0, -1.0, -2.4), (3.0, 3.0, -2.0)),)
@@ -84,14 +84,14 @@ def test_within_option_cuts_off_the_background(frames, tmp_path):
     assert np.abs(mesh.vertices).max() < 2.0 and size[0] < 1.0 and size[2] < 1.0, "the wall is not in it"
 
 
-HELD_UP = InHandsWay(begins=-1.5, lift=0.6, behind=0.55)
+HELD_UP = HandTurnedPath(begins=-1.5, lift=0.6, behind=0.55)
 """Held up by both hands of a person behind it, and turned once while the hands change their grip."""
 WITHIN = 1.8
 """Depth limit in metres: the object is nearer, the person is not."""
 
 
 def test_object_turned_in_two_hands_is_scanned_without_hands():
-    take = HandledScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
+    take = MovedObjectScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
     scanner, steps = Scanner(alone_within(VolumeSettings(voxel=0.006), WITHIN)), []
     for index in range(0, 240, 3):
         frame = take.frame(index)

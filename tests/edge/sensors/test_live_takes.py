@@ -21,9 +21,9 @@ from enliven.health import HealthKind
 from enliven.recording import Recorder, Recording
 from enliven_edge.commands.record import record_stream
 from enliven_edge.sensors.base import Condition, SensorFault, condition_of
-from enliven_edge.sensors.diary import CONDITION_TOPIC, EVENTS_TOPIC, Diary
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.realsense import RealSenseSensor
+from enliven_edge.sensors.event_log import CONDITION_TOPIC, EVENTS_TOPIC, EventLog
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.health.health import HealthMonitor
 
@@ -199,7 +199,7 @@ def test_damaged_sensor_reports_never_cost_a_frame(tmp_path):
     """Damaged messages next to the frames, and a device that measures NaN."""
     frame = Scripted([Step()]).read()
     with Recorder(tmp_path / "a.mcap") as recorder:
-        Diary(recorder).frame(frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0)))
+        EventLog(recorder).frame(frame, Condition(temperature=float("nan"), gravity=(float("nan"), 0.0, 0.0)))
         for topic in (CONDITION_TOPIC, EVENTS_TOPIC):
             recorder.write(topic, "x", "", "", "json", b'{"kind": 7, "link": [', frame.time_ns, "scripted")
         recorder.write_frame(replace(frame, time_ns=frame.time_ns + STEP))

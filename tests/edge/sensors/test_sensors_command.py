@@ -61,7 +61,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
     capsys, monkeypatch, tmp_path, line, words
 ):
     (tmp_path / "libcamera.py").write_text(f"{BINDING}\n{line}\n")
-    monkeypatch.setattr(libcamera_library, "_LISTING", 3.0 if "sleep" in line else 60.0)
+    monkeypatch.setattr(libcamera_library, "_LISTING_TIMEOUT_S", 3.0 if "sleep" in line else 60.0)
     monkeypatch.setattr(libcamera_library, "_SYSTEM", tmp_path / "nothing")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     monkeypatch.syspath_prepend(tmp_path)

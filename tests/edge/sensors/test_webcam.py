@@ -11,7 +11,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven_edge.landmarks.eye import pinhole
+from enliven_edge.landmarks.colour_pose import pinhole
 from enliven_edge.landmarks.source import NAMES, Landmarks
 from enliven_edge.sensors.registry import open_sensor
 from enliven_edge.sensors.webcam import WebcamSensor

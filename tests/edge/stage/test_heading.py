@@ -19,7 +19,7 @@ from enliven.possession.likeness import BodyInMesh
 from enliven.possession.mapped import Mapped
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing import standing_figure
-from enliven_edge.stage.casting import cast, cast_mesh
+from enliven_edge.stage.character_setup import cast, cast_mesh
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
 

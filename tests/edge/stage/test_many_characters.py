@@ -31,12 +31,12 @@ from enliven.wire import (
     pack_control,
     unpack_control,
 )
-from enliven_edge.commands.preparing import prepared
+from enliven_edge.commands.preparation import prepared
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_of
 from enliven_edge.stage.choice import pairs
-from enliven_edge.stage.opening import Opening
+from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.stage import Stage
@@ -158,7 +158,7 @@ def test_pairs_are_the_nearest_first_by_trying_all(performers, places):
 
 def test_at_the_opening_each_takes_one_and_a_second_performer_takes_the_second(graph):
     stage = Stage([chair(graph, "a"), chair(graph, "b")])
-    opening = Opening(stage, 0.0, {"a": "all", "b": "upper body"})
+    opening = InitialPossession(stage, 0.0, {"a": "all", "b": "upper body"})
     after(stage, [person(id=1)], 0)
     opening.take_hold(0.0)
     assert held(stage) == {"a": [1], "b": []}

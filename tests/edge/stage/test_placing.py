@@ -19,7 +19,7 @@ from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.mapped import Mapped
 from enliven.possession.placement import turn_about_y
-from enliven_edge.stage.casting import cast
+from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing

@@ -19,7 +19,7 @@ from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.easing import Easing
 from enliven.possession.placement import turn_about_y
-from enliven_edge.stage.opening import Opening
+from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -335,7 +335,7 @@ def test_distant_or_unseen_performer_gets_advice(chair):
 
 def test_the_play_opens_with_each_performer_as_they_come(chair):
     house = stage(chair)
-    opening = Opening(house, 1.0, "legs / upper body")
+    opening = InitialPossession(house, 1.0, "legs / upper body")
     house.perform([person()], 0)
     opening.take_hold(0.5)
     assert house.actors["chair"].state == "free"
@@ -353,12 +353,12 @@ def test_the_play_opens_with_each_performer_as_they_come(chair):
 
 def test_impossible_opening_is_logged_once(chair, caplog):
     house = stage(chair)
-    opening = Opening(house, 0.0, "tail")
+    opening = InitialPossession(house, 0.0, "tail")
     house.perform([person()], 0)
     for _ in range(3):
         opening.take_hold(0.0)
     assert sum("tail" in record.message for record in caplog.records) == 1
-    Opening(house, None).take_hold(100.0)
+    InitialPossession(house, None).take_hold(100.0)
     assert house.actors["chair"].state == "free"
 
 

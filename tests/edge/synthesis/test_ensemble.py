@@ -15,7 +15,7 @@ from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.visibility import THICKNESS
 from enliven_synthesis.motion.exercises import exercise
-from enliven_synthesis.motion.motion import Chained, Danced, HeldMotion, MotionSegment, placed
+from enliven_synthesis.motion.motion import DanceMotion, HeldMotion, MotionSegment, MotionSequence, placed
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
@@ -29,7 +29,7 @@ DESK = Box((-0.8, 0.0, -2.0), (0.8, 0.75, -1.9))
 
 def appearance(name: str, build: Proportions | None = None, **more) -> Appearance:
     performer = Performer(build)
-    return Appearance(performer, Danced(performer, exercise(name)), **more)
+    return Appearance(performer, DanceMotion(performer, exercise(name)), **more)
 
 
 def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
@@ -81,7 +81,7 @@ def test_performer_behind_another_is_occluded() -> None:
 
 def test_the_back_does_not_hide_the_chest_but_hides_folded_hands() -> None:
     performer = Performer()
-    held = HeldMotion(Danced(performer, exercise("crossed")), 1.7, 0.0)
+    held = HeldMotion(DanceMotion(performer, exercise("crossed")), 1.7, 0.0)
     front = Ensemble(TOF, (Appearance(performer, held),), noise=False).frame(0)[1].visible[0]
     back = Ensemble(TOF, (Appearance(performer, held, yaw=np.pi),), noise=False).frame(0)[1].visible[0]
     for joint in (Joint.HEAD, Joint.SHOULDER_LEFT, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.KNEE_RIGHT):
@@ -122,7 +122,7 @@ def test_the_same_number_gives_the_same_frame() -> None:
 def test_feet_stand_until_they_step() -> None:
     performer = Performer()
     moves = exercise("stroll")
-    scene = Ensemble(TOF, (Appearance(performer, Danced(performer, moves), (0.0, -4.0)),), noise=False)
+    scene = Ensemble(TOF, (Appearance(performer, DanceMotion(performer, moves), (0.0, -4.0)),), noise=False)
     agree = []
     for n in range(0, 120, 3):
         contacts = scene.frame(n)[1].contacts[0]
@@ -132,8 +132,8 @@ def test_feet_stand_until_they_step() -> None:
 
 def test_a_chain_goes_on_where_it_is_told() -> None:
     performer = Performer()
-    still = Danced(performer, exercise("still"))
-    chain = Chained(
+    still = DanceMotion(performer, exercise("still"))
+    chain = MotionSequence(
         performer,
         (MotionSegment(0.0, still, (1.0, -3.0)), MotionSegment(2.0, still, (1.0, -3.0), 1.0)),
         blend=1.0,

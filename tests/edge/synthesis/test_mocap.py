@@ -14,7 +14,7 @@ from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.choreographies import choreography
 from enliven_synthesis.motion.exercises import exercise
-from enliven_synthesis.motion.mocap import Captured
+from enliven_synthesis.motion.mocap import CapturedMotion
 
 # Names for: hips, spine, chest, neck, head, then collar, shoulder, elbow, wrist, hand, hip, knee, ankle, toe.
 CONVENTIONS = {
@@ -95,7 +95,7 @@ def directions(joints: np.ndarray) -> np.ndarray:
 )
 def test_limbs_point_where_the_captured_ones_did(convention, name, unit, yaw, height, arms) -> None:
     capture, joints = captured_from(name, convention, unit, yaw)
-    motion = Captured(Performer(Proportions(height, arms=arms)), capture)
+    motion = CapturedMotion(Performer(Proportions(height, arms=arms)), capture)
     some = range(0, capture.frames, 7)
     danced, joints = np.stack([motion.figure(n * STEP).joints for n in some]), joints[some]
     # Both begin facing +Z, since the capture's heading is removed.
@@ -125,7 +125,7 @@ def test_every_convention_has_its_roles(convention: str) -> None:
 def test_soles_are_on_the_floor_and_steps_are_in_proportion(height: float) -> None:
     capture, joints = captured_from("stroll", "cmu", 0.0564)
     performer = Performer(Proportions(height))
-    motion = Captured(performer, capture)
+    motion = CapturedMotion(performer, capture)
     figures = [motion.figure(n * STEP) for n in range(capture.frames)]
     lowest = np.array([performer.soles(f).min() for f in figures])
     assert np.abs(lowest).max() < 0.025
@@ -141,14 +141,16 @@ def test_a_hop_leaves_the_floor() -> None:
     positions = capture.positions.copy()
     positions[..., 1] += lift[:, None] / 0.01
     performer = Performer()
-    motion = Captured(performer, Capture(capture.names, capture.parents, positions, capture.rotations, STEP))
+    motion = CapturedMotion(
+        performer, Capture(capture.names, capture.parents, positions, capture.rotations, STEP)
+    )
     assert performer.soles(motion.figure(200 * STEP)).min() > 0.2
     assert abs(performer.soles(motion.figure(100 * STEP)).min()) < 0.02
 
 
 def test_motion_begins_at_origin_and_is_still_beyond_its_ends() -> None:
     capture, _ = captured_from("overhead", "plain", yaw=2.0)
-    motion = Captured(Performer(), capture, 0.5, 2.0)
+    motion = CapturedMotion(Performer(), capture, 0.5, 2.0)
     assert motion.duration == pytest.approx(1.5)
     start = motion.figure(0.0)
     np.testing.assert_allclose(start.joints[0, [0, 2]], 0.0, atol=1e-6)
@@ -163,4 +165,4 @@ def test_capture_without_elbows_lists_its_joints() -> None:
     names = tuple(name.replace("ForeArm", "Wing") for name in capture.names)
     bird = Capture(names, capture.parents, capture.positions, capture.rotations, STEP)
     with pytest.raises(InputError, match=r"no elbow among the joints.*LeftWing"):
-        Captured(Performer(), bird)
+        CapturedMotion(Performer(), bird)

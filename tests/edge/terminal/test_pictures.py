@@ -17,7 +17,7 @@ from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.terminal import encoded_picture, image_protocol
-from enliven_edge.terminal.showing import half_blocks
+from enliven_edge.terminal.image_encoding import half_blocks
 
 PATIENCE = 60.0
 """Timeout in seconds for a loaded machine."""

@@ -86,7 +86,7 @@ def counted(frames, settings, monkeypatch):
 
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
     """Searches for new people, and repeated searches for known ones; here all people are doubtful."""
-    monkeypatch.setattr(follower, "_DOUBTED", -np.inf)
+    monkeypatch.setattr(follower, "_DOUBTFUL_COST", -np.inf)
     monkeypatch.setattr(follower, "_is_borne_out", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)
     appeared = next(n for n, (_, bodies) in enumerate(spread) if bodies)

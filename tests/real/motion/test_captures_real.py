@@ -16,7 +16,7 @@ from enliven.formats.motion.expmap import read_expmap
 from enliven.person.joints import Joint
 from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.mocap import Captured
+from enliven_synthesis.motion.mocap import CapturedMotion
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 pytestmark = [
@@ -36,7 +36,7 @@ def test_a_capture_is_danced(path: Path) -> None:
     roles = find_roles(capture)
     assert np.isfinite(capture.positions).all()
     performer = Performer()
-    motion = Captured(performer, capture, 0.1, min(capture.duration, 8.0))
+    motion = CapturedMotion(performer, capture, 0.1, min(capture.duration, 8.0))
     step = max(1, round(1 / 15 / capture.seconds))
     figures = [motion.figure(t) for t in np.arange(0.0, motion.duration, step * capture.seconds)]
     soles = np.array([performer.soles(f).min() for f in figures])

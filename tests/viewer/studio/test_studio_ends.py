@@ -14,8 +14,8 @@ from enliven.formats.project.one_character import character_bytes
 from enliven.modeling.edits import mirror_character, scale_character
 from enliven.person import Joint
 from enliven.wire import PutCharacter
-from enliven_edge.sent_characters import cast_sent
 from enliven_edge.settings import EdgeSettings
+from enliven_edge.uploaded_actor import cast_sent
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings

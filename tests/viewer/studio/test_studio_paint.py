@@ -11,8 +11,8 @@ from enliven.document.project import same
 from enliven.formats.project import character_bytes, project_of_mesh, read_project, write_project
 from enliven.person import Body, Joint
 from enliven.wire import PutCharacter
-from enliven_edge.sent_characters import cast_sent
 from enliven_edge.settings import EdgeSettings
+from enliven_edge.uploaded_actor import cast_sent
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.sender import _stands_alike

@@ -15,19 +15,19 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven_edge.fusion.calibration.matching import BodyMatch, guesses, matched
-from enliven_edge.fusion.calibration.pose_graph import Network, network
+from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, network
 from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, no_match_quality
 from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
 from enliven_edge.fusion.placement import Place, Space, rows
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_MISSED = 0.5
+_MISSED_BODY_COST_M = 0.5
 """Cost in metres of a body that only one sensor saw although the other saw people at that time."""
 _FINALISTS = 4
 """Number of placements that are refined fully. The best guess after a quick fit is not always the best in the
 end."""
-_AS_GOOD = 1.25
+_EQUAL_COST_RATIO = 1.25
 """Factor on the best cost up to which another placement counts as an equally good explanation."""
 
 
@@ -125,7 +125,7 @@ def calibrate(
     for a, b in itertools.combinations(streams, 2):
         progress(f"{a.sensor} and {b.sensor}")
         pairs.append(calibrate_pair(a, b, settings))
-    tied: Network = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
+    tied: SensorPlacement = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
     first = streams[0].first_ns
     offsets = {
         s.sensor: first - s.first_ns + round(tied.lags.get(s.sensor, 0.0) * 1e9)
@@ -156,7 +156,11 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
         return SensorPair(a.sensor, b.sensor, None, no_match_quality(a.sensor, b.sensor, blind))
     finals.sort(key=lambda entry: entry[0])
     score, fit, matches = finals[0]
-    rivals = [other for cost, other, _ in finals[1:] if cost < _AS_GOOD * score + 1e-4 and differ(fit, other)]
+    rivals = [
+        other
+        for cost, other, _ in finals[1:]
+        if cost < _EQUAL_COST_RATIO * score + 1e-4 and differ(fit, other)
+    ]
     return SensorPair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
 
 
@@ -198,7 +202,7 @@ def _score(
     have = min(float(both), sum(10 * _span(m, b, fit.lag) for m in matches))
     if both < 1:
         return np.inf
-    cost = (have * fit.cost + (both - have) * _MISSED) / both
+    cost = (have * fit.cost + (both - have) * _MISSED_BODY_COST_M) / both
     # If all else is equal, prefer the assignment that exchanges left and right in fewer bodies.
     return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
 

@@ -15,13 +15,13 @@ from enliven.person import Joint
 from enliven_edge.fusion.calibration.tracks import BodyTrack
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_RATE = 50.0
+_SAMPLE_RATE_HZ = 50.0
 """Sampling rate of the signals in hertz: above every sensor's frame rate."""
 _CANDIDATES = 5
 """Number of lags that are tried. A walk that repeats itself has a few peaks of equal height."""
-_APART = 0.15
+_MIN_PEAK_DISTANCE_S = 0.15
 """Minimum distance of two peaks in seconds. Nearer ones are the same peak."""
-_SMOOTH = 0.12
+_SPEED_WINDOW_S = 0.12
 """Seconds over which speeds are computed, so that noise of the joints does not hide them."""
 
 
@@ -39,15 +39,15 @@ def likely_lags(
     signal_a, seen_a = _signals(a, settings)
     signal_b, seen_b = _signals(b, settings)
     score, together = _correlation(signal_a, seen_a, signal_b, seen_b)
-    lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _RATE + a.times[0] - b.times[0]
-    score = np.where(together >= settings.overlap * _RATE, score, -np.inf)
+    lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _SAMPLE_RATE_HZ + a.times[0] - b.times[0]
+    score = np.where(together >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
     if settings.clock_range and known is not None:
         score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
     candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
     while len(candidates) < _CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))
         candidates.append(float(lags[best]))
-        score = np.where(np.abs(lags - lags[best]) < _APART, -np.inf, score)
+        score = np.where(np.abs(lags - lags[best]) < _MIN_PEAK_DISTANCE_S, -np.inf, score)
     return candidates
 
 
@@ -58,9 +58,9 @@ def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettin
 
 def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
     """Returns (N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
-    times = np.arange(track.times[0], track.times[-1], 1.0 / _RATE)
+    times = np.arange(track.times[0], track.times[-1], 1.0 / _SAMPLE_RATE_HZ)
     joints, _, confidence = track.at(times, settings.longest_gap)
-    before, _, seen_before = track.at(times - _SMOOTH, settings.longest_gap)
+    before, _, seen_before = track.at(times - _SPEED_WINDOW_S, settings.longest_gap)
     hips = joints[:, Joint.HIP_CENTER] - before[:, Joint.HIP_CENTER]
     apart = [
         np.linalg.norm(joints[:, left] - joints[:, right], axis=1)

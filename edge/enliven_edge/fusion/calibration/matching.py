@@ -15,14 +15,14 @@ from enliven_edge.fusion.live import OTHER_SIDE, middle_weights, middles
 from enliven_edge.fusion.placement import best_rigid, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_FRAMES = 240
+_MAX_FRAMES = 240
 """Number of frames in a first guess. More cost time and do not add accuracy, because refinement follows."""
-_DRAWS = 60
+_RANSAC_DRAWS = 60
 """Number of random pairs of frames tried for each guess (RANSAC). Some of them contain no wrong match."""
-_TRACKS = 4
+_MAX_TRACKS = 4
 """Number of people per sensor, the longest seen, for first guesses. The number of pairs grows with the
 square."""
-_SAME = 0.35
+_SAME_PERSON_M = 0.35
 """Maximum distance in metres between the trunks of one person in two roughly placed sensors."""
 
 
@@ -41,7 +41,7 @@ class BodyMatch:
 
 
 @dataclass(frozen=True)
-class Guess:
+class InitialTransform:
     """A first estimate of a_from_b (4, 4), and of the seconds to add to b's times to get a's."""
 
     a_from_b: Float
@@ -51,15 +51,15 @@ class Guess:
 
 def guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
-) -> Iterator[Guess]:
+) -> Iterator[InitialTransform]:
     """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
     upright = settings.floor_known
-    for track_a in a.tracks[:_TRACKS]:
-        for track_b in b.tracks[:_TRACKS]:
+    for track_a in a.tracks[:_MAX_TRACKS]:
+        for track_b in b.tracks[:_MAX_TRACKS]:
             if min(len(track_a.times), len(track_b.times)) < 3:
                 continue
             for lag in likely_lags(track_a, track_b, settings, known_lag):
-                times = track_a.times[:: max(1, len(track_a.times) // _FRAMES)]
+                times = track_a.times[:: max(1, len(track_a.times) // _MAX_FRAMES)]
                 q, _, seen = track_b.at(times - lag, settings.longest_gap)
                 p, _, seen_a = track_a.at(times, settings.longest_gap)
                 weights = seen * seen_a
@@ -68,7 +68,7 @@ def guesses(
                     continue
                 match = (BodyMatch(track_a, track_b, track_a.times),)
                 for start in _starts(p[good], q[good], weights[good], upright):
-                    yield Guess(start, lag, match)
+                    yield InitialTransform(start, lag, match)
 
 
 def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
@@ -84,7 +84,7 @@ def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
     """Returns (4, 4), the transform that fits most of (N, 12, 3) points: RANSAC, then refinement."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
-    for _ in range(_DRAWS):
+    for _ in range(_RANSAC_DRAWS):
         pick = random.choice(len(p), size=min(2, len(p)), replace=False)
         if not w[pick].any():
             continue
@@ -137,8 +137,8 @@ def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
 def _assigned(near: Float) -> Bool:
     """Returns (A, B, N) whether two tracks are one person at a time, with at most one partner each."""
     taken = np.zeros(near.shape, bool)
-    for n in np.flatnonzero((near < _SAME).any((0, 1))):
-        cost = np.where(near[:, :, n] < _SAME, near[:, :, n], 10.0)
+    for n in np.flatnonzero((near < _SAME_PERSON_M).any((0, 1))):
+        cost = np.where(near[:, :, n] < _SAME_PERSON_M, near[:, :, n], 10.0)
         for i, j in zip(*linear_sum_assignment(cost), strict=True):
-            taken[i, j, n] = near[i, j, n] < _SAME
+            taken[i, j, n] = near[i, j, n] < _SAME_PERSON_M
     return taken

@@ -22,7 +22,7 @@ Edge = tuple[str, str, Fit, bool]
 
 
 @dataclass(frozen=True)
-class Network:
+class SensorPlacement:
     """The placement (4, 4) and the lag in seconds of each sensor that is connected to the first one.
 
     ``loop`` (metres) and ``turn`` (radians) are the maximum residuals of a measurement: the loop closure
@@ -35,7 +35,7 @@ class Network:
     turn: float
 
 
-def network(names: Sequence[str], edges: list[Edge]) -> Network:
+def network(names: Sequence[str], edges: list[Edge]) -> SensorPlacement:
     """Computes the placements from all good edges. Other edges only connect sensors that were unconnected."""
     used = _used(names, edges)
     places, lags = _spread(names[0], used)
@@ -45,7 +45,9 @@ def network(names: Sequence[str], edges: list[Edge]) -> Network:
         lags = _levelled(names[0], loose, used)
     errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used]
     loop = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
-    return Network(places, lags, loop, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0))
+    return SensorPlacement(
+        places, lags, loop, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0)
+    )
 
 
 def _strength(edge: Edge) -> tuple[bool, float]:

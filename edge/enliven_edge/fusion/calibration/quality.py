@@ -14,13 +14,13 @@ from enliven_edge.fusion.calibration.refinement import Fit, refine
 from enliven_edge.fusion.placement import angle_between, inverse, moved
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_BLOCKS = 8
+_JACKKNIFE_BLOCKS = 8
 """Number of jackknife blocks, both of the walk and of facing directions. Each still contains seconds of
 walking."""
-_CELL = 0.5
+_FLOOR_CELL_M = 0.5
 """Cell size in metres for counting the walked floor."""
 _LEFTS, _RIGHTS = [Joint.SHOULDER_LEFT, Joint.HIP_LEFT], [Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]
-_COMFORTABLE = 2.5
+_GOOD_DISTANCE_M = 2.5
 """Distance in metres from a sensor at which people are seen well."""
 
 
@@ -102,7 +102,7 @@ def judged(
         advice = f"{name} is known to {place:.1f} cm and {direction:.1f} deg only: walk on, and turn about"
     return Quality(
         verdict, fit.rms, place, direction, clock, seconds, length, breadth,
-        len(np.unique(np.floor(fit.feet[:, [0, 2]] / _CELL), axis=0)),
+        len(np.unique(np.floor(fit.feet[:, [0, 2]] / _FLOOR_CELL_M), axis=0)),
         float(np.mean(fit.swapped)), advice,
     )  # fmt: skip
 
@@ -133,7 +133,7 @@ def _doubt(
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     radius = float(np.sqrt(((fit.feet - fit.feet.mean(0))[:, [0, 2]] ** 2).sum(1).mean()))
-    edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _BLOCKS + 1))[1:-1]
+    edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _JACKKNIFE_BLOCKS + 1))[1:-1]
     spread = np.maximum(
         _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
         _jackknife(fit, matches, [_facing(m, settings) for m in matches], settings),
@@ -156,7 +156,7 @@ def _jackknife(
     """
     at = moved(inverse(fit.a_from_b), fit.centre)
     changes = []
-    for block in range(_BLOCKS):
+    for block in range(_JACKKNIFE_BLOCKS):
         if not any((b == block).any() for b in blocks):
             continue
         kept = tuple(BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
@@ -175,7 +175,7 @@ def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
     joints, _, _ = match.a.at(match.times, settings.longest_gap)
     across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
     turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
-    return np.asarray(np.floor(_BLOCKS * (turns % 1.0)).clip(0, _BLOCKS - 1), np.int64)
+    return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (turns % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)
 
 
 def _walked(feet: Float) -> tuple[float, float, Float]:
@@ -197,7 +197,7 @@ def _where(fit: Fit, thin: Float, name: str) -> str:
     centre, way = moved(back, fit.centre), back[:3, :3] @ thin
     if abs(way[0]) >= abs(way[2]):
         return f"walk on, to the {'left' if centre[0] > 0 else 'right'} of sensor {name}"
-    near = -centre[2] > _COMFORTABLE
+    near = -centre[2] > _GOOD_DISTANCE_M
     return f"walk on, {'nearer to' if near else 'farther from'} sensor {name}"
 
 

@@ -18,14 +18,14 @@ from enliven_edge.fusion.live import OTHER_SIDE
 from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
 from enliven_edge.fusion.settings import CalibrationSettings
 
-_FRAMES = 900
+_MAX_FRAMES = 900
 """Maximum number of frames. Neighbouring frames contain the same information."""
-_MEMORY = 0.5
+_CORRELATION_TIME_S = 0.5
 """Correlation time of one sensor's errors in seconds: each such interval counts as one independent
 observation."""
-_LOOKS = 3.0
+_INDEPENDENT_POINTS = 3.0
 """Number of independent points per observation of a body. The errors of its 20 joints are correlated."""
-_STILL = 0.02
+_NOISE_M = 0.02
 """Disagreement in metres below which no joint is down-weighted: a tracker's noise."""
 
 
@@ -76,7 +76,7 @@ def refine(
     settings: CalibrationSettings,
     *,
     steps: int = 15,
-    frames: int = _FRAMES,
+    frames: int = _MAX_FRAMES,
 ) -> Fit | None:
     """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
@@ -96,7 +96,7 @@ def refine(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _JointPairs:
     """The joints of both sensors at their common moments: p and q (N, 20, 3), q's velocity, weights."""
 
     times: Float
@@ -113,7 +113,7 @@ def _looked(
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
-) -> _Look | None:
+) -> _JointPairs | None:
     """Returns the joints of both sensors at the matches' moments.
 
     ``held`` are the first sensor's, by match.
@@ -128,11 +128,13 @@ def _looked(
             seen_b = np.take_along_axis(seen_b, order, 1)
         weights = seen_a * seen_b
         good = weights.sum(1) > 0
-        looks.append(_Look(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good]))
+        looks.append(
+            _JointPairs(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good])
+        )
     if not looks or not sum(len(look.times) for look in looks):
         return None
     columns = zip(*((x.times, x.p, x.q, x.velocity, x.weights, x.swapped) for x in looks), strict=True)
-    return _Look(*(np.concatenate(column) for column in columns))
+    return _JointPairs(*(np.concatenate(column) for column in columns))
 
 
 def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
@@ -150,7 +152,9 @@ def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width
     return np.asarray(total[high] - total[low] > 1e-9)
 
 
-def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSettings) -> tuple[Fit, Float]:
+def _stepped(
+    look: _JointPairs, a_from_b: Float, lag: float, settings: CalibrationSettings
+) -> tuple[Fit, Float]:
     """Returns the state of the fit, and the step (7,) of rotation, shift and lag that improves it."""
     placed = moved(a_from_b, look.q)
     error = placed - look.p
@@ -162,7 +166,7 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
     # Count only independent observations, because the errors of neighbouring frames and of one body's joints
     # are correlated.
-    looks = max(1.0, len(np.unique(np.floor(look.times / _MEMORY)))) * _LOOKS
+    looks = max(1.0, len(np.unique(np.floor(look.times / _CORRELATION_TIME_S)))) * _INDEPENDENT_POINTS
     scale = looks / max(trust.sum(), 1e-12) / variance
     h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
     precision = h.copy()
@@ -180,7 +184,7 @@ def _stepped(look: _Look, a_from_b: Float, lag: float, settings: CalibrationSett
 def _width(residuals: Float, weights: Float, widest: float) -> float:
     """Returns the robust width in metres: three times the median disagreement, within bounds."""
     seen = residuals[weights > 0]
-    return float(np.clip(3.0 * np.median(seen), _STILL, widest)) if len(seen) else widest
+    return float(np.clip(3.0 * np.median(seen), _NOISE_M, widest)) if len(seen) else widest
 
 
 def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) -> tuple[Float, Float]:

@@ -18,7 +18,7 @@ from enliven_edge.fusion.placement import inverse
 from enliven_edge.sensors import Sensor, SensorFault
 from enliven_edge.tracking import Tracker
 
-_SLOWEST = 0.35
+_MAX_INTERPOLATION_GAP_S = 0.35
 """Maximum frame interval in seconds at which linear interpolation of a walking person is valid."""
 
 
@@ -45,7 +45,7 @@ class BodyTrack:
         than ``longest_gap`` seconds (or the usual interval of a slow sensor). It is also 0 if there is no
         frame on one side.
         """
-        longest_gap = max(longest_gap, min(1.6 * self.step, _SLOWEST))
+        longest_gap = max(longest_gap, min(1.6 * self.step, _MAX_INTERPOLATION_GAP_S))
         if len(self.times) < 2:
             zeros = np.zeros((len(times), 20, 3))
             return zeros, zeros, zeros[..., 0]

@@ -18,12 +18,12 @@ import numpy as np
 
 from enliven.kernels import njit
 
-_DOUBT = 0.1
+_OUTLIER_DISTANCE_M = 0.1
 """Distance in metres from a joint's prediction at which a sensor that disagrees with the others is
 down-weighted."""
-_UNSURE = 0.12
+_HALVING_DISTANCE_M = 0.12
 """Disagreement between sensors in metres that halves a joint's confidence."""
-_HEARD = 0.3
+_FULL_WEIGHT_FRACTION = 0.3
 """Minimum fraction of the weight for a sensor's own confidence to count in full."""
 
 
@@ -95,7 +95,7 @@ def doubt_outliers(x, w, predicted):
         for s in range(count):
             if w[s, j] > 0.0:
                 own = _apart(x[s, j], predicted[j])
-                w[s, j] *= (least + _DOUBT**2) / (own + _DOUBT**2)
+                w[s, j] *= (least + _OUTLIER_DISTANCE_M**2) / (own + _OUTLIER_DISTANCE_M**2)
 
 
 @njit(cache=True, nogil=True)
@@ -119,9 +119,9 @@ def fuse_confidence(x, w, told, joints, out):
             share = w[s, j] / total
             mean += share * told[s, j]
             spread += share * _apart(x[s, j], joints[j])
-            if share > _HEARD:
+            if share > _FULL_WEIGHT_FRACTION:
                 best = max(best, told[s, j])
-        out[j] = max(mean, best) / (1.0 + spread / _UNSURE**2)
+        out[j] = max(mean, best) / (1.0 + spread / _HALVING_DISTANCE_M**2)
 
 
 @njit(cache=True, nogil=True)

@@ -12,8 +12,8 @@ from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, eyes
+from enliven_edge.fusion.live.sensor_thread import SensorBodies, TrackingThread
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
-from enliven_edge.fusion.live.watcher import SensorBodies, Watcher
 from enliven_edge.fusion.placement import Space
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.sensors import Sensor, is_device
@@ -70,7 +70,9 @@ class FusedSensors(Sensor):
         self.warnings: list[SensorWarning] = []
         self._changed = threading.Condition()
         self._watchers = [
-            Watcher(name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once)
+            TrackingThread(
+                name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once
+            )
             for name, sensor in sensors.items()
         ]
         self._rhythm = OutputSchedule()
@@ -133,7 +135,7 @@ class FusedSensors(Sensor):
                     raise TimeoutError("no sensor had a frame in time")
                 self._changed.wait(wait)
 
-    def _ready(self) -> Watcher | None:
+    def _ready(self) -> TrackingThread | None:
         """Returns the sensor with the oldest bodies. Recordings count only when each of them has some."""
         live = [w for w in self._watchers if w.seen and not w.recorded]
         recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]

@@ -16,15 +16,15 @@ from enliven_edge.fusion.live.sensor_view import SENTENCE, SensorState, SensorVi
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
-_SPEED = 1.5
+_GATE_GROWTH = 1.5
 """Growth of the gate of an unseen person in metres per second, because people may walk on."""
-_ASTRAY = 0.2
+_MOVED_SENSOR_M = 0.2
 """Mean displacement in metres of the people of one sensor for it to count as moved: more than the usual
 difference between trackers."""
-_ASTRAY_TIME = 3.0
+_MOVED_TIME_CONSTANT_S = 3.0
 """Time constant in seconds of the low-pass of that displacement. A short tracking error must not mark a
 sensor as moved."""
-_DUPLICATE = 0.35
+_DUPLICATE_DISTANCE_M = 0.35
 """Horizontal distance in metres to a person within which a body seen by fewer sensors is not a second
 person."""
 
@@ -125,7 +125,7 @@ class Fuser:
             np.array([p.expected(time_ns) for p in self.people]),
             np.array([p.confidence for p in self.people]),
         )
-        gates = np.array([s.gate + _SPEED * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
+        gates = np.array([s.gate + _GATE_GROWTH * min(max(p.unseen(time_ns), 0.0), 1.0) for p in self.people])
         votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
         # If two people turn out to be the same, keep the oldest identity.
         age = 1e-3 * np.arange(len(self.people))
@@ -155,7 +155,7 @@ class Fuser:
         if len(group.joints) < 2 or self._now_ns is None:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
-        share = 1.0 - float(np.exp(-seconds / _ASTRAY_TIME))
+        share = 1.0 - float(np.exp(-seconds / _MOVED_TIME_CONSTANT_S))
         trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
         middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
@@ -166,9 +166,9 @@ class Fuser:
             view.astray = view.astray + share * (apart - view.astray)
             before = view.state
             far = float(view.astray @ view.astray) ** 0.5
-            if before is SensorState.LIVE and far > _ASTRAY:
+            if before is SensorState.LIVE and far > _MOVED_SENSOR_M:
                 view.state = SensorState.MOVED
-            elif before is SensorState.MOVED and far < 0.5 * _ASTRAY:
+            elif before is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
                 view.state = SensorState.LIVE
             self._say(view, before, time_ns)
 
@@ -190,7 +190,7 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
     for other in others:
         if other is not group and set(group.sightings) < set(other.sightings):
             apart = (other.mean[0] - hips)[[0, 2]]
-            if float(np.hypot(apart[0], apart[1])) < _DUPLICATE:
+            if float(np.hypot(apart[0], apart[1])) < _DUPLICATE_DISTANCE_M:
                 return True
     return False
 

@@ -10,16 +10,16 @@ from enliven.arrays import Float
 from enliven.matching import least_cost
 from enliven.person import Body
 from enliven_edge.fusion.live.blending import bones_within, trunk_distances
-from enliven_edge.fusion.live.naming import MIDDLES
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
+from enliven_edge.fusion.live.side_assignment import MIDDLES
 
 NEVER = 1e3
 """Cost in metres of a forbidden pairing: above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
 """(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
-_SHORTEST = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
+_MIN_BONE_LENGTHS_M = np.array([0.15, 0.05, 0.1, 0.1, 0.1, 0.1])
 """Minimum lengths of these bones of a person, in metres."""
-_LONGEST = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
+_MAX_BONE_LENGTHS_M = np.array([0.9, 0.5, 0.8, 0.8, 0.8, 0.8])
 """Maximum lengths of these bones of a person, in metres. A guessed joint may be wrong."""
 
 
@@ -56,7 +56,7 @@ class Group:
 
 def plausible(body: Body) -> bool:
     """Returns True if a body may be a person's. A tracker that lost a person may deliver a heap of joints."""
-    return bool(bones_within(body.joints, _BONES, _SHORTEST, _LONGEST))
+    return bool(bones_within(body.joints, _BONES, _MIN_BONE_LENGTHS_M, _MAX_BONE_LENGTHS_M))
 
 
 def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:

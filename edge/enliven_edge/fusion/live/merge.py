@@ -83,9 +83,9 @@ class ArrivalClocks:
         self._shift[sensor] = apart - base
 
 
-_MISSED = 1.7
+_MAX_LEADER_DELAY = 1.7
 """Maximum delay of the leading sensor before another one leads, in frame intervals."""
-_FASTER = 0.8
+_FASTER_RATIO = 0.8
 """Fraction of the leading sensor's frame interval below which another sensor's interval makes it lead."""
 
 
@@ -118,8 +118,8 @@ class OutputSchedule:
         if self._lead not in self._steps:
             return time_ns - self._last[self._lead] > 1e8
         step = self._steps[self._lead]
-        late = (time_ns - self._last[self._lead]) * 1e-9 > _MISSED * step
-        return late or self._steps.get(sensor, np.inf) < _FASTER * step
+        late = (time_ns - self._last[self._lead]) * 1e-9 > _MAX_LEADER_DELAY * step
+        return late or self._steps.get(sensor, np.inf) < _FASTER_RATIO * step
 
 
 _FIXED_HEIGHT_M = 1.0

@@ -9,23 +9,23 @@ from enliven.person import Body, Joint
 from enliven.rotation import normalized
 from enliven_edge.fusion.live.blending import blend, doubt_outliers, fuse_confidence
 from enliven_edge.fusion.live.grouping import Group
-from enliven_edge.fusion.live.naming import OTHER_SIDE, SideKeeper, walks_backward
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorView
+from enliven_edge.fusion.live.side_assignment import OTHER_SIDE, SideAssignment, walks_backward
 from enliven_edge.fusion.settings import FusionSettings
 
-_GLIDE = 0.5
+_MAX_GLIDE_S = 0.5
 """Maximum seconds unseen after which joints continue smoothly from their last position instead of jumping to
 the new one."""
-_MOVED = 0.02
+_MOVED_SENSOR_WEIGHT = 0.02
 """Relative weight of a sensor that was moved."""
-_CONVINCING = 3.0
+_CONFIDENCE_RISE_RATE = 3.0
 """Maximum gain of a joint's confidence per second, so that a sudden certainty counts little at first."""
-_SHAKEN = 0.7
+_SURPRISE_TIME_CONSTANT_S = 0.7
 """Time constant in seconds of the low-pass of a sensor's prediction error: how long a surprising sensor is
 down-weighted."""
-_CALM = 0.05**2
+_USUAL_ERROR_M2 = 0.05**2
 """Usual squared prediction error in square metres: 5 cm of a tracker's noise."""
-_GUESS = 1e-3
+_UNSEEN_WEIGHT = 1e-3
 """Weight of a joint that no sensor sees, so that it keeps a position."""
 
 
@@ -40,7 +40,7 @@ class FusedPerson:
         self.seen_by: frozenset[int] = frozenset()
         self._turns = np.zeros((20, 4))
         self._turned_known = False
-        self._sides = SideKeeper(sensors, settings.turn_over)
+        self._sides = SideAssignment(sensors, settings.turn_over)
         self._spoke = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)
@@ -58,7 +58,7 @@ class FusedPerson:
     def see(self, group: Group, views: list[SensorView], time_ns: int) -> Body:
         """Returns the body of this person, fused from all sensors of the group."""
         seconds = self.unseen(time_ns)
-        has_prediction = seconds < _GLIDE
+        has_prediction = seconds < _MAX_GLIDE_S
         expected = self.expected(time_ns) if self.hits else group.mean
         if not has_prediction:
             self._reset_offsets()
@@ -86,11 +86,11 @@ class FusedPerson:
         """
         sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
         surprise = ((x[sensors] - self._offsets[sensors] - expected) ** 2).sum(2).mean(1)
-        share = 1.0 - np.exp(-seconds / _SHAKEN)
+        share = 1.0 - np.exp(-seconds / _SURPRISE_TIME_CONSTANT_S)
         self._surprise[sensors] += share * (surprise - self._surprise[sensors])
         if len(sensors) > 1:
             least = self._surprise[sensors].min()
-            w[sensors] *= ((least + _CALM) / (self._surprise[sensors] + _CALM))[:, None]
+            w[sensors] *= ((least + _USUAL_ERROR_M2) / (self._surprise[sensors] + _USUAL_ERROR_M2))[:, None]
 
     def _reset_offsets(self) -> None:
         self._spoke[:], self._turn_spoke[:] = False, False
@@ -139,11 +139,11 @@ class FusedPerson:
         x, w = np.zeros(self._offsets.shape), np.zeros(self._spoke.shape)
         sure = np.zeros(self._sure.shape)
         for sensor, body in bodies.items():
-            sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONVINCING * seconds)
+            sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONFIDENCE_RISE_RATE * seconds)
             x[sensor] = body.joints
-            w[sensor] = (sure[sensor] + _GUESS) / _noise(body, views[sensor], self.settings) ** 2
+            w[sensor] = (sure[sensor] + _UNSEEN_WEIGHT) / _noise(body, views[sensor], self.settings) ** 2
             if views[sensor].state is SensorState.MOVED:
-                w[sensor] *= _MOVED
+                w[sensor] *= _MOVED_SENSOR_WEIGHT
         self._sure = sure
         return x, w
 

@@ -58,16 +58,16 @@ SENTENCE = {
 """The sentence about each state."""
 
 
-_CALM = 0.2
+_SLOW_WEIGHT = 0.2
 """Weight of a new velocity if it changes little, per frame. Small changes are mostly noise."""
-_LIVELY = 0.7
+_FAST_WEIGHT = 0.7
 """Weight of a new velocity if it changes much, per frame: a start or a stop."""
-_START = 1.5
+_START_SPEED = 1.5
 """Change of velocity in metres per second that fully counts as a start or a stop."""
-_FASTEST = 8.0
+_MAX_TRUNK_SPEED = 8.0
 """Maximum speed of a trunk in metres per second. A faster one is another person, whatever identity the sensor
 reports."""
-_BACK_AGAIN = 0.5
+_VELOCITY_RESET_S = 0.5
 """Seconds without a frame after which a velocity restarts at zero."""
 
 
@@ -172,12 +172,12 @@ class SensorView:
         seconds = before.age(time_ns)
         # An unseen person has only a predicted position. The difference between it and the new position is
         # not a motion, so assume no velocity.
-        if seconds > _BACK_AGAIN or not before.body.confidence.any():
+        if seconds > _VELOCITY_RESET_S or not before.body.confidence.any():
             return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
         speed = (body.joints - before.body.joints) / seconds
-        if np.linalg.norm(speed[:4].mean(0)) > _FASTEST:
+        if np.linalg.norm(speed[:4].mean(0)) > _MAX_TRUNK_SPEED:
             return BodySighting(body, time_ns, np.zeros((20, 3)))
         change = speed - before.velocity
-        size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START, 1.0)
-        velocity = before.velocity + (_CALM + (_LIVELY - _CALM) * size) * change
+        size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START_SPEED, 1.0)
+        velocity = before.velocity + (_SLOW_WEIGHT + (_FAST_WEIGHT - _SLOW_WEIGHT) * size) * change
         return BodySighting(body, time_ns, velocity, before.person)

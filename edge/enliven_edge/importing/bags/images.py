@@ -14,9 +14,9 @@ from enliven.errors import InputError
 from enliven.frames import TIME_LIMIT_NS
 from enliven_edge.importing.bags.ros1 import Fields
 
-_WIDEST = 8192
+_MAX_IMAGE_SIDE_PX = 8192
 """Maximum pixels of an image's side; the makers' largest have 1,600."""
-_PNG_BEGINS = 12
+_PNG_OFFSET = 12
 """Number of bytes that ROS writes before the PNG of a compressed depth image."""
 _DEPTHS = ("mono16", "16uc1", "z16")
 """The makers' names of images with 16-bit distances."""
@@ -35,7 +35,7 @@ def plain_image(fields: Fields) -> UInt16:
     if encoding not in _DEPTHS:
         problem = f"its depth is packed as {encoding!r}"
         raise InputError(problem, where=fields.where, mend="Record it again with depth of 16 bits (Y16).")
-    shape = 0 < width <= _WIDEST and 0 < height <= _WIDEST
+    shape = 0 < width <= _MAX_IMAGE_SIDE_PX and 0 < height <= _MAX_IMAGE_SIDE_PX
     if not shape or step < 2 * width or len(pixels) != step * height:
         raise fields.damaged()
     rows = np.frombuffer(pixels, ">u2" if swapped else "<u2")[: height * (step // 2)]
@@ -51,10 +51,10 @@ def packed_image(fields: Fields) -> UInt16:
         InputError: if it is not a depth image.
     """
     fields.text()
-    packed = fields.block()[_PNG_BEGINS:]
+    packed = fields.block()[_PNG_OFFSET:]
     try:
         with Image.open(io.BytesIO(packed), formats=["PNG"]) as picture:
-            if max(picture.size) > _WIDEST or not picture.mode.startswith("I"):
+            if max(picture.size) > _MAX_IMAGE_SIDE_PX or not picture.mode.startswith("I"):
                 raise fields.damaged()
             return np.asarray(picture).astype(np.uint16)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):

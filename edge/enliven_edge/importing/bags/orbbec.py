@@ -41,7 +41,7 @@ _PRECISION = 75
 """Orbbec's property number of the depth step as a level, an index of the steps below."""
 _UNIT = 176
 """Orbbec's property number of the depth step in millimetres."""
-_IN_DEVICE = 85
+_DEPTH_IN_DEVICE = 85
 """Orbbec's property number that shows if the camera itself computed depth from its disparities."""
 _STEPS = (1.0, 0.8, 0.4, 0.1, 0.2, 0.5, 0.05)
 """Depth step for each of Orbbec's levels of precision, in millimetres."""
@@ -49,7 +49,7 @@ _MODELS = ("none", "modified", "inverse", "brown conrady", "brown conrady", "fis
 """Orbbec's distortion models by their numbers."""
 _MEASURES_DEPTH = (0x0669, 0x06C0, 0x066B)
 """USB product ids of Femto Mega and Bolt, which measure by time of flight and have no disparities."""
-_KNOWN = re.compile(r"Gemini [3-9]\d\d|Astra 2")
+_DEPTH_COMPUTING_CAMERAS = re.compile(r"Gemini [3-9]\d\d|Astra 2")
 """Cameras that can compute depth from disparities themselves; a property of the recording reports it. The
 depth steps are those above. The library plays those of a Gemini 2 with a quarter of the recorded numbers;
 older ones were not tried."""
@@ -137,11 +137,13 @@ def _about(path: Path) -> _About:
 
 def _check_depth(about: _About, path: Path) -> None:
     """Checks that the images are depth, not disparities."""
-    in_device = about.properties.get(_IN_DEVICE)
+    in_device = about.properties.get(_DEPTH_IN_DEVICE)
     if in_device is not None and not any(in_device):
         problem = "it holds the camera's disparities in place of depth"
         raise InputError(problem, where=str(path), mend=_PLAY.format(path))
-    if about.product not in _MEASURES_DEPTH and (in_device is None or not _KNOWN.search(about.name)):
+    if about.product not in _MEASURES_DEPTH and (
+        in_device is None or not _DEPTH_COMPUTING_CAMERAS.search(about.name)
+    ):
         camera = about.name or "without a name"
         problem = f"only Orbbec's library understands the images of its camera ({camera})"
         raise InputError(problem, where=str(path), mend=_PLAY.format(path))

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.files import open_file
 from enliven_edge.extras import need
 
-_MOST_TEXT = 4096
+_MAX_TEXT_BYTES = 4096
 """Maximum bytes of a name, or of a number as text."""
 
 
@@ -48,7 +48,7 @@ class Fields:
     def text(self) -> str:
         """Reads the next text."""
         size = self.count()
-        if size > _MOST_TEXT:
+        if size > _MAX_TEXT_BYTES:
             raise self.damaged()
         return self._take(size).decode("utf-8", errors="replace")
 
@@ -90,9 +90,9 @@ class AlignedFields(Fields):
 
 
 MAGIC = b"#ROSBAG V2.0\n"
-_MOST_HEADER = 1 << 16
+_MAX_HEADER_BYTES = 1 << 16
 """Maximum bytes of a record's header, which may contain a topic's name."""
-_MOST_CHUNK = 1 << 27
+_MAX_CHUNK_BYTES = 1 << 27
 """Maximum bytes of a decompressed chunk: the makers' have one message or 768 KiB, an image up to 50 MB."""
 _MESSAGE = 2
 """Record kind (op) of message data in a bag."""
@@ -124,7 +124,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
         size = os.fstat(file.fileno()).st_size
         topics: dict[bytes, str] = {}
         while (at := file.tell()) < size:
-            header = _header(_sized(file, _MOST_HEADER, path), path)
+            header = _header(_sized(file, _MAX_HEADER_BYTES, path), path)
             if _kind(header) != _CHUNK:
                 left = _size(file, path)
                 if left > size - file.tell():
@@ -133,7 +133,9 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
                     _connect(header, topics)
                 file.seek(left, os.SEEK_CUR)
                 continue
-            yield from _inside(_unpacked(header, _sized(file, _MOST_CHUNK, path), path), topics, wanted, path)
+            yield from _inside(
+                _unpacked(header, _sized(file, _MAX_CHUNK_BYTES, path), path), topics, wanted, path
+            )
 
 
 def _inside(
@@ -167,7 +169,7 @@ def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
 def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
     """Returns the decompressed content of a chunk, limited to its declared size."""
     how, size = header.get(b"compression", b""), int.from_bytes(header.get(b"size", b"")[:4], "little")
-    if size > _MOST_CHUNK:
+    if size > _MAX_CHUNK_BYTES:
         raise _too_large(size, path)
     try:
         match how:

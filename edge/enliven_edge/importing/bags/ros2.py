@@ -13,9 +13,9 @@ from enliven.files import open_file
 from enliven_edge.importing.bags.ros1 import AlignedFields, Message
 
 MAGIC = b"SQLite format 3\0"
-_MOST_MESSAGE = 1 << 27
+_MAX_MESSAGE_BYTES = 1 << 27
 """Maximum bytes of a message; an image has up to 50 MB."""
-_MOST_TOPICS = 1000
+_MAX_TOPICS = 1000
 """Maximum number of topics in a recording: a camera has some 200, one for each option."""
 
 
@@ -38,7 +38,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
         raise InputError(problem, where=str(path), mend="Copy it again.") from None
 
 
-_TOPICS = f"SELECT id, name FROM topics LIMIT {_MOST_TOPICS}"
+_TOPICS = f"SELECT id, name FROM topics LIMIT {_MAX_TOPICS}"
 _MESSAGES = "SELECT topic_id, data FROM messages WHERE topic_id IN ({}) ORDER BY id"
 _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN ('topics', 'messages')"
 """Counts real tables only: a view of that name could run endlessly."""
@@ -52,7 +52,7 @@ def _opened(path: Path) -> sqlite3.Connection:
     """
     database = sqlite3.connect(f"file:{quote(str(path))}?mode=ro&immutable=1", uri=True)
     try:
-        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MOST_MESSAGE)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_MESSAGE_BYTES)
         database.execute("PRAGMA trusted_schema = OFF")
         if database.execute(_TABLES).fetchone() != (2,):
             raise sqlite3.DatabaseError("it has no messages")

@@ -12,9 +12,9 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven_edge.sensors.profile import typical_camera
 
-_SHORTEST = 10.0
+_MIN_FOCAL_LENGTH_PX = 10.0
 """Minimum focal length in pixels. Below it a camera has reported none: depth cameras have 150 to 1,000."""
-_FARTHEST = 65535
+_MAX_DEPTH_MM = 65535
 """Largest depth in an image, in millimetres."""
 
 
@@ -51,7 +51,7 @@ def known_or_typical(
         InputError: if the profile's image has another shape.
     """
     fx, fy, cx, cy = lens
-    if min(fx, fy) >= _SHORTEST:
+    if min(fx, fy) >= _MIN_FOCAL_LENGTH_PX:
         return Intrinsics(width, height, fx, fy, cx, cy), True
     full = typical_camera(profile).camera
     typical = full.scaled(width / full.width)
@@ -74,7 +74,7 @@ def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callabl
         takes (H, W) uint16 millimetres, and returns them with 0 outside the range.
     """
     low, high = limits(reach, profile, rehearsed)
-    if (low, high) == (0, _FARTHEST):
+    if (low, high) == (0, _MAX_DEPTH_MM):
         return lambda depth: depth
     return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
 
@@ -96,4 +96,4 @@ def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[i
         raise InputError(
             f"near is {near} m and far {far} m", where="sensor", mend="Give near below far, both above 0."
         )
-    return round(1e3 * near), min(round(1e3 * far), _FARTHEST) if far else _FARTHEST
+    return round(1e3 * near), min(round(1e3 * far), _MAX_DEPTH_MM) if far else _MAX_DEPTH_MM

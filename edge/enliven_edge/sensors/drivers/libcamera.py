@@ -21,7 +21,7 @@ from enliven_edge.sensors.stereo import (
     opencv,
 )
 
-_HOT = 75.0
+_MAX_TEMPERATURE_C = 75.0
 """Maximum degrees Celsius of the image sensor in the specification of the IMX296 (Global Shutter Camera)."""
 
 
@@ -125,7 +125,7 @@ class LibcameraSensor(Sensor):
         temperature."""
         apart = self._pairing.apart_ns
         link = "" if apart is None else f"CSI, two cameras {1e-6 * abs(apart):.2f} ms apart"
-        return Condition(link, temperature=self._images.temperature(), hot=_HOT)
+        return Condition(link, temperature=self._images.temperature(), hot=_MAX_TEMPERATURE_C)
 
     def close(self) -> None:
         self._images.close()

@@ -57,14 +57,14 @@ class LibcameraImages:
         self._lib = libcamera_library(tuning)
         self._manager = self._lib.CameraManager.singleton()
         self._formats = COLOUR if colour else GREY
-        self._eyes: list[_Eye] = []
+        self._eyes: list[_OpenCamera] = []
         self._ready: list[Any] = []
         self._celsius: float | None = None
         devices = self._found(cameras)
         self.name = f"libcamera {', '.join(_short(camera.id) for camera in devices)}"
         try:
             for camera in devices:
-                self._eyes.append(_Eye(self._lib, camera, len(self._eyes), size, self._formats))
+                self._eyes.append(_OpenCamera(self._lib, camera, len(self._eyes), size, self._formats))
             wishes = _wishes(fps, exposure_us, gain)
             # The followers wait for the clock of the leader, so start them first.
             for eye in reversed(self._eyes):
@@ -90,7 +90,7 @@ class LibcameraImages:
                 raise TimeoutError(f"no image of {self.name} yet")
             self._ready += self._manager.get_ready_requests()
         request = self._ready.pop(0)
-        eye = self._eyes[request.cookie // _MOST_BUFFERS]
+        eye = self._eyes[request.cookie // _MAX_BUFFERS]
         picture = eye.picture(request)
         self._celsius = eye.celsius if eye.celsius is not None else self._celsius
         return picture
@@ -130,12 +130,12 @@ class LibcameraImages:
         return devices
 
 
-_MOST_BUFFERS = 64
+_MAX_BUFFERS = 64
 """Maximum number of buffers of a camera. A request's id is the camera's number times this, plus the
 buffer's number."""
 
 
-class _Eye:
+class _OpenCamera:
     """One camera, its buffers and its requests."""
 
     def __init__(
@@ -172,7 +172,7 @@ class _Eye:
         """Returns the image of a completed request, and queues the request again."""
         if request.status != self._lib.Request.Status.Complete:
             raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
-        number = request.cookie % _MOST_BUFFERS
+        number = request.cookie % _MAX_BUFFERS
         about = self._buffers[number].metadata
         metadata = {control.name: value for control, value in request.metadata.items()}
         self.celsius = metadata.get("SensorTemperature", self.celsius)
@@ -228,7 +228,7 @@ class _Eye:
         """Creates a request for each buffer, and maps each buffer's first plane as an array."""
         self._allocator = self._lib.FrameBufferAllocator(self._camera)
         self._allocator.allocate(self._stream)
-        self._buffers = self._allocator.buffers(self._stream)[:_MOST_BUFFERS]
+        self._buffers = self._allocator.buffers(self._stream)[:_MAX_BUFFERS]
         self._views, self._requests = [], []
         for number, buffer in enumerate(self._buffers):
             plane = buffer.planes[0]
@@ -236,7 +236,7 @@ class _Eye:
             mapped = mmap.mmap(plane.fd, end, mmap.MAP_SHARED, mmap.PROT_READ)
             self._maps.append(mapped)
             self._views.append(np.frombuffer(mapped, np.uint8)[plane.offset : end])
-            request = self._camera.create_request(self.number * _MOST_BUFFERS + number)
+            request = self._camera.create_request(self.number * _MAX_BUFFERS + number)
             request.add_buffer(self._stream, buffer)
             self._requests.append(request)
 

@@ -30,7 +30,7 @@ _INSTALL = (
 )
 _BOARD = Path("/proc/device-tree/model")
 """Linux's file with the name of a single-board computer."""
-_LISTING = 10.0
+_LISTING_TIMEOUT_S = 10.0
 """Maximum seconds that libcamera may take to list its cameras. It took half a second."""
 
 
@@ -59,9 +59,9 @@ def listed_cameras() -> list[ListedCamera]:
         return []
     asked = [sys.executable, "-c", f"from {__name__} import tell; tell()"]
     try:
-        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING, check=False)
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING_TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
-        problem = f"libcamera has not listed its cameras within {_LISTING:.0f} s"
+        problem = f"libcamera has not listed its cameras within {_LISTING_TIMEOUT_S:.0f} s"
         raise ResourceError(
             problem, where="sensor libcamera", mend="Close other programs that use a camera."
         ) from None

@@ -15,23 +15,23 @@ from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.driver_replay import WAITING, DriverReplay
 from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
 from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
 from enliven_edge.sensors.drivers.refusals import chosen, refused
-from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
 log = logging.getLogger(__name__)
 
 _SEARCH_MS = "1500"
 """Time for which the library searches for a camera, in milliseconds (its default is 10 s). A connected camera
 answers immediately."""
-_NOT_THERE = ("No available devices", "Cannot find any device with given deviceInfo")
+_NOT_FOUND_MESSAGES = ("No available devices", "Cannot find any device with given deviceInfo")
 """The library's messages if it finds no camera at all, or not the requested one."""
-_FELT_HZ = 100
+_ACCELEROMETER_HZ = 100
 """Readings of the accelerometer per second. The mean over a second is gravity."""
 _KINDS = {"LITE": "oak-d-lite"}
 """The profile of a camera, by a part of its product name. The others have the stereo pair of the OAK-D."""
-_HOT = 105.0
+_MAX_TEMPERATURE_C = 105.0
 """Chip temperature at which the chip throttles and then stops, in degrees Celsius (RVC2 data sheet)."""
 
 
@@ -74,7 +74,7 @@ class OakSensor(Sensor):
         self._camera: Intrinsics | None = None
         self._matrix: Any = None
         self._calibrated, self._kind = True, "oak-d"
-        self._rehearsal: Rehearsal | None = None
+        self._driver_replay: DriverReplay | None = None
         self._before = before
         self.again: dict[str, str] = {}
         self._images: Any = None
@@ -93,11 +93,11 @@ class OakSensor(Sensor):
             raise refused("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._rehearsal is not None and self._rehearsal.is_over()
+        over = self._driver_replay is not None and self._driver_replay.is_over()
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
         except RuntimeError as error:
-            raise refused("oak", error, self.name, self._rehearsal is not None) from None
+            raise refused("oak", error, self.name, self._driver_replay is not None) from None
         if image is None:
             if over:
                 return None
@@ -108,17 +108,17 @@ class OakSensor(Sensor):
 
     def condition(self) -> Condition:
         """Returns the link, the chip's temperature, and gravity if it has an accelerometer."""
-        if self._rehearsal is not None:
-            return self._rehearsal.condition() or Condition(calibrated=self._calibrated)
+        if self._driver_replay is not None:
+            return self._driver_replay.condition() or Condition(calibrated=self._calibrated)
         speed, speeds = self._device.getUsbSpeed(), self._dai.UsbSpeed
         slow = speed in (speeds.LOW, speeds.FULL, speeds.HIGH)
         link = "PoE" if speed == speeds.UNKNOWN else "USB 2" if slow else "USB 3"
         celsius = float(self._device.getChipTemperature().average)
-        return Condition(link, slow, celsius, _HOT, self._down(), self._calibrated)
+        return Condition(link, slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated)
 
     def close(self) -> None:
-        if self._rehearsal:
-            self._rehearsal.stop()
+        if self._driver_replay:
+            self._driver_replay.stop()
         if self._images is not None:
             self._images = None
             self._pipeline.stop()
@@ -169,9 +169,9 @@ class OakSensor(Sensor):
             depth, seen = aligned(dai, self._pipeline, stereo, size, fps)
         if self._device.getConnectedIMU() not in ("", "NONE"):
             imu = self._pipeline.create(dai.node.IMU)
-            imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _FELT_HZ)
-            imu.setBatchReportThreshold(_FELT_HZ // 10)
-            imu.setMaxBatchReports(_FELT_HZ)
+            imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _ACCELEROMETER_HZ)
+            imu.setBatchReportThreshold(_ACCELEROMETER_HZ // 10)
+            imu.setMaxBatchReports(_ACCELEROMETER_HZ)
             self._felt = imu.out.createOutputQueue(WAITING, False)
             calibration = self._device.readCalibration()
             seeing = sockets.CAM_A if colour else sockets.CAM_C
@@ -191,7 +191,7 @@ class OakSensor(Sensor):
                 return dai.Device(cameras.get(wanted) or dai.DeviceInfo(wanted))
             return dai.Device(choose()) if cameras else dai.Device()
         except RuntimeError as error:
-            if str(error) in _NOT_THERE and wanted not in cameras:
+            if str(error) in _NOT_FOUND_MESSAGES and wanted not in cameras:
                 choose()
             raise refused("oak", error) from None
 
@@ -207,8 +207,8 @@ class OakSensor(Sensor):
         except (RuntimeError, AttributeError, ValueError) as error:
             raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
-        if self._rehearsal is not None:
-            time_ns = self._rehearsal.taken(time_ns)
+        if self._driver_replay is not None:
+            time_ns = self._driver_replay.taken(time_ns)
         return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
@@ -217,7 +217,7 @@ class OakSensor(Sensor):
         if self._camera is None or matrix != self._matrix:
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
-            arguments = width, height, lens, self._kind, self.name, self._rehearsal is not None
+            arguments = width, height, lens, self._kind, self.name, self._driver_replay is not None
             self._camera, self._calibrated = known_or_typical(*arguments)
             self._matrix = matrix
         return self._camera
@@ -233,7 +233,7 @@ class OakSensor(Sensor):
             for packet in data.packets:
                 felt = packet.acceleroMeter
                 self._gravity.append(np.array([felt.x, felt.y, felt.z]))
-        self._gravity = self._gravity[-_FELT_HZ:]
+        self._gravity = self._gravity[-_ACCELEROMETER_HZ:]
         if not self._gravity:
             return None
         x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()
@@ -259,12 +259,12 @@ class OakSensor(Sensor):
 
         self._pipeline = dai.Pipeline(createImplicitDevice=False)
         self._node = self._pipeline.create(Recorded)
-        self._rehearsal = Rehearsal(path, self._send, paced=True)
-        if any(self._rehearsal.first.intrinsics.distortion):
+        self._driver_replay = DriverReplay(path, self._send, paced=True)
+        if any(self._driver_replay.first.intrinsics.distortion):
             mend = "An OAK's depth always is; rehearse with another recording, or with --sensor realsense."
             raise InputError("its images are not rectified", where=path, mend=mend)
-        self.name, self.fps = "oak rehearsal", self._rehearsal.fps
-        self._last_colour = self._rehearsal.first.colour
+        self.name, self.fps = "oak rehearsal", self._driver_replay.fps
+        self._last_colour = self._driver_replay.first.colour
         if colour and self._last_colour is None:
             raise InputError("it has no colour", where=path, mend="Rehearse without colour=true.")
         return self._node.out, self._node.colour if colour else None

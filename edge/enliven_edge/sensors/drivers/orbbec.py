@@ -20,9 +20,9 @@ from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_devic
 from enliven_edge.sensors.drivers.playback import playbacks
 from enliven_edge.sensors.drivers.refusals import refused
 
-_STILL = 100
+_GRAVITY_READINGS = 100
 """Number of accelerometer readings, one second at 100 Hz. Their mean is gravity."""
-_SYNC = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
+_SYNC_MODES = ("free_run", "standalone", "primary", "secondary", "secondary_synced", "hardware_triggering")
 """Synchronisation of several cameras: the modes of OBMultiDeviceSyncMode that need only a cable."""
 _KINDS = {
     r"Gemini (2|210|215)\b": "orbbec-gemini2",
@@ -62,18 +62,18 @@ class OrbbecSensor(Sensor):
         rehearse: str = "",
         before: str = "",
     ) -> None:
-        if sync and sync not in _SYNC:
+        if sync and sync not in _SYNC_MODES:
             raise InputError(
                 f"the sync mode {sync!r} does not exist",
                 where="sensor orbbec",
-                mend=f"Give {', '.join(_SYNC)}.",
+                mend=f"Give {', '.join(_SYNC_MODES)}.",
             )
         self._ob = orbbec_library()
         self._pipeline: Any = None
         self._accelerometer: Any = None
         self._context: Any = None
         self.name = "sensor orbbec"
-        self._felt: deque[tuple[float, float, float]] = deque(maxlen=_STILL)
+        self._felt: deque[tuple[float, float, float]] = deque(maxlen=_GRAVITY_READINGS)
         self.again: dict[str, str] = {}
         self._gone = self._started = False
         self._shift_ns, self._rehearsed = 0, bool(rehearse)

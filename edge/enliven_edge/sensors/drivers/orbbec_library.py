@@ -12,7 +12,7 @@ from enliven_edge.sensors.drivers.refusals import chosen, refused
 
 _PORT = 8090
 """The network port of Orbbec's cameras."""
-_OLDEST = (2, 0)
+_MIN_SDK_VERSION = (2, 0)
 """Oldest supported version: OrbbecSDK 1 has another interface."""
 _MODES_SHOWN = 8
 """Maximum number of modes that an error message lists."""
@@ -24,7 +24,7 @@ def orbbec_library() -> Any:
     sdk_version = (
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
     )
-    if sdk_version < _OLDEST:
+    if sdk_version < _MIN_SDK_VERSION:
         problem = f"pyorbbecsdk is of version {'.'.join(map(str, sdk_version))}, which has another interface"
         mend = "Type: pip uninstall pyorbbecsdk; pip install --no-deps pyorbbecsdk2"
         raise ResourceError(problem, where="sensor orbbec", mend=mend)

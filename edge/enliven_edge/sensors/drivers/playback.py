@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 BEGINNING_US = 1_000_000
 """Microseconds at which a playback starts: ROS has no time 0."""
-_MOST_BYTES = 1 << 30
+_MAX_IMAGE_BYTES = 1 << 30
 """Maximum bytes of images in a playback, more than a minute of 640x400 at 30: it is written before it is
 played."""
 _HEADER_SIZE = 4096
@@ -119,7 +119,7 @@ def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame
 
 def _depths(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
     """Yields the depth images of the first sensor that has any, up to the size limit."""
-    left, name, images = _MOST_BYTES, None, 0
+    left, name, images = _MAX_IMAGE_BYTES, None, 0
     while (frame := _next(sensor)) is not None:
         if isinstance(frame, DepthFrame) and frame.sensor == (name or frame.sensor):
             if left <= 0:

@@ -12,10 +12,11 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.driver_replay import WAITING, DriverReplay
 from enliven_edge.sensors.drivers.lens import kind_of
 from enliven_edge.sensors.drivers.realsense_library import (
     AlignedColour,
-    RehearsedColour,
+    ReplayedColour,
     colour_mode,
     depth_mode,
     intrinsics,
@@ -24,11 +25,10 @@ from enliven_edge.sensors.drivers.realsense_library import (
     whole,
 )
 from enliven_edge.sensors.drivers.refusals import chosen, refused
-from enliven_edge.sensors.drivers.rehearsal import WAITING, Rehearsal
 
-_STILL = 100
+_GRAVITY_READINGS = 100
 """Number of accelerometer readings, half a second at 200 Hz. Their mean is gravity."""
-_HOT = 90.0
+_MAX_TEMPERATURE_C = 90.0
 """Maximum degrees Celsius of the vision processor in the makers' data sheet (D400 family)."""
 _KINDS = {"D41": "realsense-d415", "D45": "realsense-d455", "D405": "realsense-d405"}
 """The profile of a camera, by a part of its name. The others have the stereo pair of the D435."""
@@ -61,13 +61,13 @@ class RealSenseSensor(Sensor):
     ) -> None:
         self._rs = realsense_library()
         self._colour: AlignedColour | None = None
-        self._sent_colour: RehearsedColour | None = None
-        self._rehearsal = Rehearsal(rehearse, self._send, paced=True) if rehearse else None
+        self._sent_colour: ReplayedColour | None = None
+        self._driver_replay = DriverReplay(rehearse, self._send, paced=True) if rehearse else None
         self._device = (
-            self._rehearsed(rehearse, colour) if self._rehearsal else self._found(str(serial), before)
+            self._rehearsed(rehearse, colour) if self._driver_replay else self._found(str(serial), before)
         )
         self._streams: list[Any] = []
-        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_STILL)
+        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_GRAVITY_READINGS)
         self._gravity: list[np.ndarray] = []
         try:
             self._start((width, height, fps), preset, laser, colour)
@@ -76,7 +76,7 @@ class RealSenseSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._rehearsal is not None and self._rehearsal.is_over()
+        over = self._driver_replay is not None and self._driver_replay.is_over()
         there, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
         if not there:
             if over:
@@ -86,18 +86,20 @@ class RealSenseSensor(Sensor):
 
     def condition(self) -> Condition:
         """Returns the link, the vision processor's temperature, and gravity if it has an accelerometer."""
-        if self._rehearsal is not None and (condition := self._rehearsal.condition()):
+        if self._driver_replay is not None and (condition := self._driver_replay.condition()):
             return condition
         rs, info = self._rs, self._rs.camera_info.usb_type_descriptor
         usb = self._device.get_info(info) if self._device.supports(info) else ""
         hot = self._depth.supports(rs.option.asic_temperature)
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
         slow = usb.startswith("2")
-        return Condition(f"USB {usb}" if usb else "", slow, celsius, _HOT, self._down(), self._calibrated)
+        return Condition(
+            f"USB {usb}" if usb else "", slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated
+        )
 
     def close(self) -> None:
-        if self._rehearsal:
-            self._rehearsal.stop()
+        if self._driver_replay:
+            self._driver_replay.stop()
         streams, self._streams = self._streams, []
         for stream in streams:
             stream.stop()
@@ -124,9 +126,9 @@ class RealSenseSensor(Sensor):
         self._depth = self._device.first_depth_sensor()
         self._set("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
         self._set("emitter_enabled", laser, float(laser))
-        if self._rehearsal:
-            camera = self._rehearsal.first.intrinsics
-            mode = (camera.width, camera.height, round(self._rehearsal.fps))
+        if self._driver_replay:
+            camera = self._driver_replay.first.intrinsics
+            mode = (camera.width, camera.height, round(self._driver_replay.fps))
         profile = depth_mode(self._rs, self._depth, mode, self.name)
         self.fps = float(profile.fps())
         self._learn_lens(profile)
@@ -146,7 +148,7 @@ class RealSenseSensor(Sensor):
             sensor.open(profile)
             sensor.start(queue)
         except RuntimeError as error:
-            raise refused("realsense", error, self.name, self._rehearsal is not None) from None
+            raise refused("realsense", error, self.name, self._driver_replay is not None) from None
         self._streams.append(sensor)
 
     def _set(self, option: str, word: Any, value: float | None) -> None:
@@ -176,8 +178,8 @@ class RealSenseSensor(Sensor):
         if self._scale != 1.0:
             depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
         time_ns, number = round(1e9 * seconds), image.get_frame_number()
-        if self._rehearsal is not None:
-            time_ns = self._rehearsal.taken(time_ns)
+        if self._driver_replay is not None:
+            time_ns = self._driver_replay.taken(time_ns)
         colour = None if self._colour is None else self._colour.over(image)
         return DepthFrame(depth, self._camera, time_ns, self.name, colour, sequence=number)
 
@@ -189,7 +191,7 @@ class RealSenseSensor(Sensor):
             lens = self._rs.intrinsics()
             lens.width, lens.height = profile.width(), profile.height()
         self._camera, self._calibrated = intrinsics(
-            lens, self._rs, self._kind, self.name, self._rehearsal is not None
+            lens, self._rs, self._kind, self.name, self._driver_replay is not None
         )
 
     def _down(self) -> tuple[float, float, float] | None:
@@ -197,10 +199,10 @@ class RealSenseSensor(Sensor):
 
         A resting accelerometer measures the opposite.
         """
-        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _STILL:
+        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _GRAVITY_READINGS:
             felt = frame.as_motion_frame().get_motion_data()
             self._gravity.append(np.array([felt.x, felt.y, felt.z]))
-        self._gravity = self._gravity[-_STILL:]
+        self._gravity = self._gravity[-_GRAVITY_READINGS:]
         if not self._gravity:
             return None
         x, y, z = (-np.mean(self._gravity, axis=0)).tolist()
@@ -208,24 +210,24 @@ class RealSenseSensor(Sensor):
 
     def _rehearsed(self, path: str, colour: bool) -> Any:
         """Returns a software device with the camera of the recording."""
-        assert self._rehearsal is not None
-        rs, camera = self._rs, self._rehearsal.first.intrinsics
+        assert self._driver_replay is not None
+        rs, camera = self._rs, self._driver_replay.first.intrinsics
         device = rs.software_device()
         self._sensor = device.add_sensor("Depth")
         self._stream = self._rehearsed_stream(camera)
         self._sensor.add_read_only_option(rs.option.depth_units, 0.001)
         if colour:
-            first, fps = self._rehearsal.first, round(self._rehearsal.fps)
-            self._sent_colour = RehearsedColour(rs, device, self._stream, first, fps, path)
+            first, fps = self._driver_replay.first, round(self._driver_replay.fps)
+            self._sent_colour = ReplayedColour(rs, device, self._stream, first, fps, path)
         return device
 
     def _rehearsed_stream(self, camera: Intrinsics) -> Any:
         """Returns a stream of the software device for images of this camera."""
-        assert self._rehearsal is not None
+        assert self._driver_replay is not None
         rs, stream = self._rs, self._rs.video_stream()
         stream.type, stream.index, stream.uid, stream.fmt = rs.stream.depth, 0, 0, rs.format.z16
         stream.width, stream.height, stream.bpp = camera.width, camera.height, 2
-        stream.fps = round(self._rehearsal.fps)
+        stream.fps = round(self._driver_replay.fps)
         stream.intrinsics = lens_of(rs, camera, camera.width, camera.height)
         return self._sensor.add_video_stream(stream).as_video_stream_profile()
 

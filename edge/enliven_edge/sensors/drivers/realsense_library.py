@@ -13,8 +13,8 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.attached_cameras import library
+from enliven_edge.sensors.drivers.driver_replay import WAITING
 from enliven_edge.sensors.drivers.lens import known_or_typical
-from enliven_edge.sensors.drivers.rehearsal import WAITING
 
 _MODES_SHOWN = 8
 """Maximum number of modes that an error message lists."""
@@ -79,10 +79,10 @@ def whole(millimetres: float) -> float:
     return 1.0 if abs(millimetres - 1.0) < 1e-6 else millimetres
 
 
-_PATIENCE_MS = 15
+_MAX_COLOUR_WAIT_MS = 15
 """Longest time that a depth image waits for its colour image, in milliseconds: half a frame interval at 30
 fps."""
-_LONGEST_MS = 10_000
+_MAX_ALIGNMENT_MS = 10_000
 """Maximum milliseconds in which the library joins or aligns two available images."""
 
 
@@ -116,14 +116,14 @@ class AlignedColour:
             return None
         self._pair = [depth, colour]
         self._join.invoke(depth)
-        both = self._align.process(self._joined.wait_for_frame(_LONGEST_MS).as_frameset())
+        both = self._align.process(self._joined.wait_for_frame(_MAX_ALIGNMENT_MS).as_frameset())
         return np.array(both.get_color_frame().get_data())
 
     def _of(self, time: float) -> Any:
         """Returns the colour image at a time in milliseconds. A newer image waits for its depth."""
         while True:
             if self._waiting is None:
-                there, self._waiting = self.queue.try_wait_for_frame(_PATIENCE_MS)
+                there, self._waiting = self.queue.try_wait_for_frame(_MAX_COLOUR_WAIT_MS)
                 if not there:
                     self._waiting = None
                     return None
@@ -161,7 +161,7 @@ def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: s
     return min(candidates, key=lambda each: each[0])[1:]
 
 
-class RehearsedColour:
+class ReplayedColour:
     """The colour stream of a software device, with the camera of a recording.
 
     Raises:

@@ -20,13 +20,13 @@ from enliven.frames import DepthFrame
 from enliven.kernels import njit
 from enliven_edge.sensors.attached_cameras import library
 from enliven_edge.sensors.base import Condition, Sensor
+from enliven_edge.sensors.drivers.driver_replay import DriverReplay
 from enliven_edge.sensors.drivers.lens import known_or_typical, limits
-from enliven_edge.sensors.drivers.rehearsal import Rehearsal
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
 """Value of the range control in millimetres, by the requested range in metres."""
-_STEP = 100.0
+_INTRINSICS_SCALE = 100.0
 """The library reports intrinsics in hundredths of a pixel."""
 _REASONS = {
     "ArducamNoPermission": (
@@ -51,7 +51,7 @@ _NONE_FOUND = (
 
 
 @dataclass(frozen=True)
-class _Measured:
+class _FrameContent:
     """The content of the library's frames, for a rehearsal."""
 
     depth_data: Float32
@@ -90,17 +90,17 @@ class TofSensor(Sensor):
         self._limits = limits((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
         self._number = 0
         self._camera: Any = None
-        self._rehearsal: Rehearsal | None = None
+        self._driver_replay: DriverReplay | None = None
         if rehearse:
-            self._played: queue.SimpleQueue[_Measured] = queue.SimpleQueue()
-            self._rehearsal = Rehearsal(rehearse, self._send, paced=True)
-            self._lens, self._calibrated = self._rehearsal.first.intrinsics, True
-            self.name, self.fps = "tof rehearsal", self._rehearsal.fps
+            self._played: queue.SimpleQueue[_FrameContent] = queue.SimpleQueue()
+            self._driver_replay = DriverReplay(rehearse, self._send, paced=True)
+            self._lens, self._calibrated = self._driver_replay.first.intrinsics, True
+            self.name, self.fps = "tof rehearsal", self._driver_replay.fps
         else:
             self._open(device, range)
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._rehearsal is not None and self._rehearsal.is_over()
+        over = self._driver_replay is not None and self._driver_replay.is_over()
         frame = self._request(timeout or 0.0)
         if frame is None:
             if over:
@@ -108,9 +108,9 @@ class TofSensor(Sensor):
             raise TimeoutError(f"no image of {self.name} yet")
         # Use this machine's clock, because the library does not document the unit and the clock of its times.
         time_ns, number = time.monotonic_ns(), self._number
-        if self._rehearsal is not None:
+        if self._driver_replay is not None:
             self._lens, number = frame.lens, frame.number
-            time_ns = self._rehearsal.taken(frame.time_ns)
+            time_ns = self._driver_replay.taken(frame.time_ns)
         try:
             depth = self._trusted(frame.depth_data, frame.confidence_data)
         finally:
@@ -121,13 +121,13 @@ class TofSensor(Sensor):
     def condition(self) -> Condition:
         """Returns that it is at a camera port, and whether it reports its intrinsics: it reports nothing
         more."""
-        if self._rehearsal is not None and (condition := self._rehearsal.condition()):
+        if self._driver_replay is not None and (condition := self._driver_replay.condition()):
             return condition
         return Condition("CSI" if self._camera is not None else "", calibrated=self._calibrated)
 
     def close(self) -> None:
-        if self._rehearsal:
-            self._rehearsal.stop()
+        if self._driver_replay:
+            self._driver_replay.stop()
         camera, self._camera = self._camera, None
         if camera is not None:
             camera.stop()
@@ -155,7 +155,7 @@ class TofSensor(Sensor):
             camera.setControl(ac.Control.RANGE, _MODES[metres])
             info, control = camera.getCameraInfo(), ac.Control
             asked = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
-            fx, fy, cx, cy = (camera.getControl(each) / _STEP for each in asked)
+            fx, fy, cx, cy = (camera.getControl(each) / _INTRINSICS_SCALE for each in asked)
             self._lens, self._calibrated = known_or_typical(
                 info.width, info.height, (fx, fy, cx, cy), _PROFILE, self.name
             )
@@ -165,7 +165,7 @@ class TofSensor(Sensor):
 
     def _request(self, timeout: float) -> Any:
         """Returns the next frame of the library or of a rehearsal. None if none came in time."""
-        if self._rehearsal is not None:
+        if self._driver_replay is not None:
             try:
                 return self._played.get(timeout=max(timeout, 1e-3))
             except queue.Empty:
@@ -196,9 +196,9 @@ class TofSensor(Sensor):
         confidence."""
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
-        self._hand_over(_Measured(depth, sure, frame.time_ns, number, frame.intrinsics))
+        self._hand_over(_FrameContent(depth, sure, frame.time_ns, number, frame.intrinsics))
 
-    def _hand_over(self, measured: _Measured) -> None:
+    def _hand_over(self, measured: _FrameContent) -> None:
         """Queues an image in the library's place. A paced rehearsal ensures that few images wait."""
         self._played.put(measured)
 

@@ -21,15 +21,15 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.isolation.last_words import speak_into
+from enliven_edge.sensors.isolation.crash_traceback import speak_into
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
-_TURN = 0.1
+_READ_TIMEOUT_S = 0.1
 """Seconds that the driver may wait for an image before the next request is handled."""
-_FULL = 0.005
+_SLOT_POLL_S = 0.005
 """Seconds between two checks for a free slot if every image is wanted: half a fast camera's frame
 interval. A request that arrives in the meantime is handled first."""
-_CONDITION_EVERY = 1.0
+_CONDITION_INTERVAL_S = 1.0
 """Seconds between two reports of temperature, link and gravity."""
 
 
@@ -52,7 +52,7 @@ def serve(
     sys.stdout.flush()
     os.dup2(2, 1)
     shared_pipe = _Pipe(pipe)
-    logging.basicConfig(level=logging.INFO, handlers=[_Teller(shared_pipe)], force=True)
+    logging.basicConfig(level=logging.INFO, handlers=[_PipeLogHandler(shared_pipe)], force=True)
     with contextlib.suppress(EOFError, OSError):
         _Helper(shared_pipe, kind, options, every_frame).run()
 
@@ -110,7 +110,7 @@ class _Helper:
     def _read(self, device: Sensor) -> None:
         """Sends the next frame, or the event in its place, to the edge."""
         try:
-            frame = device.read(_TURN)
+            frame = device.read(_READ_TIMEOUT_S)
         except TimeoutError:
             return
         except Exception as error:
@@ -128,7 +128,7 @@ class _Helper:
             self._pipe.send(
                 ("bad", "", "its driver returns something other than images and bodies", device.name, "")
             )
-        if self._device is not None and time.monotonic() - self._told > _CONDITION_EVERY:
+        if self._device is not None and time.monotonic() - self._told > _CONDITION_INTERVAL_S:
             self._told = time.monotonic()
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
 
@@ -144,7 +144,7 @@ class _Helper:
                 if self._device is None:
                     return
         while (slot := self._slots.write(frame.depth, frame.colour)) is None:
-            if not self._every or self._pipe.poll(_FULL):
+            if not self._every or self._pipe.poll(_SLOT_POLL_S):
                 return
         # Send the intrinsics only when they change.
         camera = None if frame.intrinsics == self._camera else frame.intrinsics
@@ -167,7 +167,7 @@ class _Pipe:
             self._pipe.send(message)
 
 
-class _Teller(logging.Handler):
+class _PipeLogHandler(logging.Handler):
     """Sends log lines to the edge, which has the user's log settings."""
 
     def __init__(self, pipe: _Pipe) -> None:

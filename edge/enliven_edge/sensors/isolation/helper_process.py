@@ -15,8 +15,8 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.sensors.crash_reports import keep_text
+from enliven_edge.sensors.isolation.crash_traceback import CrashTraceback
 from enliven_edge.sensors.isolation.helper import serve
-from enliven_edge.sensors.isolation.last_words import LastWords
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
 SILENT = 1.0
@@ -24,9 +24,9 @@ SILENT = 1.0
 frames."""
 OPENING = 45.0
 """Maximum seconds for opening: a library that searches a network needs some twenty."""
-_CLOSING = 0.4
+_CLOSE_TIMEOUT_S = 0.4
 """Time that a driver gets to close its device before its process is killed, in seconds."""
-_MOST_WAITING = 3
+_MAX_WAITING_IMAGES = 3
 """Maximum number of images that wait for the edge. Older ones are dropped, so that a pause causes no lag."""
 
 
@@ -44,7 +44,7 @@ class HelperProcess:
         self._name, self._every = name, every_frame
         self._pipe: Connection
         self._pipe, far = context.Pipe()
-        self._words = LastWords(context)
+        self._words = CrashTraceback(context)
         arguments = (far, kind, options, every_frame, self._words.far)
         self._process = context.Process(target=serve, args=arguments, name=f"sensor {name}", daemon=True)
         try:
@@ -101,7 +101,7 @@ class HelperProcess:
             if message[0] != "frame":
                 return message
             frames -= 1
-            if self._every or frames < _MOST_WAITING:
+            if self._every or frames < _MAX_WAITING_IMAGES:
                 return message
             self._skip(*message[1:])
         return None
@@ -126,7 +126,7 @@ class HelperProcess:
         """Closes the device and ends the process, by force if it does not end itself."""
         with contextlib.suppress(SensorFault):
             self._say("close")
-            self._answer(_CLOSING, "closed")
+            self._answer(_CLOSE_TIMEOUT_S, "closed")
         self._pipe.close()
         self._words.close()
         self._process.join(0.05)
@@ -185,7 +185,7 @@ class HelperProcess:
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._say("memory", self._slots.name, size, count)
-        while self._pipe.poll(_CLOSING + SILENT):
+        while self._pipe.poll(_CLOSE_TIMEOUT_S + SILENT):
             try:
                 message = self._pipe.recv()
             except (EOFError, OSError):
@@ -197,7 +197,7 @@ class HelperProcess:
 
     def _lost(self) -> SensorFault:
         """Returns the fault of a process that has ended. Stores a report if it crashed."""
-        self._process.join(_CLOSING)
+        self._process.join(_CLOSE_TIMEOUT_S)
         code = self._process.exitcode
         why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
         if code and code < 0 and (report := self._words.read()):

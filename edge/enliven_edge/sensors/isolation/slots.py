@@ -17,18 +17,18 @@ SLOTS = 8
 """Number of images in memory: one being written, two waiting, the others for readers that keep some."""
 MOST_SLOTS = 64
 """Maximum number of images in memory if every image is wanted: two seconds, in which a disk catches up."""
-_MOST_BYTES = 32 << 20
+_MAX_SLOTS_BYTES = 32 << 20
 """Maximum bytes of these images, except that :data:`SLOTS` images always fit. Containers often have 64 MiB
 of shared memory for all programs."""
 SPARE = 3
 """Number of slots that stay free for the writer. If fewer are left, the reader copies its image out."""
-_HEAD = 64
+_HEADER_BYTES = 64
 """Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`. Images start at a cache line."""
 
 
 def slots_for_all(size: int) -> int:
     """Returns the number of slots for images of ``size`` bytes if every image is wanted."""
-    return min(max(_MOST_BYTES // size, SLOTS), MOST_SLOTS)
+    return min(max(_MAX_SLOTS_BYTES // size, SLOTS), MOST_SLOTS)
 
 
 class FrameSlots:
@@ -47,7 +47,7 @@ class FrameSlots:
     @classmethod
     def make(cls, size: int, count: int = SLOTS) -> FrameSlots:
         """Creates a block for the reader. Call :meth:`forget` as soon as the writer has attached to it."""
-        return cls(_Memory(create=True, size=_HEAD + count * size), size, count)
+        return cls(_Memory(create=True, size=_HEADER_BYTES + count * size), size, count)
 
     @classmethod
     def attach(cls, name: str, size: int, count: int = SLOTS) -> FrameSlots:
@@ -103,7 +103,9 @@ class FrameSlots:
 
     def _place(self, slot: int) -> UInt8:
         """Returns (size,) the bytes of a slot, as a separate array."""
-        return np.ndarray((self.size,), np.uint8, buffer=self._memory.buf, offset=_HEAD + slot * self.size)
+        return np.ndarray(
+            (self.size,), np.uint8, buffer=self._memory.buf, offset=_HEADER_BYTES + slot * self.size
+        )
 
 
 class _Memory(SharedMemory):

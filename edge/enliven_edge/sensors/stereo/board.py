@@ -10,19 +10,19 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectifying import opencv
+from enliven_edge.sensors.stereo.rectification import opencv
 
-_MARKER = 0.75
+_MARKER_RATIO = 0.75
 """Side of a marker relative to that of its square: OpenCV needs a white margin around it."""
-_CELLS = 6
+_MARKER_CELLS = 6
 """Number of cells along a marker's side of the dictionary 4x4, including its black border."""
-_MOST_MARKERS = 50
+_MARKER_COUNT = 50
 """Number of markers in that dictionary."""
-_MM = 72 / 25.4
+_UNITS_PER_MM = 72 / 25.4
 """PDF units per millimetre."""
 _PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0)}
 """Sizes of sheets in landscape orientation, in millimetres, the smallest first."""
-_EDGE = 8.0
+_PRINT_MARGIN_MM = 8.0
 """Margin that a printer may leave white, in millimetres."""
 
 
@@ -39,11 +39,11 @@ class CalibrationBoard:
     square: float = 0.038
 
     def __post_init__(self) -> None:
-        if min(self.columns, self.rows) < 3 or self.columns * self.rows > 2 * _MOST_MARKERS:
+        if min(self.columns, self.rows) < 3 or self.columns * self.rows > 2 * _MARKER_COUNT:
             raise InputError(
                 f"a board of {self.columns} x {self.rows} squares cannot be made",
                 where="board",
-                mend=f"Give 3 x 3 squares or more, {2 * _MOST_MARKERS} in all at most.",
+                mend=f"Give 3 x 3 squares or more, {2 * _MARKER_COUNT} in all at most.",
             )
         if not 0.005 <= self.square <= 1.0:
             raise InputError(
@@ -72,7 +72,7 @@ class CalibrationBoard:
         cv = opencv()
         markers = cv.aruco.getPredefinedDictionary(cv.aruco.DICT_4X4_50)
         size = (self.columns, self.rows)
-        return cv.aruco.CharucoBoard(size, self.square, _MARKER * self.square, markers)
+        return cv.aruco.CharucoBoard(size, self.square, _MARKER_RATIO * self.square, markers)
 
     @cached_property
     def _detector(self) -> Any:
@@ -91,9 +91,9 @@ class CalibrationBoard:
             for column in range(self.columns)
             if (row + column) % 2 == 0
         ]
-        cell = _MARKER * side / _CELLS
+        cell = _MARKER_RATIO * side / _MARKER_CELLS
         for number, corners in zip(self.drawing.getIds().ravel(), self.drawing.getObjPoints(), strict=True):
-            picture = cv.aruco.generateImageMarker(self.drawing.getDictionary(), int(number), _CELLS)
+            picture = cv.aruco.generateImageMarker(self.drawing.getDictionary(), int(number), _MARKER_CELLS)
             x, y, _ = np.reshape(corners, (-1, 3)).min(0)
             black += [(x + j * cell, y + i * cell, cell, cell) for i, j in np.argwhere(picture == 0)]
         return np.array(black, np.float64)
@@ -106,7 +106,9 @@ class CalibrationBoard:
         """
         wide, high = 1e3 * self.square * self.columns, 1e3 * self.square * self.rows
         fitting = [
-            name for name, (w, h) in _PAPERS.items() if wide + 2 * _EDGE <= w and high + 2 * _EDGE <= h
+            name
+            for name, (w, h) in _PAPERS.items()
+            if wide + 2 * _PRINT_MARGIN_MM <= w and high + 2 * _PRINT_MARGIN_MM <= h
         ]
         if not fitting:
             problem = f"a board of {wide:.0f} x {high:.0f} mm fits on no sheet up to A2"
@@ -115,13 +117,13 @@ class CalibrationBoard:
         across, down = _PAPERS[paper]
         left, top = (across - wide) / 2, (down - high) / 2
         lines = [
-            f"{_MM * (left + 1e3 * x):.4f} {_MM * (down - top - 1e3 * (y + h)):.4f} "
-            f"{_MM * 1e3 * w:.4f} {_MM * 1e3 * h:.4f} re"
+            f"{_UNITS_PER_MM * (left + 1e3 * x):.4f} {_UNITS_PER_MM * (down - top - 1e3 * (y + h)):.4f} "
+            f"{_UNITS_PER_MM * 1e3 * w:.4f} {_UNITS_PER_MM * 1e3 * h:.4f} re"
             for x, y, w, h in self.rectangles()
         ]
         words = f"{paper}: {self.columns} x {self.rows} squares of {1e3 * self.square:g} mm; print at 100 %"
-        text = f"BT /F 8 Tf {_MM * left:.2f} {_MM * (top / 3):.2f} Td ({words}) Tj ET"
-        return _pdf("\n".join([*lines, "f", text]), _MM * across, _MM * down)
+        text = f"BT /F 8 Tf {_UNITS_PER_MM * left:.2f} {_UNITS_PER_MM * (top / 3):.2f} Td ({words}) Tj ET"
+        return _pdf("\n".join([*lines, "f", text]), _UNITS_PER_MM * across, _UNITS_PER_MM * down)
 
 
 def _pdf(drawing: str, width: float, height: float) -> bytes:

@@ -13,10 +13,10 @@ from enliven.errors import InputError
 from enliven.files import write_file
 from enliven.settings import TOML_VERSION, load_settings, refuse_later_toml, setting
 
-_LENGTH = 1e-3
+_BASELINE_TOLERANCE_M = 1e-3
 """Tolerated difference between the baseline and the length of the translation, in metres. A mistake in an
 edited file is larger."""
-_CROOKED = 1e-3
+_ROTATION_TOLERANCE = 1e-3
 """Tolerance of a rotation's orthonormality."""
 _Row = tuple[float, float, float]
 
@@ -104,9 +104,9 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
 def _wrong(c: StereoCalibration) -> str:
     """Returns a contradiction in a calibration. Empty if there is none."""
     turn, shift = np.array(c.right_from_left), np.array(c.translation)
-    if np.abs(turn @ turn.T - np.eye(3)).max() > _CROOKED or np.linalg.det(turn) < 0:
+    if np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(turn) < 0:
         return "right_from_left is not a rotation"
-    if abs(float(np.linalg.norm(shift)) - c.baseline) > _LENGTH:
+    if abs(float(np.linalg.norm(shift)) - c.baseline) > _BASELINE_TOLERANCE_M:
         return f"the baseline is {c.baseline} m, the translation {np.linalg.norm(shift):.4f} m long"
     across = -float((turn.T @ shift)[0])
     if across > 0 and across < c.baseline * math.cos(math.radians(45)):

@@ -9,29 +9,29 @@ import numpy as np
 
 from enliven.arrays import UInt8, UInt16
 from enliven.errors import InputError
-from enliven_edge.sensors.stereo.rectifying import Rectification, opencv
+from enliven_edge.sensors.stereo.rectification import Rectification, opencv
 
 STEPS = 16
 """Subpixel steps per pixel of the matcher's disparity."""
-_BLOCK = 5
+_BLOCK_SIDE_PX = 5
 """Pixels, side of the window that is compared."""
-_SMALL = 6
+_SMALL_STEP_PENALTY = 6
 """Penalty of a one-pixel step between neighbours (P1), per pixel of the window. See below."""
-_LARGE = 20
+_LARGE_STEP_PENALTY = 20
 """Penalty of a larger step (P2), per pixel of the window. With OpenCV's advice of 8 and 32, half as many
 pixels again next to a person get the person's depth."""
-_CLIP = 63
+_MAX_GRADIENT = 63
 """Maximum grey value gradient that counts, the highest that OpenCV accepts."""
-_UNIQUE = 10
+_UNIQUENESS_PERCENT = 10
 """Percent that the best disparity must be better than the second best."""
-_BOTH_SIDES = 1
+_MAX_LEFT_RIGHT_PX = 1
 """Maximum pixels between the match from the right and that from the left (left-right check)."""
-_SPECK = 150
+_MIN_ISLAND_PX = 150
 """Minimum area of an island of one depth, in pixels. Smaller ones are noise. A hand at 3 m has 400 pixels in
 an image of 640 x 400."""
-_SPECK_STEP = 1
+_MAX_ISLAND_STEP_PX = 1
 """Maximum pixels of disparity between neighbours of one island."""
-_MOST_DISPARITIES = 256
+_MAX_DISPARITIES = 256
 """Maximum search range in pixels. With a larger range the matcher takes longer than a frame."""
 
 
@@ -57,8 +57,8 @@ class StereoMatcher:
         focal_baseline = rectification.intrinsics.fx * rectification.baseline
         self._lowest = math.floor(focal_baseline / far)
         self._count = 16 * math.ceil((focal_baseline / near + 1 - self._lowest) / 16)
-        if self._count > _MOST_DISPARITIES:
-            nearest = focal_baseline / (_MOST_DISPARITIES + self._lowest)
+        if self._count > _MAX_DISPARITIES:
+            nearest = focal_baseline / (_MAX_DISPARITIES + self._lowest)
             raise InputError(
                 f"to see from {near} m on, {self._count} disparities must be tried",
                 where="stereo",
@@ -67,14 +67,14 @@ class StereoMatcher:
         self._matcher = self._cv.StereoSGBM_create(
             minDisparity=self._lowest,
             numDisparities=self._count,
-            blockSize=_BLOCK,
-            P1=_SMALL * _BLOCK**2,
-            P2=_LARGE * _BLOCK**2,
-            disp12MaxDiff=_BOTH_SIDES,
-            preFilterCap=_CLIP,
-            uniquenessRatio=_UNIQUE,
-            speckleWindowSize=_SPECK,
-            speckleRange=_SPECK_STEP,
+            blockSize=_BLOCK_SIDE_PX,
+            P1=_SMALL_STEP_PENALTY * _BLOCK_SIDE_PX**2,
+            P2=_LARGE_STEP_PENALTY * _BLOCK_SIDE_PX**2,
+            disp12MaxDiff=_MAX_LEFT_RIGHT_PX,
+            preFilterCap=_MAX_GRADIENT,
+            uniquenessRatio=_UNIQUENESS_PERCENT,
+            speckleWindowSize=_MIN_ISLAND_PX,
+            speckleRange=_MAX_ISLAND_STEP_PX,
             mode=self._cv.STEREO_SGBM_MODE_SGBM_3WAY,
         )
         self._margin = self._lowest + self._count

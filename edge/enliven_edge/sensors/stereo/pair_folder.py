@@ -16,9 +16,9 @@ from enliven.files import read_file
 from enliven_edge.sensors.stereo.pairing import CameraImage
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
-_MOST_PAIRS = 10_000
+_MAX_PAIRS = 10_000
 """Maximum number of pairs in a folder: five minutes at 30 per second."""
-_MOST_PIXELS = 1 << 26
+_MAX_PIXELS = 1 << 26
 """Maximum pixels of one image, 8192 x 8192: a file of a few kilobytes can declare any size."""
 
 
@@ -33,14 +33,14 @@ def image_pairs(folder: Path) -> list[tuple[Path, Path]]:
         raise InputError("the folder does not exist", where=where, mend="Give a folder of image pairs.")
     files = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in _SUFFIXES]
     sides: dict[str, dict[str, Path]] = {"left": {}, "right": {}}
-    for file in files[: 2 * _MOST_PAIRS + 1]:
+    for file in files[: 2 * _MAX_PAIRS + 1]:
         name = str(file.relative_to(folder))
         side = re.search("left|right", name, re.IGNORECASE)
         if side:
             sides[side[0].lower()][re.sub("left|right", "*", name, flags=re.IGNORECASE)] = file
     left, right = sides["left"], sides["right"]
-    if not left or not right or len(files) > 2 * _MOST_PAIRS:
-        wrong = "it holds no image pairs" if len(files) <= 2 * _MOST_PAIRS else "it holds too many images"
+    if not left or not right or len(files) > 2 * _MAX_PAIRS:
+        wrong = "it holds no image pairs" if len(files) <= 2 * _MAX_PAIRS else "it holds too many images"
         raise InputError(wrong, where=where, mend="Name them left-01.png and right-01.png, and so on.")
     for name in left.keys() ^ right.keys():
         lonely = left.get(name) or right[name]
@@ -56,7 +56,7 @@ def read_grey(path: Path) -> UInt8:
     """
     try:
         with Image.open(io.BytesIO(read_file(path)), formats=("PNG", "JPEG")) as image:
-            if image.width * image.height > _MOST_PIXELS:
+            if image.width * image.height > _MAX_PIXELS:
                 problem = f"it states {image.width} x {image.height} pixels"
                 raise InputError(problem, where=str(path), mend="Remove the pair.")
             return np.asarray(image.convert("L"))

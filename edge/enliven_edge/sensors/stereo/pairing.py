@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from enliven.arrays import UInt8
 from enliven.errors import ResourceError
 
-_FINDING_NS = 5_000_000_000
+_SYNC_TIMEOUT_NS = 5_000_000_000
 """Maximum nanoseconds until two cameras are synchronised. The Raspberry Pi sends a synchronisation message
 every thirty images, and the second camera may need two."""
-_LOST_NS = 750_000_000
+_LOST_AFTER_NS = 750_000_000
 """Nanoseconds without a pair after which the sensor is lost. The edge counts a second of silence as a
 loss."""
-_WAITING = 4
+_MAX_WAITING = 4
 """Maximum number of images of one camera that wait for the other's: the library gives each camera four."""
 
 
@@ -50,8 +50,8 @@ class Pairing:
     def __init__(self, name: str, tolerance_ns: int) -> None:
         self._name, self._tolerance = name, tolerance_ns
         self._waiting: tuple[deque[CameraImage], deque[CameraImage]] = (
-            deque(maxlen=_WAITING),
-            deque(maxlen=_WAITING),
+            deque(maxlen=_MAX_WAITING),
+            deque(maxlen=_MAX_WAITING),
         )
         self._since_ns: int | None = None
         self._least_ns: int | None = None
@@ -66,7 +66,7 @@ class Pairing:
         """
         line = self._waiting[image.eye]
         self._since_ns = image.time_ns if self._since_ns is None else self._since_ns
-        if len(line) == _WAITING:
+        if len(line) == _MAX_WAITING:
             self._leave_out(line.popleft())
         line.append(image)
         left, right = self._waiting
@@ -82,7 +82,7 @@ class Pairing:
     def _leave_out(self, image: CameraImage) -> None:
         self.odd += 1
         assert self._since_ns is not None
-        patience = _FINDING_NS if self.apart_ns is None else _LOST_NS
+        patience = _SYNC_TIMEOUT_NS if self.apart_ns is None else _LOST_AFTER_NS
         if image.time_ns - self._since_ns < patience:
             return
         self._since_ns = image.time_ns

@@ -19,10 +19,10 @@ _UP = (0.0, 1.0, 0.0)
 """Unit direction of the trunk's bones of a standing person."""
 _DOWN = (0.0, -1.0, 0.0)
 """Unit direction of hanging arms and of legs."""
-_AHEAD = (0.0, -0.5, 0.866)
+_FOOT_DIRECTION = (0.0, -0.5, 0.866)
 """Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
 _PARENT = np.maximum(np.array(PARENTS), 0)
-_SHORT = 1e-3
+_MIN_LENGTH_M = 1e-3
 """Length below which a bone has no direction, in metres. A millimetre is below the noise of joints."""
 
 
@@ -37,8 +37,8 @@ def standing() -> Float:
         (Joint.SHOULDER_RIGHT, (-0.94, -0.34, 0.0)),
         (Joint.HIP_LEFT, (0.77, -0.64, 0.0)),
         (Joint.HIP_RIGHT, (-0.77, -0.64, 0.0)),
-        (Joint.FOOT_LEFT, _AHEAD),
-        (Joint.FOOT_RIGHT, _AHEAD),
+        (Joint.FOOT_LEFT, _FOOT_DIRECTION),
+        (Joint.FOOT_RIGHT, _FOOT_DIRECTION),
     ):
         at[joint] = direction
     return at
@@ -90,9 +90,9 @@ class Bones:
         joints = np.where(is_tracked[:, None], body.joints, 0.0)
         vectors = (joints - joints[_PARENT]) @ back.T
         lengths = np.linalg.norm(vectors, axis=1)
-        both = is_tracked & is_tracked[_PARENT] & (lengths > _SHORT)
+        both = is_tracked & is_tracked[_PARENT] & (lengths > _MIN_LENGTH_M)
         self._trust = np.where(both, np.minimum(self._trust + gain, 1.0), 0.0)
-        directions = vectors / np.maximum(lengths, _SHORT)[:, None]
+        directions = vectors / np.maximum(lengths, _MIN_LENGTH_M)[:, None]
         before = self._directions
         self._directions = _unit(before + self._trust[:, None] * (directions - before), before)
         self._fresh = False
@@ -148,12 +148,12 @@ def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
 def _frame(left: Float, up: Float) -> Float | None:
     """Returns a (3, 3) rotation with columns left, up, front. None if the vectors are too short."""
     size = float(np.linalg.norm(up))
-    if size < _SHORT:
+    if size < _MIN_LENGTH_M:
         return None
     y = up / size
     x = left - (left @ y) * y
     size = float(np.linalg.norm(x))
-    if size < _SHORT:
+    if size < _MIN_LENGTH_M:
         return None
     x = x / size
     return np.stack([x, y, np.cross(x, y)], axis=1)

@@ -28,26 +28,26 @@ _LEGS = (
     (Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.ANKLE_LEFT),
     (Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT),
 )
-_CREEP = 0.01
+_FLOOR_RISE_RATE = 0.01
 """Maximum speed at which the floor estimate rises, in metres per second. It is slow, because a jump lasts
 less than a second."""
-_DEAD = 0.025
+_MIN_LIFT = 0.025
 """Minimum lift of a foot that is in the air, as a fraction of body height. Standing heels lift by less, and
 joints are noisy."""
-_SURE = 0.5
+_CONTACT_PROBABILITY = 0.5
 """Minimum contact probability of a foot that starts to stand: more likely than not."""
-_STILL_SURE = 0.3
-"""A standing foot is released below this contact probability. Lower than ``_SURE`` (hysteresis), so that
+_RELEASE_PROBABILITY = 0.3
+"""A standing foot is released below this contact probability, lower than the other (hysteresis), so that
 contacts do not flicker."""
-_WINDOW = 0.1
+_SPEED_WINDOW_S = 0.1
 """Seconds over which the speed of a foot is measured: three frames of a usual sensor."""
-_LEG = 0.5
+_LEG_RATIO = 0.5
 """Length of a leg as a fraction of body height."""
-_HIGHEST = 1.0
+_MAX_LIFT = 1.0
 """Maximum lift as a fraction of body height: people do not jump higher."""
-_ADULT = 1.7
+_DEFAULT_HEIGHT_M = 1.7
 """Height that is assumed for a performer of unknown height, in metres: that of an average adult."""
-_LOWEST = 0.3
+_MIN_HEIGHT_M = 0.3
 """Minimum plausible height of a performer, in metres. A smaller height comes from missing joints, and counts
 as unknown."""
 LEFT_FOOT = 0
@@ -90,16 +90,16 @@ class Feet:
         at = body.joints[joints]
         seen = (body.confidence[joints] > 0) & np.isfinite(at).all(2)
         heights = np.where(seen, at[..., 1], np.inf)
-        self._floor = np.minimum(self._floor + _CREEP * seconds, heights)
+        self._floor = np.minimum(self._floor + _FLOOR_RISE_RATE * seconds, heights)
         above = np.where(seen, heights - np.where(seen, self._floor, 0.0), np.inf).min(1)
         self._stand(body, at, seen, above)
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._contacts(body).any():
             return Footing(stands=stands)
-        lift = min(float(above.min()) / height_of(body), _HIGHEST)
-        if lift <= _DEAD:
+        lift = min(float(above.min()) / height_of(body), _MAX_LIFT)
+        if lift <= _MIN_LIFT:
             return Footing(stands=stands)
-        return Footing(False, lift - _DEAD)
+        return Footing(False, lift - _MIN_LIFT)
 
     def _stand(self, body: Body, at: Float, seen: Bool, above: Float) -> None:
         """Decides which feet stand: by the tracker's contacts, or else by height and speed, as in a take."""
@@ -107,13 +107,13 @@ class Feet:
             self._down = self._contacts(body).tolist()
             return
         places = np.where(seen[:, :1], at[:, 0], at[:, 1])
-        while self._path and self._seconds - self._path[0][0] > _WINDOW:
+        while self._path and self._seconds - self._path[0][0] > _SPEED_WINDOW_S:
             self._path.popleft()
         self._path.append((self._seconds, places))
         since = max(self._seconds - self._path[0][0], 1e-9)
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
-        leg = _LEG * height_of(body)
+        leg = _LEG_RATIO * height_of(body)
         # A runner's standing foot rolls fast, but it is slow relative to the mean of both feet.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
@@ -125,14 +125,14 @@ class Feet:
         """Returns (2,) flags: True if the tracker reports contact of the left and the right foot."""
         if body.contacts is None:
             return np.zeros(2, np.bool_)
-        least = np.where(self._down, _STILL_SURE, _SURE)
+        least = np.where(self._down, _RELEASE_PROBABILITY, _CONTACT_PROBABILITY)
         return np.asarray(body.contacts >= least)
 
 
 def height_of(body: Body) -> float:
     """Returns the performer's height in metres, or an adult's height if it is unknown."""
     height = body.height
-    return height if np.isfinite(height) and height > _LOWEST else _ADULT
+    return height if np.isfinite(height) and height > _MIN_HEIGHT_M else _DEFAULT_HEIGHT_M
 
 
 def side_of_foot(joint: Joint) -> int:
@@ -155,9 +155,9 @@ def leg_length(body: Body) -> float:
     joints = np.array(_LEGS)
     seen = ((body.confidence[joints] > 0) & np.isfinite(body.joints[joints]).all(2)).all(1)
     if not seen.any():
-        return _LEG * height_of(body)
+        return _LEG_RATIO * height_of(body)
     bones = np.linalg.norm(np.diff(body.joints[joints[seen]], axis=1), axis=2)
-    return max(float(bones.sum(1).mean()), _LEG * _LOWEST)
+    return max(float(bones.sum(1).mean()), _LEG_RATIO * _MIN_HEIGHT_M)
 
 
 class Locomotion:

@@ -17,12 +17,12 @@ from enliven.possession import Actor, Cues, Easing, Mode, cues_of
 from enliven.rotation import rotate
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.hold import ControlPointHold
-from enliven_edge.stage.puppet.live import Live, Sample
+from enliven_edge.stage.puppet.live_puppet import LivePuppet, PerformerInput
 from enliven_edge.stage.puppet.locomotion import Feet, Locomotion, side_of_foot
 from enliven_edge.stage.puppet.retargeting import Retargeting
 from enliven_edge.stage.puppet.settings import PuppetSettings
 
-_STEP = 33_333_333
+_FRAME_NS = 33_333_333
 """Nanoseconds between the frames of a rehearsal, which warms the code up."""
 
 
@@ -51,7 +51,7 @@ class PuppetActor(Actor):
         locomotion = Locomotion(puppet.rest, feet, *how)
         mapping = ExampleMap(self._examples, puppet.examples)
         self._locomotion = locomotion
-        self._live = Live(mapping, locomotion, self.settings.rate, self.settings.lag)
+        self._live = LivePuppet(mapping, locomotion, self.settings.rate, self.settings.lag)
         self._live.rest = puppet.rest
         self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
         self._easing = Easing(self.settings.fade, self.settings.fade_pace)
@@ -128,7 +128,7 @@ class PuppetActor(Actor):
         joints = np.random.default_rng(0).normal(size=(20, 3))
         body = Body(0, joints, np.ones(20))
         for frame in range(6):
-            rehearsal.perform([body], frame * _STEP)
+            rehearsal.perform([body], frame * _FRAME_NS)
             if frame == 1:
                 rehearsal.possess(body)
 
@@ -196,7 +196,7 @@ class PuppetActor(Actor):
         yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
         way = self._travel.stride * lead.way * cmath.exp(-1j * self._yaw_offset)
-        sample = Sample(pose, yaw, lead.footing, size, way)
+        sample = PerformerInput(pose, yaw, lead.footing, size, way)
         if self._restarts or paused:
             self._restarts = False
             self._easing.restart_fade()

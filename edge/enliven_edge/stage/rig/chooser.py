@@ -22,11 +22,11 @@ from enliven.person import Body
 from enliven_edge.stage.rig.live_shape import Pair
 from enliven_edge.stage.rig.settings import MatchingSettings
 
-_TOWARDS = ScreenView(np.array([0.0, 0.0, -1.0]))
+_SENSOR_VIEW = ScreenView(np.array([0.0, 0.0, -1.0]))
 """The view of a sensor on performers that face +Z."""
-_MIRRORED = ScreenView(np.array([0.0, 0.0, 1.0]))
+_MIRROR_VIEW = ScreenView(np.array([0.0, 0.0, 1.0]))
 """The view from behind the performers, as in a mirror."""
-_NOTHING = Pick(None, -1)
+_NO_PICK = Pick(None, -1)
 """The pick without a match."""
 
 
@@ -43,7 +43,7 @@ class Chooser:
         self._skeleton, self._settings = skeleton, settings
         self._matcher = Matcher(skeleton, settings=settings.ranking)
         self._picker = Picker(settings.picking)
-        self.body, self.view, self.pick = -1, _TOWARDS, _NOTHING
+        self.body, self.view, self.pick = -1, _SENSOR_VIEW, _NO_PICK
         self._parts = ""
         self._source: BodySource | None = None
         self._ranking: Ranking | None = None
@@ -67,7 +67,7 @@ class Chooser:
             self.body, self._parts, self._source = body.id, parts, body_source(body, parts)
             self._picker.reset()
         points = self._source.source.points(body.joints)
-        source_view = _MIRRORED if self._settings.mirror else _TOWARDS
+        source_view = _MIRROR_VIEW if self._settings.mirror else _SENSOR_VIEW
         self._ranking = self._matcher.rank(points, self.view, source_view, joints)
         self.pick = self._picker.update(self._ranking, points, seconds)
 
@@ -81,7 +81,7 @@ class Chooser:
     def forget(self) -> None:
         """Forgets the performer, so that the next one restarts the choice."""
         self._picker.reset()
-        self.body, self._source, self._ranking, self.pick = -1, None, None, _NOTHING
+        self.body, self._source, self._ranking, self.pick = -1, None, None, _NO_PICK
 
     def restart(self) -> None:
         """Restarts the choice: the performer must move before holding still accepts a match."""

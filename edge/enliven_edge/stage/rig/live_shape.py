@@ -16,7 +16,7 @@ from enliven.possession import Easing
 from enliven.rotation import conjugate, multiply
 from enliven.takes import clip_of_bodies, turns_of
 
-_TOWARDS = np.array([0.0, 0.0, -1.0])
+_VIEW_DIRECTION = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""
 Pair = tuple[tuple[int, ...], tuple[int, ...]]
 """A chain of the body, and the chain of the character that it drives."""
@@ -161,7 +161,7 @@ class LiveShape:
                     source,
                     view=binding.view.direction,
                     up=binding.view.up,
-                    source_view=_TOWARDS if binding.mirrored else -_TOWARDS,
+                    source_view=_VIEW_DIRECTION if binding.mirrored else -_VIEW_DIRECTION,
                     source_up=np.array([0.0, 1.0, 0.0]),
                     mirrored=binding.mirrored,
                 )

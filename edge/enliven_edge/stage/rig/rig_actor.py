@@ -18,7 +18,7 @@ from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parts_named
 from enliven.possession import Cues, Mode, cues_of
 from enliven_edge.stage.actor import ChosenActor
-from enliven_edge.stage.casting import name_of
+from enliven_edge.stage.character_setup import name_of
 from enliven_edge.stage.rig.chooser import Chooser
 from enliven_edge.stage.rig.live_shape import Binding, LiveShape, Pair
 from enliven_edge.stage.rig.settings import MatchingSettings

@@ -15,10 +15,10 @@ from enliven_edge.tracking.body_model.posture import rotation
 
 _SIDE = np.diag([-1.0, 1.0, 1.0])
 """(3, 3) a reflection that reverses x."""
-_FARTHER = 0.4
+_EXTRA_HIP_FLEXION = 0.4
 """Additional hip flexion in radians for a person that is already tracked: 138 degrees against a level
 pelvis."""
-_FREE = 10.0
+_NO_LIMIT = 10.0
 """Half width, in radians, that means no limit. It is larger than any rotation vector."""
 
 
@@ -49,15 +49,15 @@ def _with_right_side(rotations: Float) -> Float:
 
 def _reach() -> Float:
     """Returns (13, 3) half the width of every range, radians."""
-    reach = np.full((13, 3), _FREE)
+    reach = np.full((13, 3), _NO_LIMIT)
     reach[model.CHEST] = (0.7, 0.75, 0.6)
     reach[model.HEAD] = (0.8, 1.2, 0.6)
     for limb, half in (
         (model.UPPER_ARM_L, (1.9, 1.3, 1.7)),
-        (model.FOREARM_L, (1.3, _FREE, _FREE)),
+        (model.FOREARM_L, (1.3, _NO_LIMIT, _NO_LIMIT)),
         (model.THIGH_L, (1.5, 0.7, 1.25)),
-        (model.SHIN_L, (1.2, _FREE, _FREE)),
-        (model.FOOT_L, (0.6, _FREE, _FREE)),
+        (model.SHIN_L, (1.2, _NO_LIMIT, _NO_LIMIT)),
+        (model.FOOT_L, (0.6, _NO_LIMIT, _NO_LIMIT)),
     ):
         reach[limb] = reach[model.MIRROR[limb]] = half
     return reach
@@ -72,8 +72,8 @@ REACH = _reach()
 def _limber() -> tuple[Float, Float]:
     """Returns the middles and the half widths of ranges in which only the hips bend farther."""
     middle, reach = MIDDLE.copy(), REACH.copy()
-    middle[model.THIGH_L] = rotation(x=-0.5 - 0.5 * _FARTHER, z=0.6)
-    reach[[model.THIGH_L, model.THIGH_R], 0] += 0.5 * _FARTHER
+    middle[model.THIGH_L] = rotation(x=-0.5 - 0.5 * _EXTRA_HIP_FLEXION, z=0.6)
+    reach[[model.THIGH_L, model.THIGH_R], 0] += 0.5 * _EXTRA_HIP_FLEXION
     return _with_right_side(middle), reach
 
 

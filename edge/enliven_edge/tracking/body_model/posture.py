@@ -164,12 +164,12 @@ def _both(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-_CARRY_ON = 0.8
+_PREDICTED_FRACTION = 0.8
 """Fraction of a frame's motion that is predicted for the next frame. Predicting all of it would overshoot at
 stops."""
-_FASTEST_STEP = 0.1
+_MAX_STEP = 0.1
 """Maximum predicted motion per frame in metres: 3 m/s at 30 frames per second."""
-_FASTEST_TURN = 0.25
+_MAX_TURN = 0.25
 """Maximum predicted rotation of a joint per frame in radians: 7.5 rad/s at 30 frames per second."""
 
 
@@ -179,15 +179,15 @@ def continued(before: Posture, now: Posture) -> Posture:
     The motion continues, slightly slower and with limited speed.
     """
     predicted = now.copy()
-    step = _CARRY_ON * (now.position - before.position)
-    predicted.position += step * min(1.0, _FASTEST_STEP / max(1e-9, math.hypot(*step)))
-    carry_on(predicted.rotations, before.rotations, _CARRY_ON, _FASTEST_TURN)
+    step = _PREDICTED_FRACTION * (now.position - before.position)
+    predicted.position += step * min(1.0, _MAX_STEP / max(1e-9, math.hypot(*step)))
+    carry_on(predicted.rotations, before.rotations, _PREDICTED_FRACTION, _MAX_TURN)
     return predicted
 
 
-_LEANS = 0.15
+_USUAL_LEAN_SINE = 0.15
 """Sine of a trunk's usual backward lean. Only a larger lean counts."""
-_LIES = 0.4
+_LYING_SINE = 0.4
 """Sine of a trunk's elevation below which it lies instead of leans."""
 
 
@@ -232,7 +232,7 @@ def leaning_back(left, up):
 
     People bend forward instead.
     """
-    if up[1] < _LIES:
+    if up[1] < _LYING_SINE:
         return 0.0
     x, z = ahead_in_plan(left)
-    return max(0.0, -(up[0] * x + up[2] * z) - _LEANS)
+    return max(0.0, -(up[0] * x + up[2] * z) - _USUAL_LEAN_SINE)

@@ -52,7 +52,7 @@ _CARRIED = np.array([[*np.flatnonzero(row), -1, -1][:2] for row in CARRIES])
 """(20, 2) the one or two parts of each capsule. -1 instead of a missing second one."""
 _EITHER = np.maximum(CARRIES, CARRIES[:, MIRRORED])
 """(20, 17) the same with left and right parts treated as one."""
-_TO_THE_SENSOR = 0.5
+_FACING_PRIOR = 0.5
 """Prior log probability for facing the sensor, and against facing away. People usually look at it."""
 DISAGREEMENT = 4.0
 """Cost in square centimetres per point if the network assigns all points to other parts: like that of a bad
@@ -190,7 +190,7 @@ def likely_to_face(ways, angle):
     before = int(np.floor(turns))
     share = turns - before
     likely = (1.0 - share) * ways[before % FACINGS] + share * ways[(before + 1) % FACINGS]
-    return likely - ways.max() + _TO_THE_SENSOR * np.cos(angle)
+    return likely - ways.max() + _FACING_PRIOR * np.cos(angle)
 
 
 def facing(posture: Posture, eye: Float) -> float:

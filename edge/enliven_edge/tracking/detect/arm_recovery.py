@@ -17,27 +17,27 @@ from enliven_edge.tracking.detect.backoff import Backoff
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 
-_WORSE = 1.12
+_DOUBTFUL_ENERGY_RATIO = 1.12
 """Factor on the usual energy of a person's frames above which both arms are doubtful. Most wrong arms exceed
 it."""
-_FALLS = 0.2
+_ENERGY_FALL_RATE = 0.2
 """Rate at which the usual energy follows a frame that costs less."""
-_RISES = 0.01
+_ENERGY_RISE_RATE = 0.01
 """Rate at which it follows a frame that costs more. It is low, so that a wrong arm does not become usual."""
-_SIGNS = 2
+_MIN_SIGNS = 2
 """Minimum number of signs of a wrong arm, out of three: the frame costs more than usual, the arm is doubtful,
 the network sees it elsewhere. Without the network one is enough. Of 954 attempts with one sign 142 were
 accepted, and as many joints got worse as better. Of 583 attempts with two or three signs 191 were accepted,
 and 70 frames got better while 21 got worse."""
-_GLANCES = 4
+_TRIALS_PER_FRAME = 4
 """Places tried per frame. With eight, hands gained 0.2 %, but wrong joints had a higher confidence."""
-_RAREST = 3
+_MAX_ATTEMPT_INTERVAL = 3
 """Maximum number of frames between two attempts while no place is promising."""
-_GLANCE = 2
+_TRIAL_STEPS = 2
 """Steps of a coarse trial. With three arms were no better, with one they were worse."""
-_THINNED = 3
+_TRIAL_STRIDE = 3
 """A coarse trial uses every n-th point, because it only compares places."""
-_HOPEFUL = 0.97
+_MAX_TRIAL_ENERGY = 0.97
 """Maximum energy after a coarse trial, relative to that of the present posture, for a place to be worth a fit
 of all points."""
 
@@ -49,7 +49,7 @@ class ArmRecovery:
         self._fitter = fitter
         self._turn = 0
         self._usual = np.inf
-        self._backoff = Backoff(_RAREST)
+        self._backoff = Backoff(_MAX_ATTEMPT_INTERVAL)
 
     def tried(
         self,
@@ -72,7 +72,7 @@ class ArmRecovery:
             steps: steps of the full fit.
         """
         worse = self._costs_more_than_usual(report.energy)
-        enough = 1 if seen is None else _SIGNS
+        enough = 1 if seen is None else _MIN_SIGNS
         arms = [
             arm
             for arm in ARM_JOINTS
@@ -81,12 +81,14 @@ class ArmRecovery:
         if not arms or not self._backoff.is_due(report.energy):
             return None
         starts = arm_starts(observation, posture, seen, arms)
-        some = [starts[(self._turn + n) % len(starts)]() for n in range(min(_GLANCES, len(starts)))]
-        self._turn += _GLANCES
-        thinned = observation.thinned(_THINNED)
-        now, *others = (self._fitter.fit(thinned, start, iterations=_GLANCE) for start in (posture, *some))
+        some = [starts[(self._turn + n) % len(starts)]() for n in range(min(_TRIALS_PER_FRAME, len(starts)))]
+        self._turn += _TRIALS_PER_FRAME
+        thinned = observation.thinned(_TRIAL_STRIDE)
+        now, *others = (
+            self._fitter.fit(thinned, start, iterations=_TRIAL_STEPS) for start in (posture, *some)
+        )
         best = min(others, key=lambda fit: fit[1].energy)
-        hopeful = best[1].energy < _HOPEFUL * now[1].energy
+        hopeful = best[1].energy < _MAX_TRIAL_ENERGY * now[1].energy
         self._backoff.tried(report.energy, better=hopeful)
         if not hopeful:
             return None
@@ -100,8 +102,8 @@ class ArmRecovery:
         if np.isinf(self._usual):
             self._usual = energy
         step = energy - self._usual
-        self._usual += (_FALLS if step < 0.0 else _RISES) * step
-        return energy > _WORSE * self._usual
+        self._usual += (_ENERGY_FALL_RATE if step < 0.0 else _ENERGY_RISE_RATE) * step
+        return energy > _DOUBTFUL_ENERGY_RATIO * self._usual
 
 
 def _seen_elsewhere(posture: Posture, arm: Arm, seen: EstimateAtPoints | None) -> bool:

@@ -24,30 +24,30 @@ ARM_JOINTS: dict[Arm, Int] = {
     (model.UPPER_ARM_R, model.FOREARM_R): np.array([Joint.ELBOW_RIGHT, Joint.WRIST_RIGHT, Joint.HAND_RIGHT]),
 }
 """The joints of each arm beyond its shoulder."""
-_RADIUS = 0.035
+_WRIST_RADIUS_M = 0.035
 """Metres from an arm's surface to its axis: the radius of a wrist."""
-_FARTHEST = 0.25
+_MAX_RAY_SHIFT_M = 0.25
 """Maximum shift in metres of a joint along its ray towards the measured depth. Depth farther away is another
 part of the body."""
-_DEEPER = 0.03
+_MAX_DEPTH_ERROR_M = 0.03
 """Metres behind the surface above which a joint counts as fitted too deep. Less is noise of the fit."""
-_STEPS = 8
+_ALIGNMENT_STEPS = 8
 """Steps of aligning an arm. Few are enough, because the rest of the body stays."""
-_WIDTH = 0.3
+_ROBUST_WIDTH_M = 0.3
 """Robust width of a target in metres: about a forearm."""
-_HELD = 0.1
+_TARGET_WEIGHT = 0.1
 """Weight of each target, including the joints of the rest of the body."""
-_STANDS_OUT = 0.04
+_MIN_PROTRUSION_M = 0.04
 """Metres outside the whole model above which a point protrudes. Clothes and the fit's error stay within."""
 _BEHIND = (0.06, 0.3)
 """Interval in metres behind a point in which its ray must hit the trunk."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
-_GROUP = 0.16
+_GROUP_RADIUS_M = 0.16
 """Radius in metres around a protruding point in which other points belong to the same forearm."""
-_FEWEST = 8
+_MIN_GROUP_POINTS = 8
 """Minimum number of points of a group. Of 500 points a hand has about as many."""
-_LONG = 0.14
+_MIN_GROUP_LENGTH_M = 0.14
 """Minimum length in metres of a group to show a forearm's direction. A hand is shorter."""
 
 
@@ -68,7 +68,7 @@ def arm_starts(
             starts.append(partial(with_arm, np.concatenate([sighted[:1], _at_surface(view, sighted[1:])])))
         before = _at_surface(view, own)
         nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(before - eye, axis=1)
-        if nearer[1:].max() > _DEEPER:
+        if nearer[1:].max() > _MAX_DEPTH_ERROR_M:
             starts.append(partial(with_arm, before))
         starts.append(partial(_as_the_other, posture, arm))
     return starts + _where_it_stands_out(observation, posture, joints, arms)
@@ -79,14 +79,16 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
 
     A joint with NaN is ignored.
     """
-    targets, weights = joints.copy(), np.full(len(joints), _HELD)
+    targets, weights = joints.copy(), np.full(len(joints), _TARGET_WEIGHT)
     for joint, place in zip(ARM_JOINTS[arm], places, strict=True):
         if np.isnan(place).any():
             weights[joint] = 0.0
         else:
             targets[joint] = place
     frames, offsets = model.JOINT_FRAMES, model.JOINT_OFFSETS
-    return align(posture, frames, offsets, targets, weights, width=_WIDTH, iterations=_STEPS)[0]
+    return align(
+        posture, frames, offsets, targets, weights, width=_ROBUST_WIDTH_M, iterations=_ALIGNMENT_STEPS
+    )[0]
 
 
 def _as_the_other(posture: Posture, arm: Arm) -> Posture:
@@ -116,8 +118,8 @@ def _at_surface(view, joints):
         )
         if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0] and mask[v, u]):
             continue
-        along = depth[v, u] + _RADIUS
-        if abs(along - in_camera[2]) >= _FARTHEST:
+        along = depth[v, u] + _WRIST_RADIUS_M
+        if abs(along - in_camera[2]) >= _MAX_RAY_SHIFT_M:
             continue
         for a in range(3):
             # Place the point on the line through the sensor and the joint, at the depth of the surface.
@@ -133,10 +135,10 @@ def _where_it_stands_out(
     Both directions of the forearm are tried.
     """
     out = _before_trunk(observation, posture)
-    if len(out) < _FEWEST:
+    if len(out) < _MIN_GROUP_POINTS:
         return []
-    group = out[fullest_ball(out, np.float32(_GROUP))].astype(float)
-    if len(group) < _FEWEST:
+    group = out[fullest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
+    if len(group) < _MIN_GROUP_POINTS:
         return []
     middle = group.mean(0)
     apart = group - middle
@@ -144,8 +146,8 @@ def _where_it_stands_out(
     along = np.sort(apart @ way)
     low, high = quantile(along, 0.1), quantile(along, 0.9)
     inward = middle - observation.view.world_from_camera[:3, 3]
-    middle = middle + _RADIUS * inward / np.linalg.norm(inward)
-    if high - low < _LONG:
+    middle = middle + _WRIST_RADIUS_M * inward / np.linalg.norm(inward)
+    if high - low < _MIN_GROUP_LENGTH_M:
         nowhere = np.full(3, np.nan)
         places = [np.stack([nowhere, nowhere, middle])]
     else:
@@ -182,6 +184,6 @@ def _before_trunk(observation: Observation, posture: Posture) -> Float32:
     Furniture next to a person, and another person's arm, protrude too, but next to the trunk.
     """
     ends, radii = posture.capsules()
-    out = observation.points[standing_out(observation.points, ends, radii) > _STANDS_OUT]
+    out = observation.points[standing_out(observation.points, ends, radii) > _MIN_PROTRUSION_M]
     eye = observation.view.world_from_camera[:3, 3].astype(np.float32)
     return out[clear_of_rays(out, eye, *_BEHIND, ends[_TRUNK], radii[_TRUNK]) < 0.0]

@@ -23,13 +23,13 @@ from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.work_budget import Steps
 
-_REFINED = 3
+_REFINED_HYPOTHESES = 3
 """Hypotheses that are refined. With eight, flipped ones won on real shots, because coarse fits distinguish
 front from back better."""
-_SAME = 0.12
+_DUPLICATE_DISTANCE_M = 0.12
 """Maximum distance in metres of all pairs of joints for two hypotheses to count as equal: they would end in
 the same fit."""
-_LIKELIEST = 3
+_FACING_CANDIDATES = 3
 """Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
 costs a run."""
 _LOOSE = np.full(len(model.LENGTHS), 30.0)
@@ -41,14 +41,14 @@ _FIRST_POINTS = 250
 bad."""
 _COARSE_STEPS = 8
 """Steps of a coarse fit. With four to six the tuning set lost half a percent of its joints."""
-_WIDE = 0.25
+_COARSE_WIDTH_M = 0.25
 """Robust width of coarse fits in metres. A limb of a hypothesis may be wrong by as much."""
-_GLANCE = 2
+_FIRST_STEPS = 2
 """Steps after which the worse half of the hypotheses is dropped. It hardly ever wins."""
 _MIDDLE_POINTS = 250
 """Points of the first half of a refinement of a tracked person. Half of all show which hypothesis is
 hopeless."""
-_LEFT = 1.6
+_MAX_ENERGY_RATIO = 1.6
 """Factor on the lowest energy above which a half refined hypothesis is dropped as hopeless."""
 _HALF_STEPS = 15
 """Steps of each half of a refinement. The fit has converged by then."""
@@ -56,31 +56,31 @@ _HALF_WIDTH = 0.12
 """Robust width of the first half in metres, between that of a coarse fit and that of the ordinary fit."""
 _HALF_AFFINITY = 0.4
 """Factor on the affinity in the first half of a refinement: the surface takes over from the network."""
-_PROMISING = 1.0
+_MAX_REFINED_COST = 1.0
 """Fraction of the present cost below which a hypothesis is refined. One that is no better hardly ever
 wins."""
 _AFFINITY = 0.15
 """Affinity in coarse fits in metres: the added distance between a point and a capsule of another body
 part."""
-_BANKED = 8
+_BANK_HYPOTHESES = 8
 """Hypotheses from the bank if there is no network, the most similar first. Each costs a coarse fit."""
-_BANKED_BESIDES = 3
+_EXTRA_BANK_HYPOTHESES = 3
 """Hypotheses from the bank in addition to the network's, which are better."""
-_SUPPOSED = 1
+_NETWORK_COST = 1
 """Cost of running the network for one likely facing, in coarse fits."""
-_POSED = 1
+_POSTURE_COST = 1
 """Cost of turning the network's estimates into postures of one build, in coarse fits."""
-_ENDS = 3
+_EXTREMITIES_COST = 3
 """Cost of the geodesic extremities, in coarse fits."""
-_BANK = 4
+_BANK_COST = 4
 """Cost of comparing the bank with the points, in coarse fits."""
-_REFINEMENT = 2
+_REFINEMENT_COST = 2
 """Cost of half a refinement of one hypothesis, in coarse fits."""
-_GLANCED = 0.33
+_FIRST_STEPS_COST = 0.33
 """Cost of the first steps of a coarse fit, as a fraction of a coarse fit to all points."""
-_RANKED = 0.67
+_OTHER_STEPS_COST = 0.67
 """The same for the other steps."""
-_PER_FIT = 0.3
+_FIXED_COST_FRACTION = 0.3
 """Fraction of the cost of a step that does not depend on the number of points."""
 
 
@@ -111,7 +111,7 @@ def detect(
     coarse = _Coarse(fitter, observation, seen, eye, height, _FIRST_POINTS)
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
-    kept = _best_distinct(ranked, _REFINED)
+    kept = _best_distinct(ranked, _REFINED_HYPOTHESES)
     best = yield from _refined(fitter, observation, seen, kept, height)
     # Also try the best posture flipped, because front and back are easily confused.
     other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
@@ -143,10 +143,10 @@ def detect_another(
     yield 1
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
-    promising = [pair for pair in ranked if pair[0] < _PROMISING * mark]
+    promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * mark]
     if not promising:
         return None
-    kept = _best_distinct(promising, _REFINED)
+    kept = _best_distinct(promising, _REFINED_HYPOTHESES)
     _, posture, report = yield from _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
     return posture, report
 
@@ -164,7 +164,7 @@ class _Coarse:
         points: int,
     ) -> None:
         step = max(1, len(observation.points) // points)
-        self._cost = _PER_FIT + (1.0 - _PER_FIT) / step
+        self._cost = _FIXED_COST_FRACTION + (1.0 - _FIXED_COST_FRACTION) / step
         self._fitter, self._eye, self._height = fitter, eye, height
         self._seen = None if seen is None else seen.thinned(step)
         self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
@@ -178,18 +178,18 @@ class _Coarse:
         """
         glanced, ranked = [], []
         for start in starts:
-            glanced.append(self.fitted(start, _GLANCE))
-            yield _GLANCED * self._cost
+            glanced.append(self.fitted(start, _FIRST_STEPS))
+            yield _FIRST_STEPS_COST * self._cost
         glanced.sort(key=lambda pair: pair[0])
-        for _, posture in glanced[: max(_REFINED, len(starts) // 2)]:
-            ranked.append(self.fitted(posture, _COARSE_STEPS - _GLANCE))
-            yield _RANKED * self._cost
+        for _, posture in glanced[: max(_REFINED_HYPOTHESES, len(starts) // 2)]:
+            ranked.append(self.fitted(posture, _COARSE_STEPS - _FIRST_STEPS))
+            yield _OTHER_STEPS_COST * self._cost
         return ranked
 
     def fitted(self, start: Posture, steps: int = _COARSE_STEPS) -> tuple[float, Posture]:
         """Returns the cost of a hypothesis after the given number of steps, and its posture."""
         fit = self._fitter.fit
-        posture, report = fit(self._observation, start, iterations=steps, width=_WIDE)
+        posture, report = fit(self._observation, start, iterations=steps, width=_COARSE_WIDTH_M)
         return report.energy + oddness(self._seen, posture, self._eye, self._height), posture
 
 
@@ -198,7 +198,7 @@ def _best_distinct(ranked: list[tuple[float, Posture]], most: int) -> list[Postu
     kept: list[tuple[Float, Posture]] = []
     for _, posture in sorted(ranked, key=lambda pair: pair[0]):
         joints = posture.joints()
-        if all(np.linalg.norm(joints - other, axis=1).max() > _SAME for other, _ in kept):
+        if all(np.linalg.norm(joints - other, axis=1).max() > _DUPLICATE_DISTANCE_M for other, _ in kept):
             kept.append((joints, posture))
         if len(kept) == most:
             break
@@ -209,12 +209,12 @@ def estimates_by_facing(
     estimator: PoseEstimator, estimate: Estimate, world_from_camera: Float
 ) -> Steps[list[Estimate]]:
     """Runs the network on the crop of an estimate, conditioned on each likely facing, one after the other."""
-    ways = np.argsort(-estimate.facing)[:_LIKELIEST]
+    ways = np.argsort(-estimate.facing)[:_FACING_CANDIDATES]
     turns = [float(way) for way in ways] + [float(ways[0]) + 0.5 * FACINGS]
     estimates: list[Estimate] = []
     for facing in (None, *(turn * 2.0 * np.pi / FACINGS for turn in turns)):
         estimates += estimator.estimates(estimate.crop, world_from_camera, [facing])
-        yield _SUPPOSED
+        yield _NETWORK_COST
     return estimates
 
 
@@ -235,11 +235,13 @@ def _starts(
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else likely_builds(observation, height)
     by_estimate = [posed(estimate, build) for build in builds for estimate in by_facing]
-    yield _POSED * len(builds)
+    yield _POSTURE_COST * len(builds)
     ends = extremities(z, mask, camera, pose)
-    yield _ENDS
-    banked = banked_starts(observation, ends, eye, builds[0], _BANKED_BESIDES if by_facing else _BANKED)
-    yield _BANK
+    yield _EXTREMITIES_COST
+    banked = banked_starts(
+        observation, ends, eye, builds[0], _EXTRA_BANK_HYPOTHESES if by_facing else _BANK_HYPOTHESES
+    )
+    yield _BANK_COST
     return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
@@ -272,15 +274,15 @@ def _refined(
             guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LOOSE
         )
         halfway.append((report.energy, posture))
-        yield _REFINEMENT
-    most = np.inf if points is None else _LEFT * min(energy for energy, _ in halfway)
+        yield _REFINEMENT_COST
+    most = np.inf if points is None else _MAX_ENERGY_RATIO * min(energy for energy, _ in halfway)
     ready = []
     for energy, posture in halfway:
         if energy <= most:
             posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
             odd = oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
             ready.append((report.energy + odd, posture, report))
-            yield _REFINEMENT
+            yield _REFINEMENT_COST
     return min(ready, key=lambda found: found[0])
 
 

@@ -19,7 +19,7 @@ from enliven_edge.tracking.frame import world_points
 _NODES = 1200
 """Approximate number of pixels to which the surface is thinned: 2 to 3 cm apart on a person, enough to find a
 hand."""
-_PENALTY = 1.0
+_DEPTH_EDGE_COST_M = 1.0
 """Cost in metres of a path across a depth edge: longer than the way around an arm held in front of the
 chest."""
 
@@ -141,7 +141,7 @@ def spread(points, z, mask, step, source, distance):
                     square += (points[q, p, a] - points[v, u, a]) ** 2
                 cost = np.sqrt(square)
                 if _jumps(z[v, u], z[q, p], step):
-                    cost += _PENALTY
+                    cost += _DEPTH_EDGE_COST_M
                 if key + cost < distance[q, p] - 1e-9:
                     distance[q, p] = key + cost
                     size = push(heap_key, heap_cell, size, key + cost, q * width + p)

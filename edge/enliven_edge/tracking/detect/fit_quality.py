@@ -29,27 +29,27 @@ from enliven_edge.tracking.estimator import facing_in_plan
 from enliven_edge.tracking.fit import FitReport
 from enliven_edge.tracking.frame import Observation
 
-_MEMORY = 15.0
+_EVIDENCE_FRAMES = 15.0
 """Number of frames over which the evidence is averaged: half a second. The network's errors in one posture
 last for a shorter time."""
-_FIRST_VERDICT = 12
+_MIN_EVIDENCE_FRAMES = 12
 """Minimum number of frames of evidence before the first decision. With fewer the mean is unreliable."""
-_SETTLED = 1.0
+_SETTLED_LEAD = 1.0
 """Minimum lead of a facing over its opposite to be settled, as a log probability."""
-_WRONG = -2.6
+_WRONG_FACING_LOG = -2.6
 """Log probability relative to its opposite below which a facing is wrong. It is far below 0, because a person
 must not be flipped without strong evidence."""
-_WRONG_ALL_THE_SAME = -3.5
+_WRONG_SETTLED_LOG = -3.5
 """The same limit for a facing that was settled before, which needs even more evidence."""
-_STROLL = 0.45
+_MIN_WALK_SPEED = 0.45
 """Minimum walking speed in metres per second that indicates the facing. At lower speeds people also step
 sideways and back."""
-_WALK = 0.9
+_FULL_WALK_SPEED = 0.9
 """Walking speed in metres per second with full weight: a slow walk ahead."""
-_FORWARD = 4.5
+_WALK_LOG = 4.5
 """Log probability of facing the direction of a walk. It exceeds the limit of a wrong facing, so that a walk
 decides."""
-_UPRIGHT = 15.0
+_LEAN_LOG = 15.0
 """Log probability against leaning backward, per unit of its sine. People bend forward, not backward."""
 
 
@@ -73,11 +73,11 @@ class Facing:
         ways = seen.estimate.facing
         advantage = float(_advantage(posture.rotations, posture.position, eye, velocity, ways))
         self._frames += 1
-        self._advantage += max(1.0 / _MEMORY, 1.0 / self._frames) * (advantage - self._advantage)
-        if self._frames < _FIRST_VERDICT:
+        self._advantage += max(1.0 / _EVIDENCE_FRAMES, 1.0 / self._frames) * (advantage - self._advantage)
+        if self._frames < _MIN_EVIDENCE_FRAMES:
             return False
-        self._settled = self._settled or self._advantage > _SETTLED
-        wrong = self._advantage < (_WRONG_ALL_THE_SAME if self._settled else _WRONG)
+        self._settled = self._settled or self._advantage > _SETTLED_LEAD
+        wrong = self._advantage < (_WRONG_SETTLED_LOG if self._settled else _WRONG_FACING_LOG)
         if wrong:
             self._advantage, self._frames, self._settled = 0.0, 0, False
         return wrong
@@ -105,7 +105,7 @@ def _advantage(rotations, place, eye, velocity, ways):
     seen = likely_to_face(ways, facing_in_plan(left, place, eye))
     seen -= likely_to_face(ways, facing_in_plan(other_left, place, eye))
     leans = leaning_back(other_left, other_up) - leaning_back(left, up)
-    return seen + _FORWARD * _walking(velocity, ahead_in_plan(left)) + _UPRIGHT * leans
+    return seen + _WALK_LOG * _walking(velocity, ahead_in_plan(left)) + _LEAN_LOG * leans
 
 
 @njit(cache=True, nogil=True)
@@ -117,27 +117,27 @@ def _walking(velocity, ahead):
         ahead: the unit (x, z) direction of the facing.
     """
     speed = np.sqrt(velocity[0] ** 2 + velocity[2] ** 2)
-    if speed < _STROLL:
+    if speed < _MIN_WALK_SPEED:
         return 0.0
     along = (velocity[0] * ahead[0] + velocity[2] * ahead[1]) / speed
-    return min(1.0, (speed - _STROLL) / (_WALK - _STROLL)) * along
+    return min(1.0, (speed - _MIN_WALK_SPEED) / (_FULL_WALK_SPEED - _MIN_WALK_SPEED)) * along
 
 
-_FACING = 0.6
+_FACING_COST = 0.6
 """Cost of a less likely facing in square centimetres per point, per unit of log probability."""
-_BACKWARD = 12.0
+_LEAN_COST = 12.0
 """Cost of leaning backward in square centimetres per point, per unit of its sine. People bend forward."""
-_STATURE = 2.0
+_STATURE_COST = 2.0
 """Cost of the unlikeliest stature in square centimetres per point. It is less than that of a posture that
 explains the frame badly."""
-_SPREAD = 0.15
+_STATURE_SPREAD_M = 0.15
 """Metres from the likeliest stature at which a third of that cost applies: about two standard deviations of
 adults."""
-_SHORTEST = 0.9
+_MIN_STATURE_M = 0.9
 """Minimum visible height in metres to be taken for the height of a standing person: a child."""
-_TALLEST = 2.1
+_MAX_STATURE_M = 2.1
 """Maximum visible height in metres to be a person's height. A higher one includes raised arms."""
-_ALIKE = 0.08
+_SAME_STATURE_RATIO = 0.08
 """Maximum relative difference of two statures that are searched as one: 14 cm of 1.72 m, which a fit can
 compensate."""
 
@@ -158,12 +158,12 @@ def oddness(seen: EstimateAtPoints | None, posture: Posture, eye: Float, height:
     It is the sum of four costs: points that the network assigns to other parts, a facing that the network
     does not see, leaning backward, and a stature far from the likeliest.
     """
-    unlike = ((model.height_of(posture.lengths) - height) / _SPREAD) ** 2
-    stature = _STATURE * unlike / (unlike + 2.0) + _BACKWARD * float(backward(posture.rotations))
+    unlike = ((model.height_of(posture.lengths) - height) / _STATURE_SPREAD_M) ** 2
+    stature = _STATURE_COST * unlike / (unlike + 2.0) + _LEAN_COST * float(backward(posture.rotations))
     if seen is None:
         return stature
     facing = facing_score(seen, posture, eye)
-    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING * facing
+    return stature + DISAGREEMENT * (1.0 - agreement(seen, posture)) - _FACING_COST * facing
 
 
 def quality(report: FitReport) -> float:
@@ -178,8 +178,8 @@ def likely_builds(observation: Observation, height: float) -> list[Float]:
     tall person, or of raised arms.
     """
     seen = float(observation.crown[1]) + 0.01
-    if observation.cut or not _SHORTEST < seen < _TALLEST:
+    if observation.cut or not _MIN_STATURE_M < seen < _MAX_STATURE_M:
         return [model.lengths_for_height(height)]
-    if abs(seen / height - 1.0) < _ALIKE:
+    if abs(seen / height - 1.0) < _SAME_STATURE_RATIO:
         return [model.lengths_for_height(seen)]
     return [model.lengths_for_height(height), model.lengths_for_height(seen)]

@@ -22,11 +22,11 @@ from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
 
-_DOUBTED = 0.3
+_ROBUST_WIDTH_M = 0.3
 """Robust width in metres of the joints with which the model is aligned."""
-_STEPS = 10
+_NEAR_STEPS = 10
 """Steps of aligning a posture that is near."""
-_STEPS_FROM_STANDING = 20
+_RELAXED_STEPS = 20
 """Steps of aligning a posture that starts relaxed. Its limbs have farther to go."""
 
 
@@ -34,10 +34,10 @@ def posed(estimate: Estimate, lengths: Float) -> Posture:
     """Returns a posture of (12,) lengths, aligned with the estimate's joints from a relaxed start."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
-    return aligned_to(start, estimate, _STEPS_FROM_STANDING)
+    return aligned_to(start, estimate, _RELAXED_STEPS)
 
 
-def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Posture:
+def aligned_to(posture: Posture, estimate: Estimate, steps: int = _NEAR_STEPS) -> Posture:
     """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     aligned, _ = align(
@@ -46,7 +46,7 @@ def aligned_to(posture: Posture, estimate: Estimate, steps: int = _STEPS) -> Pos
         model.JOINT_OFFSETS,
         estimate.joints,
         weights,
-        width=_DOUBTED,
+        width=_ROBUST_WIDTH_M,
         iterations=steps,
     )
     return aligned
@@ -78,9 +78,9 @@ to hide an arm."""
 _YAWS = (0.0, 1.57, 3.14, -1.57)
 """Angles from facing the sensor at which each posture of the bank is tried, in radians: a quarter turn
 apart."""
-_THINNED = 100
+_BANK_POINTS = 100
 """Number of points with which a posture of the bank is compared: enough to rank it."""
-_FARTHEST_POINT = 0.4
+_MAX_MISFIT_M = 0.4
 """Metres to which a point's distance from a posture is clipped, so that one stray point does not decide."""
 BEHIND_SURFACE = 0.1
 """Metres from the visible surface back to the middle of a standing body: half of a trunk's depth."""
@@ -156,7 +156,7 @@ def banked_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
     """Returns the ``most`` postures of the bank that fit the points best, aligned with the extremities."""
-    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _THINNED)])
+    points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _BANK_POINTS)])
     centre = np.median(points, axis=0).astype(np.float64)
     facing = _towards(eye, centre)
     bank_postures = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
@@ -165,7 +165,7 @@ def banked_starts(
     ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
     radii = bank_postures[0].capsules()[1]
     positions = _around(points, centre, ends, radii, eye)
-    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _FARTHEST_POINT)
+    misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _MAX_MISFIT_M)
     starts = []
     for index in np.argsort(misfit, kind="stable")[:most]:
         rotations = _turned(bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
@@ -253,7 +253,7 @@ def _end_anchors() -> tuple[Int, Float]:
 _END_FRAMES, _ENDS = _end_anchors()
 _HIPS = np.zeros((1, 3, len(model.LENGTHS)))
 """(1, 3, 12) the offset of the hip centre in the pelvis: zero."""
-_FARTHEST = 0.45
+_MAX_EXTREMITY_DISTANCE_M = 0.45
 """Maximum distance in metres between a limb and its extremity: a forearm and a hand. A farther one belongs to
 another limb."""
 
@@ -267,8 +267,8 @@ def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     away = ends.points - eye
     targets = ends.points + _BEHIND_TIP * away / np.linalg.norm(away, axis=1, keepdims=True)
     distance = np.linalg.norm(tips[:, None] - targets[None], axis=2)
-    limb, extremity = least_cost(np.minimum(distance, _FARTHEST))
-    matched = distance[limb, extremity] < _FARTHEST
+    limb, extremity = least_cost(np.minimum(distance, _MAX_EXTREMITY_DISTANCE_M))
+    matched = distance[limb, extremity] < _MAX_EXTREMITY_DISTANCE_M
     frames = np.concatenate([_END_FRAMES[limb[matched]], [model.PELVIS]])
     local = np.concatenate([_ENDS[limb[matched]], _HIPS])
     wanted = np.concatenate([targets[extremity[matched]], posture.position[None]])

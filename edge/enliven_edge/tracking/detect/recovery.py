@@ -45,30 +45,30 @@ _LEGS = (
 )
 _OUTER = {limb: np.flatnonzero(np.isin(model.CAPSULES.frame, limb[1:])).tolist() for limb in (*_ARMS, *_LEGS)}
 """The capsules of each limb beyond its first bone."""
-_DOUBTFUL = 0.5
+_DOUBTFUL_CONFIDENCE = 0.5
 """Confidence of a limb's outer capsules below which the limb is tried elsewhere."""
-_SURE = 0.9
+_TRUSTED_CONFIDENCE = 0.9
 """Confidence of a limb's outer capsules above which its pose is remembered for later proposals."""
-_BETTER = 0.985
+_MAX_LIMB_COST = 0.985
 """Fraction of the cost below which a moved limb is accepted. Smaller gains are noise of the fit."""
-_MUCH_BETTER = 0.8
+_MAX_BODY_COST = 0.8
 """Fraction of the cost below which a moved body is accepted. A wrong body is sometimes better by chance."""
-_LOSES = 0.03
+_MAX_UNEXPLAINED = 0.03
 """Maximum additional fraction of points that a better posture may leave unexplained. Otherwise a visible leg
 was given up because the network, which had not learnt such a kick, put it elsewhere."""
-_STEPS = 6
+_FIT_STEPS = 6
 """Steps of the fit of a proposal. They equal those of the ordinary fit, so that both are comparable."""
 _WIDE_STEPS = 6
 """Steps of the preceding wide fit of a whole body."""
-_WIDE = 0.25
+_WIDE_WIDTH_M = 0.25
 """Robust width of the wide fit in metres. A limb of a proposal may be wrong by as much."""
-_RAREST = 4
+_MAX_BODY_INTERVAL = 4
 """Maximum number of frames between two failed proposals of a whole body. A person that falls must be caught
 soon."""
-_RAREST_LIMB = 6
+_MAX_LIMB_INTERVAL = 6
 """Maximum number of frames between two failed limb trials if the network sees all joints in place. Of 1,445
 trials in such frames 237 were accepted, and limbs were wrong as often after them as before."""
-_BADLY = 0.9
+_DOUBTFUL_QUALITY = 0.9
 """Fraction of points below which the whole body is doubtful: those explained minus those seen through."""
 _YAWS = (0.8, -0.8)
 """Rotations in radians at which a whole body is tried: about half a right angle to either side, never to the
@@ -84,7 +84,7 @@ class PoseRecovery:
         self._fitter = fitter
         self._arms = ArmRecovery(fitter)
         self._turn = self._limb_turn = 0
-        self._bodies, self._limbs = Backoff(_RAREST), Backoff(_RAREST_LIMB)
+        self._bodies, self._limbs = Backoff(_MAX_BODY_INTERVAL), Backoff(_MAX_LIMB_INTERVAL)
         self._remembered: dict[tuple[int, ...], Float] = {}
         self._proposals: Iterator[Posture] = iter(())
 
@@ -109,13 +109,13 @@ class PoseRecovery:
             arms: whether there is time to try arms elsewhere.
         """
         doubtful = self._doubtful(posture, confidence)
-        badly = quality(report) < _BADLY
+        badly = quality(report) < _DOUBTFUL_QUALITY
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
         look = self._arms.tried
-        arm = look(observation, posture, report, doubted, seen, steps=_STEPS) if arms else None
-        if arm is not None and self._is_better(arm, observation, posture, seen, _BETTER):
+        arm = look(observation, posture, report, doubted, seen, steps=_FIT_STEPS) if arms else None
+        if arm is not None and self._is_better(arm, observation, posture, seen, _MAX_LIMB_COST):
             return arm
         if not (badly or doubtful or elsewhere):
             return posture, report
@@ -128,9 +128,9 @@ class PoseRecovery:
             return self._whole_body(observation, posture, report, seen)
         else:
             start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
-            tried = self._fitter.fit(observation, start, iterations=_STEPS)
+            tried = self._fitter.fit(observation, start, iterations=_FIT_STEPS)
         taken = badly or _same_way(tried[0], posture)
-        taken = taken and self._is_better(tried, observation, posture, seen, _BETTER)
+        taken = taken and self._is_better(tried, observation, posture, seen, _MAX_LIMB_COST)
         if borne_out:
             self._limbs.tried(report.energy, better=taken)
         return tried if taken else (posture, report)
@@ -142,7 +142,7 @@ class PoseRecovery:
         if not self._bodies.is_due(report.energy):
             return posture, report
         tried = self._elsewhere(observation, posture, seen)
-        taken = self._is_better(tried, observation, posture, seen, _MUCH_BETTER)
+        taken = self._is_better(tried, observation, posture, seen, _MAX_BODY_COST)
         self._bodies.tried(report.energy, better=taken)
         return tried if taken else (posture, report)
 
@@ -157,7 +157,7 @@ class PoseRecovery:
         """Returns True if a posture costs less than ``share`` of another, both without the temporal term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
-        return after < share * before and same.explained - tried[1].explained <= _LOSES
+        return after < share * before and same.explained - tried[1].explained <= _MAX_UNEXPLAINED
 
     def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """Returns the limbs that explain little of the frame. Remembers the poses of confident limbs."""
@@ -165,11 +165,11 @@ class PoseRecovery:
         sure_of = confidence.tolist()
         for limb, capsules in _OUTER.items():
             sure = min(sure_of[c] for c in capsules)
-            if sure > _SURE:
+            if sure > _TRUSTED_CONFIDENCE:
                 # The frames of a limb are contiguous, so use a slice, which is cheaper than a list of
                 # indices.
                 self._remembered[limb] = posture.rotations[limb[0] : limb[-1] + 1].copy()
-            elif sure < _DOUBTFUL:
+            elif sure < _DOUBTFUL_CONFIDENCE:
                 doubtful.append(limb)
         return doubtful
 
@@ -177,7 +177,7 @@ class PoseRecovery:
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints
     ) -> tuple[Posture, FitReport]:
         """Aligns the posture with the joints that the network sees, then fits it."""
-        return self._fitter.fit(observation, aligned_to(posture, seen.estimate), iterations=_STEPS)
+        return self._fitter.fit(observation, aligned_to(posture, seen.estimate), iterations=_FIT_STEPS)
 
     def _elsewhere(
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints | None
@@ -187,8 +187,8 @@ class PoseRecovery:
         if proposal is None:
             self._proposals = whole_bodies(observation, posture, seen)
             proposal = next(self._proposals)
-        wide, _ = self._fitter.fit(observation, proposal, iterations=_WIDE_STEPS, width=_WIDE)
-        return self._fitter.fit(observation, wide, iterations=_STEPS)
+        wide, _ = self._fitter.fit(observation, proposal, iterations=_WIDE_STEPS, width=_WIDE_WIDTH_M)
+        return self._fitter.fit(observation, wide, iterations=_FIT_STEPS)
 
     def _limb_elsewhere(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
         """Returns the posture with the next doubtful limb in the next pose to try."""

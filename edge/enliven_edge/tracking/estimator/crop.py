@@ -20,31 +20,31 @@ ROWS = 80
 """Cells from top to bottom of a crop, fixed by the network. A person with raised arms fits."""
 COLUMNS = 64
 """Cells from left to right of a crop, fixed by the network. Outstretched arms fit."""
-_SMALLEST = 0.02
+_MIN_CELL_M = 0.02
 """Minimum size of a cell in metres at the person's depth. A finer crop shows no more than the sensor
 measures."""
-_LARGEST = 0.036
+_MAX_CELL_M = 0.036
 """Maximum size of a cell in metres at the person's depth. 80 of them are a tall person's height with raised
 arms."""
-_MARGIN = 1.2
+_CROP_MARGIN = 1.2
 """Size of a crop relative to the visible part of the person, so that a limb that was missed at first is still
 inside."""
 CHANNELS = 4
 """Channels of a crop: the person, the depth, the height above the floor, and the unknown fraction."""
-_SAMPLES = 500
+_CROP_SAMPLES = 500
 """Number of pixels that determine a person's place and size: enough for percentiles, and quick to sort."""
-_OUTLIERS = 0.01
+_OUTLIER_FRACTION = 0.01
 """Fraction of these samples dropped at each end, against wrong depth at edges."""
 _HANGING_LEVEL = 0.2
 """Length of the projected world up vector below which no image direction is upright, because the view is from
 above."""
-_BEFORE = 0.1
+_OCCLUDER_DISTANCE_M = 0.1
 """Metres in front of the person's middle beyond which depth may hide the person. Other depth is next to the
 person."""
-_NEAREST = 0.1
+_MIN_DEPTH_M = 0.1
 """Minimum distance of a joint in front of the sensor in metres. A nearer one would be next to or behind the
 sensor."""
-_GROUND = 0.08
+_FLOOR_BAND_M = 0.08
 """Metres above the floor below which depth cannot hide a person: it is the floor in front of the feet."""
 
 
@@ -86,11 +86,11 @@ class Crop:
 
 @njit(cache=True, nogil=True)
 def _to_camera(points, depth, centre, axes):
-    """Computes :meth:`Crop.to_camera`. The depth is at least ``_NEAREST``."""
+    """Computes :meth:`Crop.to_camera`. The depth is at least ``_MIN_DEPTH_M``."""
     out = np.empty((len(points), 3))
     for i in range(len(points)):
         right, down = points[i, 0] / depth + centre[0], points[i, 1] / depth + centre[1]
-        z = max(points[i, 2] + depth, _NEAREST)
+        z = max(points[i, 2] + depth, _MIN_DEPTH_M)
         out[i, 0] = (right * axes[0, 0] + down * axes[1, 0]) * z
         out[i, 1] = (right * axes[0, 1] + down * axes[1, 1]) * z
         out[i, 2] = z
@@ -132,7 +132,7 @@ def crop_person(
     depth = max(0.2, depth + float(off[2]))
     centre = 0.5 * (low + high) + off[:2] / depth
     seen = max(float(high[0] - low[0]) / COLUMNS, float(high[1] - low[1]) / ROWS) * depth
-    cell = min(max(_MARGIN * seen * math.exp(off[3]), _SMALLEST), _LARGEST)
+    cell = min(max(_CROP_MARGIN * seen * math.exp(off[3]), _MIN_CELL_M), _MAX_CELL_M)
     image = np.zeros((CHANNELS, ROWS, COLUMNS), np.float32)
     _fill(image, z, mask, camera, np.ascontiguousarray(world_from_camera), axes, centre, depth, cell, raised)
     return Crop(image, depth, cell, axes, centre)
@@ -152,7 +152,7 @@ def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Fl
     """Returns the person's (2,) minimum and maximum along the axes at unit depth, and its median depth."""
     ordered = np.sort(_samples(z, mask, camera, axes), axis=1)
     count = ordered.shape[1]
-    first = int(_OUTLIERS * count)
+    first = int(_OUTLIER_FRACTION * count)
     return ordered[:2, first], ordered[:2, count - 1 - first], float(ordered[2, count // 2])
 
 
@@ -160,7 +160,7 @@ def _extent(z: Float, mask: Bool, camera: Float, axes: Float) -> tuple[Float, Fl
 def _samples(z, mask, camera, axes):
     """Returns (3, N) right and down along the axes at unit depth, and depth, of some masked pixels."""
     pixels, width = pixels_of(mask), mask.shape[1]
-    some = pixels[:: max(1, len(pixels) // _SAMPLES)]
+    some = pixels[:: max(1, len(pixels) // _CROP_SAMPLES)]
     out = np.empty((3, len(some)))
     for n in range(len(some)):
         v, u = some[n] // width, some[n] % width
@@ -188,14 +188,14 @@ def _fill(image, z, mask, camera, pose, axes, centre, depth, cell, raised):
                 image[3, row, column] += 0.25
                 continue
             away = z[pixel]
-            if not mask[pixel] and away >= depth - _BEFORE:
+            if not mask[pixel] and away >= depth - _OCCLUDER_DISTANCE_M:
                 continue
             level = (rise[0] * rays[0, j] + rise[1] * rays[1, j] + rise[2]) * away + rise[3]
             if mask[pixel]:
                 image[0, row, column] += 0.25
                 image[1, row, column] += 0.25 * (away - depth)
                 image[2, row, column] += 0.25 * (level + raised)
-            elif level > _GROUND:
+            elif level > _FLOOR_BAND_M:
                 image[3, row, column] += 0.25
 
 

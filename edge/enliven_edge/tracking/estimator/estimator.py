@@ -19,30 +19,30 @@ from enliven_edge.tracking.estimator.crop import Crop, crop_person
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.estimator.part_map import parts_at_rays
 
-_DISTANCE = 3.0
+_MEAN_DISTANCE = 3.0
 """Mean distance of the distribution that the network learns, in units of its scale. In space the density
 falls off exponentially with the distance, so the mean is 3."""
-_FARTHEST = 1.0
+_MAX_SPREAD_M = 1.0
 """Maximum reported spread in metres. A joint with a larger error is simply unknown."""
-_SUREST = 0.03
+_MIN_SPREAD_M = 0.03
 """Spread in metres below which a joint's weight does not increase. The network is not more accurate."""
-_USUAL = 0.05
+_USUAL_SPREAD_M = 0.05
 """Spread in metres at which a joint has one twentieth of the total weight."""
-_SUREST_BESIDE_DEPTH = 0.05
-"""The same as ``_SUREST`` for a fit to depth, which is more accurate. Limbs of real people deviate by more
-than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
+_MIN_FUSED_SPREAD_M = 0.05
+"""The same as ``_MIN_SPREAD_M`` for a fit to depth, which is more accurate. Limbs of real people deviate
+by more than the spread predicts. At 3 cm the network pulled elbows off visible arms."""
 TRUST = np.repeat([1.0, 0.4], [12, 8])
 """(20,) factors on that weight. Legs are found by their surface, and the network easily confuses a crouch
 with a kneel."""
-_DOUBTED = 3.0
+_ROBUST_SPREADS = 3.0
 """Robust width of a joint in spreads, beyond which the network is taken to be wrong: three sigma."""
-_WIDTHS = (0.12, 0.4)
+_ROBUST_WIDTHS_M = (0.12, 0.4)
 """Minimum and maximum robust width in metres, because the spread itself is sometimes wrong."""
-_APART = 0.08
+_AGREEMENT_M = 0.08
 """Metres from the network's joint within which a fitted joint agrees. Both have errors of centimetres."""
-_ALL = np.arange(len(Joint))
+_ALL_JOINTS = np.arange(len(Joint))
 """The indices of all joints."""
-_SPREADS = 1.5
+_DISAGREEMENT_SPREADS = 1.5
 """Distance from the network's joint, in spreads, beyond which a fitted joint clearly disagrees."""
 
 
@@ -70,18 +70,18 @@ class Estimate:
     @property
     def landmarks(self) -> Float:
         """Returns (20, 5) places, weights and robust widths of the joints, for ``terms.near_landmarks``."""
-        return self._landmarks(_SUREST)
+        return self._landmarks(_MIN_SPREAD_M)
 
     @property
     def guides(self) -> Float:
         """Returns (20, 5) the same with lower weights, for a fit to depth, which is more accurate."""
-        return self._landmarks(_SUREST_BESIDE_DEPTH)
+        return self._landmarks(_MIN_FUSED_SPREAD_M)
 
     def _landmarks(self, surest: float) -> Float:
         """Returns (20, 5) landmarks, each with a spread of at least ``surest`` metres."""
         return np.asarray(_landmarks(self.joints, self.spread, surest, TRUST))
 
-    def count_apart(self, joints: Float, which: Int = _ALL) -> int:
+    def count_apart(self, joints: Float, which: Int = _ALL_JOINTS) -> int:
         """Returns how many of (20, 3) joints, or of ``which``, clearly disagree with the estimate."""
         return int(_apart(joints, self.joints, self.spread, which))
 
@@ -94,13 +94,13 @@ class Estimate:
 def _landmarks(joints, spread, surest, trust):
     """Computes (J, 5) place, weight and robust width of the joints, see :attr:`Estimate.landmarks`."""
     out = np.empty((len(joints), 5))
-    low, high = _WIDTHS
+    low, high = _ROBUST_WIDTHS_M
     for j in range(len(joints)):
         sure = max(spread[j], surest)
         for a in range(3):
             out[j, a] = joints[j, a]
-        out[j, 3] = trust[j] * (_USUAL / sure) ** 2 / len(joints)
-        out[j, 4] = min(high, max(low, _DOUBTED * sure))
+        out[j, 3] = trust[j] * (_USUAL_SPREAD_M / sure) ** 2 / len(joints)
+        out[j, 4] = min(high, max(low, _ROBUST_SPREADS * sure))
     return out
 
 
@@ -111,7 +111,7 @@ def _apart(joints, seen, spread, which):
     for j in which:
         x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
         apart = np.sqrt(x * x + y * y + z * z)
-        count += apart > _APART and apart > _SPREADS * spread[j]
+        count += apart > _AGREEMENT_M and apart > _DISAGREEMENT_SPREADS * spread[j]
     return count
 
 
@@ -185,7 +185,7 @@ def _decoded(here, spread, facing, pose):
         for a in range(3):
             world[j, a] = pose[a, 0] * here[j, 0] + pose[a, 1] * here[j, 1] + pose[a, 2] * here[j, 2]
             world[j, a] += pose[a, 3]
-        off[j] = min(_FARTHEST, _DISTANCE * np.exp(np.float64(spread[j])))
+        off[j] = min(_MAX_SPREAD_M, _MEAN_DISTANCE * np.exp(np.float64(spread[j])))
     person = np.exp(_log_softmax(facing)[:FACINGS]).sum()
     return world, off, _log_softmax(facing[:FACINGS]), person
 

@@ -10,15 +10,15 @@ import numpy as np
 from enliven.kernels import njit
 from enliven_edge.tracking.estimator.crop import COLUMNS, cells_at
 
-_LEAST = np.float32(-87.0)
+_MIN_EXPONENT = np.float32(-87.0)
 """Exponent below which e^x underflows in single precision."""
-_PER_DOUBLING = np.float32(1.0 / np.log(2.0))
+_LOG2_E = np.float32(1.0 / np.log(2.0))
 """Doublings per factor of e: log2(e)."""
-_DOUBLING = np.log(2.0)
-_DOUBLING_ROUND = np.float32(round(_DOUBLING * 512) / 512)
+_LOG_2 = np.log(2.0)
+_LOG_2_HIGH = np.float32(round(_LOG_2 * 512) / 512)
 """Upper bits of log(2). The product with a whole number below 2^14 is exact in single precision."""
-_DOUBLING_REST = np.float32(_DOUBLING - round(_DOUBLING * 512) / 512)
-_TERMS = tuple(np.float32(1.0 / n) for n in (720.0, 120.0, 24.0, 6.0, 2.0))
+_LOG_2_LOW = np.float32(_LOG_2 - round(_LOG_2 * 512) / 512)
+_SERIES = tuple(np.float32(1.0 / n) for n in (720.0, 120.0, 24.0, 6.0, 2.0))
 """Coefficients of the sixth to the second power in the exponential's series, for half a doubling at most."""
 _BIAS, _MANTISSA = np.int32(127), np.int32(23)
 """Exponent bias of single precision, and the number of mantissa bits below the exponent."""
@@ -92,10 +92,10 @@ def exponential(x):
 
     It makes no call, so that the compiler can vectorise it.
     """
-    x = max(x, _LEAST)
-    doublings = np.float32(np.floor(x * _PER_DOUBLING + np.float32(0.5)))
-    rest = x - doublings * _DOUBLING_ROUND - doublings * _DOUBLING_REST
-    a, b, c, d, e = _TERMS
+    x = max(x, _MIN_EXPONENT)
+    doublings = np.float32(np.floor(x * _LOG2_E + np.float32(0.5)))
+    rest = x - doublings * _LOG_2_HIGH - doublings * _LOG_2_LOW
+    a, b, c, d, e = _SERIES
     series = np.float32(1.0) + rest * (
         np.float32(1.0) + rest * (e + rest * (d + rest * (c + rest * (b + rest * a))))
     )

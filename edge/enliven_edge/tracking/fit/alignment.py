@@ -24,11 +24,11 @@ from enliven_edge.tracking.fit.gauss_newton import (
 from enliven_edge.tracking.fit.normal_equations import add_place, carried, empty_sums, gather, robust
 from enliven_edge.tracking.fit.structures import PlacedFrames
 
-_ENOUGH = 1e-3
+_MIN_GAIN = 1e-3
 """Minimum gain of a step as a fraction of the energy to try another step. The actual fit does the rest."""
-_RANGES = 100.0
+_LIMIT_WEIGHT = 100.0
 """Weight of the joint limits, square centimetres per square radian."""
-_EASE = model.by_frame(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
+_REST_WEIGHTS = model.by_frame(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
 """(13,) weights of the relaxed posture, square centimetres per square radian. Few targets constrain the trunk
 little. The pelvis' heading is free."""
 _SKELETON = (
@@ -40,7 +40,7 @@ _SKELETON = (
     model.FRAME_LENGTHS,
 )
 """The arguments of the compiled alignment that come from the model."""
-_LIMITS = (joint_limits.MIDDLE, joint_limits.REACH, joint_limits.RELAXED, _EASE)
+_LIMITS = (joint_limits.MIDDLE, joint_limits.REACH, joint_limits.RELAXED, _REST_WEIGHTS)
 """The middle and half width of the joint ranges, the relaxed posture and its weights."""
 
 
@@ -106,7 +106,7 @@ def _align(
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         damping = max(LEAST_DAMPING, damping / LOWER)
-        if gain < _ENOUGH * energy:
+        if gain < _MIN_GAIN * energy:
             break
     return energy
 
@@ -140,6 +140,8 @@ def _normal_equations(matrix, gradient, position, rotations, lengths, wanted, wi
         energy += weights[i] * terms.SQUARE_CM * cost
         add_place(sums, frames[i], point, apart, stretch, lengths_of, weights[i] * terms.SQUARE_CM * doubt)
     gather(matrix, gradient, sums, body)
-    energy += terms.joint_ranges(matrix, gradient, rotations, middle, reach, _RANGES, dof_frame, dof_axis)
+    energy += terms.joint_ranges(
+        matrix, gradient, rotations, middle, reach, _LIMIT_WEIGHT, dof_frame, dof_axis
+    )
     energy += terms.stay_near(matrix, gradient, rotations, rest, ease, dof_frame, dof_axis)
     return energy

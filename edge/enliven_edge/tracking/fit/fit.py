@@ -18,7 +18,7 @@ from enliven_edge.tracking.fit.structures import FitConstants, FitModel, weights
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
-_STIFF = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
+_TEMPORAL_FACTORS = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
 """(13,) factors on ``FitSettings.temporal``: the trunk rotates less between two frames than the limbs."""
 _RELAXED = model.by_frame(
     1.0, {model.PELVIS: 0.0, model.CHEST: 12.0, model.HEAD: 6.0, model.FOOT_L: 3.0, model.FOOT_R: 3.0}
@@ -60,13 +60,13 @@ def shape() -> FitModel:
     return FitModel(*skeleton, *surface, model.JOINT_FRAMES, model.JOINT_OFFSETS)
 
 
-_LOW = 0.65
+_LOW_HIP_RATIO = 0.65
 """Height of the hips relative to leg length below which the hips of a tracked person bend farther. If the
 wider range also applied to standing people, four people next to each other lost 4 % of their joints."""
 _SHAPE = shape()
 _NO_LENGTHS = np.zeros(0)
 """The weights of no lengths: they are frozen."""
-_LOOSE = np.zeros(13)
+_NO_ROTATION_WEIGHTS = np.zeros(13)
 """(13,) zero weights of the prediction's rotations, used without a prediction."""
 
 
@@ -110,7 +110,7 @@ class Fitter:
         self.has_floor = True
         self._strict = strict
         self.limber: Fitter = Fitter(settings, self) if strict is None else self
-        self._stiffness, self._relaxedness = settings.temporal * _STIFF, settings.rest * _RELAXED
+        self._stiffness, self._relaxedness = settings.temporal * _TEMPORAL_FACTORS, settings.rest * _RELAXED
         self._constants: dict[tuple[float, bool, bool], Held] = {}
 
     def fit(
@@ -150,13 +150,13 @@ class Fitter:
         """Returns the variable part of the prior, prediction and proportions: see :func:`minimise`."""
         firmness = _NO_LENGTHS if proportions is None else proportions
         if predicted is None:
-            return start.rotations, _LOOSE, start.lengths, firmness
+            return start.rotations, _NO_ROTATION_WEIGHTS, start.lengths, firmness
         return predicted.rotations, self._stiffness, start.lengths, firmness
 
     def _bends_far(self, posture: Posture) -> bool:
         """Returns True if hips have the wider range: a tracked person crouches, kneels or sits."""
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
-        return self._strict is not None and float(posture.position[1]) < _LOW * leg
+        return self._strict is not None and float(posture.position[1]) < _LOW_HIP_RATIO * leg
 
     def _constants_of(self, width: float | None, bends_far: bool) -> Held:
         """Returns the constant data, with weights and body, for a width in metres.

@@ -12,9 +12,9 @@ from enliven_edge.tracking.body_model import model, turn
 from enliven_edge.tracking.fit.structures import BodyState, FitPrior
 from enliven_edge.tracking.fit.terms import assemble
 
-_ENOUGH = 1e-4
+_MIN_GAIN = 1e-4
 """Minimum gain of a step as a fraction of the energy to try another step."""
-_LARGEST_TURN = 0.5
+_MAX_TURN = 0.5
 """Maximum rotation of a joint per step in radians. Beyond it the linearisation does not hold."""
 FIRST_DAMPING = 1e-2
 """Damping of the first step, as a fraction of the matrix's diagonal: nearly a Gauss-Newton step."""
@@ -81,7 +81,7 @@ def minimise(
         matrix, trial_matrix = trial_matrix, matrix
         gradient, trial_gradient = trial_gradient, gradient
         energy, explained, damping = lower, better, max(LEAST_DAMPING, damping / LOWER)
-        if gain < _ENOUGH * energy:
+        if gain < _MIN_GAIN * energy:
             break
     # Compute the information matrix of the frame. It leaves out the temporal prior, which only adds to the
     # diagonal.
@@ -149,7 +149,7 @@ def stepped(position, rotations, lengths, step, dof_frame, dof_axis):
     largest = 1e-9
     for k in range(3, model.DOFS):
         largest = max(largest, abs(step[k]))
-    share = min(1.0, _LARGEST_TURN / largest)
+    share = min(1.0, _MAX_TURN / largest)
     moved, turned, longer = position.copy(), rotations.copy(), lengths.copy()
     for a in range(3):
         moved[a] += share * step[a]

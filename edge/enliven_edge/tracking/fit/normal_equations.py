@@ -20,7 +20,7 @@ from enliven.kernels import njit
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.fit.structures import FrameSums
 
-_MOVES = 3
+_TRANSLATION_DOFS = 3
 """Number of unknowns of the translation. Rotations follow, then lengths."""
 
 
@@ -137,18 +137,18 @@ def gather(matrix, gradient, sums, body):
     turns = _turns(world, pivots, dof_frame, body.dof_axis)
     _gather_turns(matrix, gradient, total, pull, turns, body.moves, dof_frame)
     # Compute the blocks of the lengths with themselves, with the translation, and with the rotations.
-    first = _MOVES + len(turns)
+    first = _TRANSLATION_DOFS + len(turns)
     for p in range(len(tug)):
         gradient[first + p] += tug[p]
         for q in range(p, len(tug)):
             matrix[first + p, first + q] += own[p, q]
-        for a in range(_MOVES):
+        for a in range(_TRANSLATION_DOFS):
             matrix[a, first + p] += cross[0, a, p]
         for k in range(len(turns)):
             f, value = dof_frame[k], 0.0
             for a in range(6):
                 value += turns[k, a] * cross[f, a, p]
-            matrix[_MOVES + k, first + p] += value
+            matrix[_TRANSLATION_DOFS + k, first + p] += value
 
 
 @njit(cache=True, nogil=True)
@@ -171,9 +171,9 @@ def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
     ``total`` and ``pull`` include all descendants of a frame.
     """
     product = np.empty(6)
-    for a in range(_MOVES):
+    for a in range(_TRANSLATION_DOFS):
         gradient[a] += pull[0, a]
-        for b in range(a, _MOVES):
+        for b in range(a, _TRANSLATION_DOFS):
             matrix[a, b] += total[0, a, b]
     for k in range(len(turns)):
         f, value = dof_frame[k], 0.0
@@ -182,15 +182,15 @@ def _gather_turns(matrix, gradient, total, pull, turns, moves, dof_frame):
             product[a] = 0.0
             for b in range(6):
                 product[a] += total[f, a, b] * turns[k, b]
-        gradient[_MOVES + k] += value
-        for a in range(_MOVES):
-            matrix[a, _MOVES + k] += product[a]
+        gradient[_TRANSLATION_DOFS + k] += value
+        for a in range(_TRANSLATION_DOFS):
+            matrix[a, _TRANSLATION_DOFS + k] += product[a]
         for i in range(k + 1):
             if moves[f, i]:
                 value = 0.0
                 for a in range(6):
                     value += product[a] * turns[i, a]
-                matrix[_MOVES + i, _MOVES + k] += value
+                matrix[_TRANSLATION_DOFS + i, _TRANSLATION_DOFS + k] += value
 
 
 @njit(cache=True, nogil=True)

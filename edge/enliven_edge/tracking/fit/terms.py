@@ -40,20 +40,20 @@ from enliven_edge.tracking.frame import nearest_pixel
 
 SQUARE_CM = 1e4
 """Square centimetres per square metre: energies are in square centimetres, residuals in metres."""
-_SIDE = 0.04
+_SIDE_COST_M = 0.04
 """Cost in metres of a surface seen from the side, see :func:`capsules.nearest_capsules`: about the radius of
 a forearm."""
-_FREE_WIDTH = 0.25
+_FREE_SPACE_WIDTH_M = 0.25
 """Robust width of the free-space term in metres. A whole forearm may be in the wrong place."""
-_SAMPLES = np.int64(5)
+_CAPSULE_SAMPLES = np.int64(5)
 """Points along a capsule that are tested for free space. A plain int would be a separate type for Numba."""
 _PAIR_SAMPLES = np.int64(3)
 """Points along the first capsule of a pair that are kept out of the second."""
-_APART = 0.02
+_INTERSECTION_WEIGHT = 0.02
 """Weight of the self-intersection term relative to that of all points together."""
-_SCALE = 0.1
+_SIZE_WEIGHT = 0.1
 """Weight of a person's size relative to that of the proportions. People differ more in size."""
-_FLOOR_SLACK = 0.02
+_FLOOR_TOLERANCE_M = 0.02
 """Maximum error of the floor's height in metres: the floor may be this much higher than its estimate."""
 
 
@@ -281,17 +281,17 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     body, surface = placed(state, shape, free)
     sums = empty_sums(len(rotations), free)
     energy, explained = depth_to_model(
-        sums, seen.points, seen.affinity, surface, SQUARE_CM, weights.width, _SIDE, support
+        sums, seen.points, seen.affinity, surface, SQUARE_CM, weights.width, _SIDE_COST_M, support
     )
     through, low = weights.free_space * SQUARE_CM, weights.floor * SQUARE_CM
-    energy += free_space(sums, surface, seen.image, through, _FREE_WIDTH, _SAMPLES, violated)
-    energy += above_floor(sums, surface, low, _FLOOR_SLACK)
+    energy += free_space(sums, surface, seen.image, through, _FREE_SPACE_WIDTH_M, _CAPSULE_SAMPLES, violated)
+    energy += above_floor(sums, surface, low, _FLOOR_TOLERANCE_M)
     joints = (shape.joint_frames, shape.joint_offsets)
     near = weights.landmarks * SQUARE_CM
     energy += near_landmarks(sums, seen.landmarks, joints[0], joints[1], lengths, body, near)
     gather(matrix, gradient, sums, body)
     energy += self_intersection(
-        matrix, gradient, surface, body, shape.pairs, _APART * SQUARE_CM, _PAIR_SAMPLES
+        matrix, gradient, surface, body, shape.pairs, _INTERSECTION_WEIGHT * SQUARE_CM, _PAIR_SAMPLES
     )
     energy += joint_ranges(
         matrix, gradient, rotations, prior.middle, prior.reach, weights.ranges, frame, axis
@@ -299,7 +299,7 @@ def assemble(matrix, gradient, state, seen, shape, prior, weights, support, viol
     energy += stay_near(matrix, gradient, rotations, prior.rest, prior.relaxedness, frame, axis)
     energy += stay_near(matrix, gradient, rotations, prior.predicted, prior.stiffness, frame, axis)
     if free > 0:
-        energy += hold_build(matrix, gradient, lengths, prior.reference, prior.firmness, _SCALE)
+        energy += hold_build(matrix, gradient, lengths, prior.reference, prior.firmness, _SIZE_WEIGHT)
     return energy, explained
 
 

@@ -11,16 +11,16 @@ from enliven.frames import TIME_LIMIT_NS, BodyFrame, DepthFrame, Frame
 from enliven.health import HealthKind
 from enliven.person import J
 
-_REMEMBERED_NS = 1_500_000_000
+_WINDOW_NS = 1_500_000_000
 """Length in nanoseconds of the window over which frame rate and loss are measured. A change shows within two
 seconds."""
-_ENOUGH = 6
+_MIN_INTERVALS = 6
 """Minimum number of frame intervals used to estimate frame rate and loss. For a slow sensor this many
 intervals are kept even if they are older than the window."""
-_NEW_CLOCK = 3
+_CLOCK_RESET_FRAMES = 3
 """Consecutive frames with old but increasing times after which the clock counts as set back. Fewer are late
 frames."""
-_LONGEST_STEP_NS = 2_000_000_000
+_MAX_STEP_NS = 2_000_000_000
 """Maximum interval between frames in nanoseconds. A longer interval is a pause of the stream, not lost
 frames."""
 
@@ -37,7 +37,7 @@ class FrameTiming:
         self.late = 0
         self.repeated = 0
         self._newest: int | None = None
-        self._behind: deque[int] = deque(maxlen=_NEW_CLOCK)
+        self._behind: deque[int] = deque(maxlen=_CLOCK_RESET_FRAMES)
         self._steps: deque[int] = deque()
         self._rate: float | None = None
         self._lost = 0.0
@@ -51,7 +51,7 @@ class FrameTiming:
         if newest is not None and time_ns < newest and not self._set_back(time_ns):
             self.late += 1
             return False
-        if newest is None or not 0 < time_ns - newest < _LONGEST_STEP_NS:
+        if newest is None or not 0 < time_ns - newest < _MAX_STEP_NS:
             self._steps.clear()
         else:
             self._steps.append(time_ns - newest)
@@ -79,14 +79,14 @@ class FrameTiming:
         if self._behind and time_ns <= self._behind[-1]:
             self._behind.clear()
         self._behind.append(time_ns)
-        return len(self._behind) == _NEW_CLOCK
+        return len(self._behind) == _CLOCK_RESET_FRAMES
 
     def _measure(self) -> None:
         """Updates rate and loss from the last frame intervals."""
-        while len(self._steps) > _ENOUGH and sum(self._steps) > _REMEMBERED_NS:
+        while len(self._steps) > _MIN_INTERVALS and sum(self._steps) > _WINDOW_NS:
             self._steps.popleft()
         count = len(self._steps)
-        if count < _ENOUGH:
+        if count < _MIN_INTERVALS:
             self._rate, self._lost = None, 0.0
             return
         ordered = sorted(self._steps)
@@ -101,9 +101,9 @@ class FrameTiming:
 _NEW_SIZE_FRAMES = 5
 """Consecutive frames with another size after which that size is accepted as the sensor's new mode. A driver
 that restarts lets through one or two frames of the old or of an incomplete mode."""
-_SMALLEST = 16
+_MIN_IMAGE_SIDE_PX = 16
 """Minimum side of an image in pixels. A smaller image shows no person."""
-_LARGEST = 8192
+_MAX_IMAGE_SIDE_PX = 8192
 """Maximum side of an image in pixels. No depth camera has more."""
 Flaw = tuple[HealthKind, str]
 """The kind of problem and its reason, without a full stop."""
@@ -153,7 +153,7 @@ def _depth_flaw(frame: DepthFrame) -> str:
     camera, depth, colour, stand = frame.intrinsics, frame.depth, frame.colour, frame.world_from_camera
     if depth.dtype != np.uint16 or depth.shape != (camera.height, camera.width):
         return f"its depth is {depth.dtype} {depth.shape}, the camera's is {camera.height}x{camera.width}"
-    if not all(_SMALLEST <= side <= _LARGEST for side in depth.shape):
+    if not all(_MIN_IMAGE_SIDE_PX <= side <= _MAX_IMAGE_SIDE_PX for side in depth.shape):
         return f"its image is {camera.width}x{camera.height} pixels"
     if not all(math.isfinite(f) and f > 0 for f in (camera.fx, camera.fy)):
         return f"its focal length is ({camera.fx}, {camera.fy}) pixels"

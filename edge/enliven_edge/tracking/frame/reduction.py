@@ -12,7 +12,7 @@ from enliven.kernels import njit
 _SAMPLES = 12_000
 """Approximate number of sampled pixels: enough for shares to one percent, at a fraction of the cost of all
 pixels."""
-_NEAR_MM = 300
+_MIN_DEPTH_MM = 300
 """Minimum usable depth in millimetres. A nearer surface is a hand or a cloth in front of the lens."""
 
 
@@ -37,7 +37,7 @@ def survey(depth: UInt16) -> DepthSurvey:
     """Returns the statistics of an (H, W) uint16 depth image in millimetres. 0 and 65535 are unknown."""
     height, width = depth.shape
     step = max(1, round((height * width / _SAMPLES) ** 0.5))
-    known_count, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _NEAR_MM)
+    known_count, usable, speckle, count, mark = _survey(np.ascontiguousarray(depth), step, _MIN_DEPTH_MM)
     total = max(1, count)
     return DepthSurvey(known_count / total, usable / total, speckle / total, int(mark))
 
@@ -64,11 +64,11 @@ def _survey(depth, step, near):
     return known_count, usable, speckle, count, mark
 
 
-_SIDE = 3
+_BLOCK_SIDE = 3
 """Samples per block, along each axis."""
-_NEAREST = np.uint16(0)
+_UNKNOWN_MIN_MM = np.uint16(0)
 """Value of a sample without a measurement, in millimetres. No known sample is as near."""
-_FARTHEST = np.uint16(65535)
+_UNKNOWN_MAX_MM = np.uint16(65535)
 """Value of a sample without a measurement on some other sensors, in millimetres. No known sample is as
 far."""
 
@@ -81,14 +81,14 @@ def reduce_depth(depth, stride, height, width):
     blocks is processed at once: the inner loops are minima and maxima of rows.
     """
     out = np.empty((height, width))
-    step = max(1, stride // _SIDE)
-    side = min(_SIDE, (stride + step - 1) // step)
+    step = max(1, stride // _BLOCK_SIDE)
+    side = min(_BLOCK_SIDE, (stride + step - 1) // step)
     # A small block has fewer samples. Leave the missing ones at 0, which means unknown.
-    samples, odd = np.zeros((_SIDE * _SIDE, width), np.uint16), np.empty(width, np.bool_)
+    samples, odd = np.zeros((_BLOCK_SIDE * _BLOCK_SIDE, width), np.uint16), np.empty(width, np.bool_)
     for v in range(height):
         for r in range(side):
             row, first = depth[v * stride + r * step], r * side
-            if stride == _SIDE:
+            if stride == _BLOCK_SIDE:
                 _part_in_three(samples[first], samples[first + 1], samples[first + 2], row)
                 continue
             for k in range(side):
@@ -121,8 +121,8 @@ def _balance(samples, odd):
     for k in range(len(samples)):
         for u in range(len(odd)):
             sample = samples[k, u]
-            unknown = (sample == _NEAREST) | (sample == _FARTHEST)
-            outermost = _FARTHEST if odd[u] else _NEAREST
+            unknown = (sample == _UNKNOWN_MIN_MM) | (sample == _UNKNOWN_MAX_MM)
+            outermost = _UNKNOWN_MAX_MM if odd[u] else _UNKNOWN_MIN_MM
             samples[k, u] = outermost if unknown else sample
             odd[u] ^= unknown
 

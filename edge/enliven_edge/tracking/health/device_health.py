@@ -9,16 +9,16 @@ from enliven.health import HealthKind
 from enliven_edge.sensors import Condition
 from enliven_edge.tracking.health.alarm import Alarms
 
-_COOLER = 5.0
+_HOT_MARGIN_C = 5.0
 """Difference from the temperature limit at which a device counts as hot, in degrees Celsius. It is early
 enough to act."""
-_LEVEL = 4.0
+_LEVEL_ANGLE_DEG = 4.0
 """Angle in degrees between floor and accelerometer below which they agree again. Mounting error and bias are
 1 to 3 degrees."""
-_TILTED = 6.0
+_TILTED_ANGLE_DEG = 6.0
 """Angle in degrees between floor and accelerometer above which they disagree: a ramp or a table's edge was
 taken for the floor."""
-_OVERHEAD = -0.5
+_UPSIDE_DOWN_COSINE = -0.5
 """Cosine between assumed and measured gravity below which a sensor hangs upside down: 120 degrees."""
 
 
@@ -38,13 +38,15 @@ def judge_condition(
     alarms.note(HealthKind.NOT_CALIBRATED, not condition.calibrated, now)
     if condition.temperature is not None and condition.hot is not None:
         room = condition.hot - condition.temperature
-        hot = alarms.between(HealthKind.HOT, room, 2 * _COOLER, _COOLER)
+        hot = alarms.between(HealthKind.HOT, room, 2 * _HOT_MARGIN_C, _HOT_MARGIN_C)
         alarms.note(HealthKind.HOT, hot, now, celsius=condition.temperature, limit=condition.hot)
     down = condition.down
     if down is None:
         return
     agreement = float(-np.asarray(world_from_camera)[1, :3] @ down)
-    alarms.note(HealthKind.UPSIDE_DOWN, agreement < _OVERHEAD, now)
+    alarms.note(HealthKind.UPSIDE_DOWN, agreement < _UPSIDE_DOWN_COSINE, now)
     tilt = float(np.degrees(np.arccos(np.clip(agreement, -1.0, 1.0)))) if floor_known else None
-    level = alarms.between(HealthKind.NOT_LEVEL, None if tilt is None else -tilt, -_LEVEL, -_TILTED)
+    level = alarms.between(
+        HealthKind.NOT_LEVEL, None if tilt is None else -tilt, -_LEVEL_ANGLE_DEG, -_TILTED_ANGLE_DEG
+    )
     alarms.note(HealthKind.NOT_LEVEL, level, now, degrees=tilt or 0.0)

@@ -8,11 +8,11 @@ from enliven.arrays import Float
 from enliven.camera import Intrinsics
 from enliven.person import Body, Joint
 
-_TOUCH = 0.12
+_TOUCH_DISTANCE_M = 0.12
 """Maximum distance in metres between joints of two people that touch: half of two limbs and a little air."""
-_ARMS_LENGTHS = 2.5
+_MAX_REACH_M = 2.5
 """Distance in metres between two people's hips, along each axis, beyond which no joints can touch."""
-_NEAREST = 0.05
+_MIN_DEPTH_M = 0.05
 """Minimum depth in metres along the optical axis for projecting a joint. It avoids a division by 0."""
 WATCHED = np.array([Joint.HIP_CENTER, Joint.HEAD, Joint.FOOT_LEFT, Joint.FOOT_RIGHT])
 """The joints that must be in the image."""
@@ -24,9 +24,9 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
     """Returns the ids of the first two people with touching joints, or an empty tuple."""
     for i, body in enumerate(bodies):
         for other in bodies[i + 1 :]:
-            if np.abs(body.joints[0] - other.joints[0]).max() < _ARMS_LENGTHS:
+            if np.abs(body.joints[0] - other.joints[0]).max() < _MAX_REACH_M:
                 between = body.joints[:, None] - other.joints
-                if float(np.einsum("abi,abi->ab", between, between).min()) < _TOUCH**2:
+                if float(np.einsum("abi,abi->ab", between, between).min()) < _TOUCH_DISTANCE_M**2:
                     return body.id, other.id
     return ()
 
@@ -38,7 +38,7 @@ def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
         local: (4, 3) metres, the watched joints in the camera frame.
         camera: the intrinsics.
     """
-    z = np.maximum(local[:, 2], _NEAREST)
+    z = np.maximum(local[:, 2], _MIN_DEPTH_M)
     u = camera.fx * local[:, 0] / z + camera.cx
     v = camera.fy * local[:, 1] / z + camera.cy
     borders = (

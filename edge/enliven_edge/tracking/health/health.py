@@ -19,37 +19,37 @@ from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
 
 _FROZEN_FRAMES = 4
 """Consecutive equal images above which a sensor may be frozen. Fewer may be chance."""
-_REPEATED = 8
+_REPEATED_FRAMES = 8
 """Minimum number of consecutive frames with the same time for a sensor to count as frozen: it sends one frame
 repeatedly."""
-_NORMAL_FALLS = 60.0
+_USUAL_FALL_S = 60.0
 """Time constant in seconds for less depth to become the usual amount. A changed scene must not be a permanent
 fault."""
-_NORMAL_RISES = 0.5
+_USUAL_RISE_WEIGHT = 0.5
 """Weight of a frame with more depth than usual in the usual amount. It becomes the usual amount within a few
 frames."""
-_SLOW = 0.6
+_SLOW_RATE = 0.6
 """Fraction of the promised frame rate below which a sensor is slow."""
-_FAST_AGAIN = 0.75
+_SLOW_CLEARED_RATE = 0.75
 """Fraction of the promised frame rate above which it is no longer slow. The alarm must not flicker."""
-_DROPPED = 0.10
+_DROPPED_FRACTION = 0.10
 """Fraction of lost frames above which the message appears."""
-_DROPPED_AGAIN = 0.05
+_DROPPED_CLEARED_FRACTION = 0.05
 """Fraction of lost frames below which the message disappears. The alarm must not flicker."""
-_LATE_NS = 2_000_000_000
+_LATE_SHOWN_NS = 2_000_000_000
 """Nanoseconds for which late frames are reported after the last of them: long enough to read."""
-_MOVED_NS = 3_000_000_000
+_MOVED_SHOWN_NS = 3_000_000_000
 """Nanoseconds for which a moved sensor is reported after the last motion: long enough to read."""
-_COVERED = 0.04
+_COVERED_DEPTH = 0.04
 """Fraction of usable depth below which the lens is covered. A covered lens still shows some pixels."""
-_UNCOVERED = 0.10
+_UNCOVERED_DEPTH = 0.10
 """Fraction of usable depth above which the lens is free again."""
-_SPECKLE = 0.09
+_SPECKLE_FRACTION = 0.09
 """Fraction of small holes in the depth above which depth is missing: sunlight, or another sensor's
 pattern."""
-_SPECKLE_GONE = 0.05
+_SPECKLE_CLEARED_FRACTION = 0.05
 """Fraction of small holes in the depth below which the message disappears."""
-_DEPTH_BACK = 0.1
+_DEPTH_MARGIN = 0.1
 """Fraction of the usual depth that must be available above the limit for the message to disappear."""
 _UNCLEAR_MARGIN = 0.1
 """Mean confidence above the limit at which a performer is clear again."""
@@ -261,12 +261,14 @@ class HealthMonitor:
 
     def _judge_rhythm(self, now: int) -> None:
         rate, lost = self._rhythm.rate, self._rhythm.lost
-        slow = self._alarms.between(HealthKind.SLOW, rate, _FAST_AGAIN * self._fps, _SLOW * self._fps)
+        slow = self._alarms.between(
+            HealthKind.SLOW, rate, _SLOW_CLEARED_RATE * self._fps, _SLOW_RATE * self._fps
+        )
         self._alarms.note(HealthKind.SLOW, slow, now, rate=rate or 0.0, promised=self._fps)
-        limits = (-_DROPPED_AGAIN, -_DROPPED)
+        limits = (-_DROPPED_CLEARED_FRACTION, -_DROPPED_FRACTION)
         dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, *limits)
         self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
-        late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_NS
+        late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_SHOWN_NS
         self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
 
     def _judge_freeze(self, seen: DepthSurvey | None, now: int) -> None:
@@ -276,21 +278,26 @@ class HealthMonitor:
             self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
             self._mark = seen.mark
         still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
-        self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED, now)
+        self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED_FRAMES, now)
 
     def _judge_image(self, seen: DepthSurvey, now: int) -> None:
-        covered = self._alarms.between(HealthKind.COVERED, seen.usable, _UNCOVERED, _COVERED)
+        covered = self._alarms.between(HealthKind.COVERED, seen.usable, _UNCOVERED_DEPTH, _COVERED_DEPTH)
         self._alarms.note(HealthKind.COVERED, covered, now)
         if covered:
             return
         rate = self._rhythm.rate or self._fps
-        share = _NORMAL_RISES if seen.known > self._normal else 1.0 / (rate * _NORMAL_FALLS)
+        share = _USUAL_RISE_WEIGHT if seen.known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
         self._normal += share * (seen.known - self._normal)
         enough = 1.0 - self.settings.missing
         least = self._alarms.between(
-            HealthKind.MISSING_DEPTH, seen.known, (enough + _DEPTH_BACK) * self._normal, enough * self._normal
+            HealthKind.MISSING_DEPTH,
+            seen.known,
+            (enough + _DEPTH_MARGIN) * self._normal,
+            enough * self._normal,
         )
-        holes = self._alarms.between(HealthKind.MISSING_DEPTH, -seen.speckle, -_SPECKLE_GONE, -_SPECKLE)
+        holes = self._alarms.between(
+            HealthKind.MISSING_DEPTH, -seen.speckle, -_SPECKLE_CLEARED_FRACTION, -_SPECKLE_FRACTION
+        )
         self._alarms.note(HealthKind.MISSING_DEPTH, least or holes, now, percent=100 * (1 - seen.known))
 
     # --- the tracker and the performers --------------------------------------------------------------------
@@ -298,7 +305,7 @@ class HealthMonitor:
     def _judge_tracker(self, tracker: TrackerState, now: int) -> None:
         if tracker.moved:
             self._moved_ns = now
-        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < _MOVED_NS
+        moved = self._moved_ns is not None and 0 <= now - self._moved_ns < _MOVED_SHOWN_NS
         self._alarms.note(HealthKind.MOVED, moved, now)
         self._alarms.note(HealthKind.NO_FLOOR, not tracker.floor_known, now)
         self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)

@@ -11,22 +11,22 @@ from enliven_edge.tracking.settings import FootContactSettings
 
 _POINTS = np.array([[Joint.FOOT_LEFT, Joint.ANKLE_LEFT], [Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT]])
 """(2, 2) the joints at ball and ankle of each foot. A foot stands on either."""
-_ABOVE = np.array([0.0, 0.06])
+_JOINT_HEIGHTS_M = np.array([0.0, 0.06])
 """(2,) height in metres of ball and ankle above the ball of a standing foot."""
-_FORGETS = 0.03
+_GROUND_RISE_RATE = 0.03
 """Rate in metres per second at which a standing foot's ground height may rise, so that one low frame is not
 final."""
-_SPEED_CUTOFF = 6.0
+_SPEED_CUTOFF_HZ = 6.0
 """Cut-off in Hz of the low-pass on the speed of a foot. It suppresses the fit's noise, and a step still
 begins within a few frames."""
-_STEEP = 5.0
+_LOGISTIC_SLOPE = 5.0
 """Slope of the logistic function from a foot's fraction of its limits to a probability: 0.92 at half of
 them."""
-_LONGEST_GAP = 1.0
+_MAX_GAP_S = 1.0
 """Seconds without a frame after which the state of the feet is reset."""
-_SEEN = 0.1
+_FULL_CONFIDENCE = 0.1
 """Confidence of a foot's joints above which its contact counts fully. Below, it counts in proportion."""
-_LOW = 0.6
+_STANDING_FRACTION = 0.6
 """Fraction of the maximum height below which a foot counts as standing in its first frame."""
 
 
@@ -57,7 +57,7 @@ class FootContacts:
         """
         seconds = (time_ns - self._time_ns) * 1e-9
         self._time_ns = time_ns
-        if self._last is None or not 0.0 < seconds < _LONGEST_GAP:
+        if self._last is None or not 0.0 < seconds < _MAX_GAP_S:
             self._last, seconds = np.zeros((2, 2, 3)), 0.0
         feet = (self._last, self._speed, self._ground, self._stands)
         return np.asarray(step_feet(joints, confidence, *feet, seconds, *self._limits))
@@ -86,12 +86,12 @@ def step_feet(joints, confidence, last, speed, ground, stands, seconds, floor, l
         stiff = hysteresis if stands[foot] else 1.0
         lowest, seen = np.inf, 0.0
         for k in range(2):
-            place, highest = joints[_POINTS[foot, k]], floor + _ABOVE[k]
+            place, highest = joints[_POINTS[foot, k]], floor + _JOINT_HEIGHTS_M[k]
             excess = max((place[1] - ground[foot, k]) / lift, speed[foot, k] / fastest) / stiff
             lowest = min(lowest, max(excess, place[1] / highest))
-            seen = max(seen, confidence[_POINTS[foot, k]] / _SEEN)
+            seen = max(seen, confidence[_POINTS[foot, k]] / _FULL_CONFIDENCE)
             copy_row(last[foot, k], place)
-        likely = 1.0 / (1.0 + np.exp(min(_STEEP * (lowest - 1.0), 50.0)))
+        likely = 1.0 / (1.0 + np.exp(min(_LOGISTIC_SLOPE * (lowest - 1.0), 50.0)))
         stands[foot] = likely > 0.5
         out[foot] = likely * min(1.0, seen)
     return out
@@ -103,19 +103,21 @@ def _begin(joints, speed, ground, stands, floor):
     for foot in range(2):
         stands[foot] = False
         for k in range(2):
-            height, highest = joints[_POINTS[foot, k], 1], floor + _ABOVE[k]
+            height, highest = joints[_POINTS[foot, k], 1], floor + _JOINT_HEIGHTS_M[k]
             ground[foot, k], speed[foot, k] = min(height, highest), 0.0
-            stands[foot] |= height < _LOW * highest
+            stands[foot] |= height < _STANDING_FRACTION * highest
 
 
 @njit(cache=True, nogil=True)
 def _go_on(joints, last, speed, ground, seconds, floor):
     """Updates the low-passed speed of the feet, and their recent minimum height."""
-    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF * seconds))
+    follow = 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _SPEED_CUTOFF_HZ * seconds))
     for foot in range(2):
         for k in range(2):
             place, before = joints[_POINTS[foot, k]], last[foot, k]
             x, y, z = place[0] - before[0], place[1] - before[1], place[2] - before[2]
             moved = np.sqrt(x * x + y * y + z * z) / seconds
             speed[foot, k] += follow * (moved - speed[foot, k])
-            ground[foot, k] = min(place[1], ground[foot, k] + _FORGETS * seconds, floor + _ABOVE[k])
+            ground[foot, k] = min(
+                place[1], ground[foot, k] + _GROUND_RISE_RATE * seconds, floor + _JOINT_HEIGHTS_M[k]
+            )

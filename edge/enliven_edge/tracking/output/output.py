@@ -18,14 +18,14 @@ from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
 from enliven_edge.tracking.output.speed_limit import SpeedLimit, finite_joints, finite_turns
 from enliven_edge.tracking.settings import TrackerSettings
 
-_FORGOTTEN_NS = 10_000_000_000
+_FORGET_AFTER_NS = 10_000_000_000
 """Nanoseconds after which the state of a person out of view is deleted, to free memory. The filters are reset
 earlier."""
-_LONGEST_LATENCY = 0.3
+_MAX_LATENCY_S = 0.3
 """Maximum measured latency in seconds that is predicted: the bound of the setting ``predict``."""
-_MOST_AMOUNTS = 64
+_MAX_AMOUNTS = 64
 """Maximum number of people with their own smoothing amount, because viewers may send any number of ids."""
-_LEAST = 1e-3
+_MIN_AMOUNT = 1e-3
 """Smoothing amounts below this count as 0, because the filter divides by the amount."""
 
 
@@ -50,7 +50,7 @@ class Output:
         if amount is not None:
             self._amounts[person] = max(0.0, amount)
             absent = [each for each in self._amounts if each not in self._people and each != person]
-            for each in absent[: max(len(self._amounts) - _MOST_AMOUNTS, 0)]:
+            for each in absent[: max(len(self._amounts) - _MAX_AMOUNTS, 0)]:
                 del self._amounts[each]
         if person in self._people:
             self._people[person].set_amount(self.amount(person))
@@ -58,13 +58,13 @@ class Output:
     def amount(self, person: int) -> float:
         """Returns the amount of smoothing of a performer. 0 is off."""
         amount = self._amounts.get(person, self.settings.smoothing.amount)
-        return amount if amount >= _LEAST else 0.0
+        return amount if amount >= _MIN_AMOUNT else 0.0
 
     @property
     def ahead(self) -> float:
         """Returns the prediction time of the joints in seconds."""
         wanted = self.settings.output.predict
-        return min(max(self.latency, 0.0), _LONGEST_LATENCY) if wanted == "measured" else float(wanted)
+        return min(max(self.latency, 0.0), _MAX_LATENCY_S) if wanted == "measured" else float(wanted)
 
     def __call__(
         self, bodies: list[Body], time_ns: int, world_from_camera: Float | None = None
@@ -97,7 +97,7 @@ class Output:
         if self._time_ns is not None and time_ns < self._time_ns:
             self._people.clear()
         self._time_ns = time_ns
-        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGOTTEN_NS]
+        gone = [p for p, state in self._people.items() if time_ns - state.time_ns > _FORGET_AFTER_NS]
         for person in gone:
             del self._people[person]
 

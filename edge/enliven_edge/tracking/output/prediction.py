@@ -10,20 +10,20 @@ from enliven.person import PARENTS
 from enliven_edge.tracking.output.smoothing import step_between, turn
 
 _PARENTS = np.array(PARENTS)
-_CUTOFF = 3.0
+_CUTOFF_HZ = 3.0
 """Cut-off in Hz of the low-pass on the speeds. The prediction multiplies their noise, and must not jitter."""
-_FASTEST = 6.0
+_MAX_SPEED = 6.0
 """Maximum speed in metres per second of the extrapolation of a joint: a fast hand. Higher speeds are mostly
 bad frames."""
-_FASTEST_TURN = 10.0
+_MAX_TURN_RATE = 10.0
 """Maximum angular speed in radians per second of the extrapolation of a bone: a fast forearm. Higher speeds
 are mostly bad frames."""
-_MOVES = 0.5
+_HALF_SPEED = 0.5
 """Speed in metres per second at which half of a filter's delay is compensated. A joint at rest must not
 jitter, and has no visible lag. On the tuning sequences a lag of 16 ms becomes 8 ms with 2 % more jitter."""
-_TURNS = 3.0
+_HALF_TURN_RATE = 3.0
 """The same for the rotation of a bone, in radians per second."""
-_LONGEST_GAP = 0.5
+_MAX_GAP_S = 0.5
 """Maximum seconds between two frames for a speed to be computed from them."""
 
 
@@ -57,7 +57,7 @@ class Predictor:
             turn_delay: (20,) seconds, the same for the orientations.
         """
         passed = (time_ns - self._time_ns) * 1e-9
-        if self._joints is None or not 0.0 < passed < _LONGEST_GAP:
+        if self._joints is None or not 0.0 < passed < _MAX_GAP_S:
             passed = 0.0
         if passed == seconds == 0.0:
             self._speed[:], self._spin[:] = 0.0, 0.0
@@ -90,7 +90,7 @@ def foreseen_places(joints, before, speed, delay, passed, seconds):
         for a in range(3):
             moved = (joints[j, a] - before[j, a]) / passed if passed > 0.0 else 0.0
             speed[j, a] += share * (moved - speed[j, a])
-    return moved_on(joints, speed, ahead_of(speed, delay, seconds, _MOVES))
+    return moved_on(joints, speed, ahead_of(speed, delay, seconds, _HALF_SPEED))
 
 
 @njit(cache=True, nogil=True)
@@ -100,13 +100,13 @@ def foreseen_turns(turns, before, spin, delay, passed, seconds):
         learn_spin(spin, before, turns, passed, _share(passed))
     else:
         spin[:] = 0.0
-    return turned_on(turns, spin, ahead_of(spin, delay, seconds, _TURNS))
+    return turned_on(turns, spin, ahead_of(spin, delay, seconds, _HALF_TURN_RATE))
 
 
 @njit(cache=True, nogil=True)
 def _share(passed):
     """Returns the weight of a new speed in the low-pass after ``passed`` seconds. 1 for the first one."""
-    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF * passed)) if passed > 0.0 else 1.0
+    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * _CUTOFF_HZ * passed)) if passed > 0.0 else 1.0
 
 
 @njit(cache=True, nogil=True)
@@ -146,7 +146,7 @@ def turned_on(turns, spin, seconds):
     """Returns (J, 4) rotations after (J,) seconds at (J, 3) angular velocities."""
     out = turns.copy()
     for j in range(len(out)):
-        far = seconds[j] * _limit(spin[j], _FASTEST_TURN)
+        far = seconds[j] * _limit(spin[j], _MAX_TURN_RATE)
         turn(out[j], far * spin[j, 0], far * spin[j, 1], far * spin[j, 2])
     return out
 
@@ -156,7 +156,7 @@ def moved_on(joints, speed, seconds):
     """Returns (J, 3) joints after (J,) ``seconds`` at (J, 3) speeds. Every bone keeps its length."""
     out = np.empty(joints.shape)
     for j in range(len(out)):
-        far = seconds[j] * _limit(speed[j], _FASTEST)
+        far = seconds[j] * _limit(speed[j], _MAX_SPEED)
         for a in range(3):
             out[j, a] = joints[j, a] + far * speed[j, a]
     for j in range(len(out)):  # Parents come before their children.

@@ -11,7 +11,7 @@ from enliven.rotation import normalized
 from enliven_edge.tracking.settings import OutputSettings
 
 _PARENTS = np.array([max(p, 0) for p in PARENTS])
-_LONGEST_GAP = 1.0
+_MAX_GAP_S = 1.0
 """Seconds without a frame after which a joint may be anywhere, so that no speed limit applies."""
 
 
@@ -95,7 +95,7 @@ class SpeedLimit:
         seconds = (time_ns - self._time_ns) * 1e-9
         fastest = self._settings.fastest
         last, self._time_ns = self._last, time_ns
-        if last is None or fastest == 0.0 or not 0.0 < seconds < _LONGEST_GAP:
+        if last is None or fastest == 0.0 or not 0.0 < seconds < _MAX_GAP_S:
             self._last, self._waited[:] = joints, 0.0
             return joints, confidence
         allowed = fastest * seconds

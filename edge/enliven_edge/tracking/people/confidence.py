@@ -37,9 +37,9 @@ GROUP_OF_JOINT = np.array([0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11, 8, 
 """(20,) the index of each joint's group in :data:`GROUPS`."""
 WITH_NETWORK, ALONE = "weights", "weights alone"
 """The tables of weights: with the network's estimate as evidence, and without one."""
-_SEATED = 0.42
+_SEATED_HIP_RATIO = 0.42
 """Height of the hips relative to leg length below which an upright person sits on the floor."""
-_UPRIGHT = 0.5
+_UPRIGHT_COSINE = 0.5
 """Minimum cosine between the trunk and the vertical of a sitting person. A lying person has less."""
 _MAX_SEATED_LEG = 0.7
 """Maximum confidence of a knee, ankle or foot of a person that sits on the floor. Without it, 30 % of the
@@ -47,7 +47,7 @@ joints with 0.9 or more had an error of 10 cm or more in the tuning films. Legs 
 only their feet."""
 _IS_LEG = np.isin(np.arange(20), [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))])
 _OUTSIDE = NAMES.index("outside")
-_NOT_SEEN = 0.99
+_UNSEEN_FRACTION = 0.99
 """Fraction of a joint's bone outside the image above which its confidence is 0: all of it, except for
 rounding."""
 
@@ -67,10 +67,10 @@ def confidence(evidence: Float, *, alone: bool = False) -> Float:
 def bounded_when_seated(sure: Float, posture: Posture) -> Float:
     """Returns (20,) confidence with that of the legs limited if the person sits on the floor, y = 0."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
-    if float(posture.position[1]) > _SEATED * leg:
+    if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:
         return sure
     trunk = posture.joints()[Joint.SHOULDER_CENTER] - posture.position
-    if float(trunk[1]) < _UPRIGHT * float(np.linalg.norm(trunk)):
+    if float(trunk[1]) < _UPRIGHT_COSINE * float(np.linalg.norm(trunk)):
         return sure
     return np.where(_IS_LEG, np.minimum(sure, _MAX_SEATED_LEG), sure)
 
@@ -84,7 +84,7 @@ def _likely(evidence, weights):
         for f in range(evidence.shape[1]):
             score += evidence[j, f] * weights[j, f]
         likely = 1.0 / (1.0 + np.exp(-min(30.0, max(-30.0, score))))
-        out[j] = 0.0 if evidence[j, _OUTSIDE] > _NOT_SEEN else likely
+        out[j] = 0.0 if evidence[j, _OUTSIDE] > _UNSEEN_FRACTION else likely
     return out
 
 

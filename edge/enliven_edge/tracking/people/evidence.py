@@ -35,14 +35,14 @@ NAMES = (
 """The columns of :func:`evidence`. "beside" means the neighbouring part of the body. The last two come from
 the network's estimate and are 0 without one."""
 _COUNT = len(NAMES)
-_CLOSE = 0.02
+_JOINT_TOLERANCE_M = 0.02
 """Metres added to the distance of a joint from the network's joint. Smaller distances are not informative."""
-_ENOUGH = 0.35
+_FULL_SUPPORT = 0.35
 """Fraction of the points expected on a capsule that supports it fully: a third, because parts occlude each
 other."""
-_SAMPLES = 5
+_CAPSULE_SAMPLES = 5
 """Samples along a capsule for its visible fraction: about 8 cm apart on a thigh."""
-_SAME = 0.07
+_SURFACE_TOLERANCE_M = 0.07
 """Maximum distance in metres between the model's surface and the observed one to be the same: clothes, and
 the fit's error."""
 
@@ -152,7 +152,7 @@ def gathered(shares, support, violated, explained, loose, unsupported, joints, s
         if len(seen) > 0:
             x, y, z = joints[j, 0] - seen[j, 0], joints[j, 1] - seen[j, 1], joints[j, 2] - seen[j, 2]
             out[j, 15] = np.log(spread[j])
-            out[j, 16] = np.log(_CLOSE + np.sqrt(x * x + y * y + z * z))
+            out[j, 16] = np.log(_JOINT_TOLERANCE_M + np.sqrt(x * x + y * y + z * z))
     return out
 
 
@@ -168,8 +168,8 @@ def capsule_shares(ends, radii, view):
     height, width = depth.shape
     out = np.zeros((len(ends), 4))
     for c in range(len(ends)):
-        for s in range(_SAMPLES):
-            t = (s + 0.5) / _SAMPLES
+        for s in range(_CAPSULE_SAMPLES):
+            t = (s + 0.5) / _CAPSULE_SAMPLES
             radius = radii[c, 0] + t * (radii[c, 1] - radii[c, 0])
             x, y, z = 0.0, 0.0, 0.0
             for b in range(3):
@@ -185,13 +185,13 @@ def capsule_shares(ends, radii, view):
                 v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
                 if 0 <= u < width and 0 <= v < height:
                     seen = depth[v, u]
-                    if mask[v, u] and abs(seen - (z - radius)) < _SAME:
+                    if mask[v, u] and abs(seen - (z - radius)) < _SURFACE_TOLERANCE_M:
                         kind = 0
                     elif seen == 0.0 or seen < z - radius:
                         kind = 1
                     else:
                         kind = 2
-            out[c, kind] += 1.0 / _SAMPLES
+            out[c, kind] += 1.0 / _CAPSULE_SAMPLES
     return out
 
 
@@ -213,7 +213,7 @@ def _supported(support, violated, ends, radii, count):
         x, y, z = ends[c, 1, 0] - ends[c, 0, 0], ends[c, 1, 1] - ends[c, 0, 1], ends[c, 1, 2] - ends[c, 0, 2]
         width = radii[c, 0] + radii[c, 1]
         area[c] = (np.sqrt(x * x + y * y + z * z) + width) * width
-    enough, out = _ENOUGH * count / area.sum(), np.empty(len(ends))
+    enough, out = _FULL_SUPPORT * count / area.sum(), np.empty(len(ends))
     for c in range(len(ends)):
         out[c] = min(1.0, support[c] / max(1.0, enough * area[c])) * (1.0 - violated[c])
     return out

@@ -34,57 +34,57 @@ from enliven_edge.tracking.segment import lying_on
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
 
-_GOOD = 0.68
+_MIN_DETECTION_QUALITY = 0.68
 """Minimum quality in [0, 1], see :func:`detection.quality`, for a detected body to be accepted as a
 person."""
-_ACCEPTABLE = 0.45
+_BAD_QUALITY = 0.45
 """Quality up to which a frame is bad. It is lower than for a new body, because a known one may be half
 hidden."""
 _SUPPORT, _VISIBLE = NAMES.index("support"), NAMES.index("visible")
-_EXPLAINED = 0.93
+_MIN_EXPLAINED = 0.93
 """Fraction of the points below which a frame is fitted a second time with a larger robust width, because a
 limb was too fast."""
-_WIDE = 0.25
+_WIDE_WIDTH_M = 0.25
 """Robust width of the second fit in metres: about the movement of a fast hand in a frame."""
-_DOUBTED = 8.5
+_DOUBTFUL_COST = 8.5
 """Cost of a frame in square centimetres per point above which the person is detected again."""
-_MOSTLY_EXPLAINED = 0.87
+_DOUBTFUL_EXPLAINED = 0.87
 """Fraction of explained points below which a doubtful person is detected again, whatever the network sees."""
-_LIMB = 3
+_LIMB_JOINTS = 3
 """Joints of a limb that moves by itself: elbow, wrist and hand, or knee, ankle and foot."""
-_CLEARLY = 0.8
+_MAX_COST_RATIO = 0.8
 """Maximum cost of a new detection relative to the present cost. A smaller gain may be chance."""
-_AGAIN_AFTER = 30
+_FIRST_REDETECTION_FRAMES = 30
 """Initial number of frames between two detections of a doubtful person. Each takes several frames. The
 tuning, close and held-out films were no better with twice as many detections."""
-_LONGEST = 120
+_MAX_REDETECTION_INTERVAL = 120
 """Maximum number of frames between two detections. The wait doubles up to this while nothing better is
 found."""
-_WORSE = 1.2
+_RESET_COST_RATIO = 1.2
 """Factor on the cost of the last failed detection above which the wait is reset."""
-_KNOWN_AFTER = 120
+_KNOWN_LENGTHS_FRAMES = 120
 """Well fitted frames, four seconds, after which the lengths are reliable enough for a detection."""
-_SHAPED_AFTER = 30
+_SHAPING_FRAMES = 30
 """Well fitted frames, one second, in which every fit includes the lengths. At first they are far from
 correct."""
-_SHAPED_EVERY = 2
+_SHAPING_INTERVAL = 2
 """Interval in frames between two fits of the lengths after that. Without lengths a fit is a third faster, and
 joints of the tuning, close and held-out films came nearer by up to a millimetre."""
 _NO_AFFINITY, _NO_LANDMARKS = np.zeros((0, 0), np.float32), np.zeros((0, 5))
-_SPEED_MEMORY = 0.4
+_SPEED_WINDOW_S = 0.4
 """Seconds over which the walking speed is averaged: less than a step, more than the noise of a frame."""
-_SOME_POINTS = np.log1p(4)
+_MIN_SUPPORT = np.log1p(4)
 """Minimum evidence of support, log(1 + points), for a joint to count as supported in a frame."""
-_SEEN_SHARE = 0.3
+_MIN_VISIBLE_BONE = 0.3
 """Minimum visible fraction of a joint's bone for its support to count. Fewer samples may be an edge."""
-_HARDLY = 0.02
+_MIN_PROBABILITY = 0.02
 """Blobs below this network probability of being a person are skipped without a fit."""
-_MAYBE = 0.3
+_MIN_FLOORLESS_PROBABILITY = 0.3
 """The same limit if the floor is guessed. Heights, which exclude most objects, are then unknown."""
-_BESIDE = 0.12
+_CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from the model's surface beyond which a point belongs to another object. Clothes stay
 within."""
-_MOSTLY = 0.5
+_MIN_BARE_FRACTION = 0.5
 """Minimum fraction of a blob on the model for a search without the other pixels to be worth it."""
 FEWEST_PIXELS = 60
 """Minimum number of pixels of the working image in which a posture is visible."""
@@ -123,7 +123,7 @@ class Follower:
         self.budget = Budget(np.inf)
         self._since_detected = 0
         self._redetection: Redetection | None = None
-        self._wait, self._cost_in_vain = _AGAIN_AFTER, np.inf
+        self._wait, self._cost_in_vain = _FIRST_REDETECTION_FRAMES, np.inf
 
     @classmethod
     def found(
@@ -153,16 +153,18 @@ class Follower:
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
             yield LOOK
-            if seen.estimate.person_probability < (_HARDLY if view.has_floor else _MAYBE):
+            if seen.estimate.person_probability < (
+                _MIN_PROBABILITY if view.has_floor else _MIN_FLOORLESS_PROBABILITY
+            ):
                 return None
             network, pose = shipped_estimator(), view.world_from_camera
             by_facing = yield from estimates_by_facing(network, seen.estimate, pose)
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
-        if quality(report) < _GOOD:
-            bare = pixels & lying_on(view, [posture], 0.0, _BESIDE)
+        if quality(report) < _MIN_DETECTION_QUALITY:
+            bare = pixels & lying_on(view, [posture], 0.0, _CLOTHES_DISTANCE_M)
             # Search again without the pixels of objects that touch the person, such as a table.
-            if entire or not _MOSTLY < bare.sum() / pixels.sum() < 1.0:
+            if entire or not _MIN_BARE_FRACTION < bare.sum() / pixels.sum() < 1.0:
                 return None
             return (yield from cls.sought(view, bare, settings, fitter))
         follower = cls(settings, fitter, posture)
@@ -222,7 +224,7 @@ class Follower:
         if redetected is not None:
             posture, report = redetected
             seen = None if seen is None else conditioned_on_facing(posture, seen, view)
-        bad = quality(report) <= _ACCEPTABLE
+        bad = quality(report) <= _BAD_QUALITY
         if bad and not self._missed() and self.lost:
             return False
         self._before, self.posture = (None if flipped or redetected else self.posture), posture
@@ -238,9 +240,9 @@ class Follower:
         """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
         fit = self._fitter.fit
         best = fit(observation, predicted, predicted=predicted, proportions=proportions)
-        if best[1].explained > _EXPLAINED:
+        if best[1].explained > _MIN_EXPLAINED:
             return best
-        wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE)
+        wide, _ = fit(observation, self.posture, predicted=predicted, iterations=5, width=_WIDE_WIDTH_M)
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
@@ -264,13 +266,13 @@ class Follower:
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
         # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
-            if current_cost < _DOUBTED or current_cost > _WORSE * self._cost_in_vain:
-                self._wait = _AGAIN_AFTER
-            doubted = current_cost >= _DOUBTED and self._since_detected >= self._wait
+            if current_cost < _DOUBTFUL_COST or current_cost > _RESET_COST_RATIO * self._cost_in_vain:
+                self._wait = _FIRST_REDETECTION_FRAMES
+            doubted = current_cost >= _DOUBTFUL_COST and self._since_detected >= self._wait
             if not doubted or _is_borne_out(posture, report, seen):
                 return None
             self._since_detected = 0
-            known_lengths = posture.lengths if self._fitted > _KNOWN_AFTER else None
+            known_lengths = posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
             steps = new_detection(self._fitter, plain, seen, eye, height, posture, known_lengths)
             begun = (observation, seen, posture, current_cost, known_lengths is not None)
             self._redetection = Redetection(BudgetedTask(steps), *begun)
@@ -282,16 +284,17 @@ class Follower:
         # present frame.
         better = (
             detection is not None
-            and cost(detection[1], detection[0], under_way.seen, eye, height) <= _CLEARLY * under_way.cost
+            and cost(detection[1], detection[0], under_way.seen, eye, height)
+            <= _MAX_COST_RATIO * under_way.cost
         )
         if detection is not None and better and under_way.observation is not observation:
             detection = self._brought(detection[0], posture.position - under_way.posture.position, plain)
-            better = cost(detection[1], detection[0], seen, eye, height) <= _CLEARLY * current_cost
+            better = cost(detection[1], detection[0], seen, eye, height) <= _MAX_COST_RATIO * current_cost
         if not better:
-            self._wait = min(2 * self._wait, _LONGEST)
+            self._wait = min(2 * self._wait, _MAX_REDETECTION_INTERVAL)
             self._cost_in_vain = current_cost
             return None
-        self._wait = _AGAIN_AFTER
+        self._wait = _FIRST_REDETECTION_FRAMES
         self._fitted = self._fitted if under_way.known else 0
         self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
         return detection
@@ -303,14 +306,14 @@ class Follower:
         """
         moved = posture.copy()
         moved.position = moved.position + step
-        wide, _ = self._fitter.fit(observation, moved, width=_WIDE)
+        wide, _ = self._fitter.fit(observation, moved, width=_WIDE_WIDTH_M)
         return self._fitter.fit(observation, wide)
 
     def _moving(self, position: Float, time_ns: int) -> Float:
         """Returns the (3,) velocity of the hip centre, metres per second, averaged over the last frames."""
         seconds = (time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
-            share = min(1.0, seconds / _SPEED_MEMORY)
+            share = min(1.0, seconds / _SPEED_WINDOW_S)
             self._velocity = self._velocity + share * (
                 (position - self.posture.position) / seconds - self._velocity
             )
@@ -330,7 +333,9 @@ class Follower:
         """Gathers the frame's evidence for and against every joint, and updates the confidence."""
         estimate = None if seen is None else seen.estimate
         self.evidence = evidence(self.posture, report, observation, self._unsupported, estimate)
-        supported = (self.evidence[:, _VISIBLE] > _SEEN_SHARE) & (self.evidence[:, _SUPPORT] > _SOME_POINTS)
+        supported = (self.evidence[:, _VISIBLE] > _MIN_VISIBLE_BONE) & (
+            self.evidence[:, _SUPPORT] > _MIN_SUPPORT
+        )
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
         sure = confidence(self.evidence, alone=seen is None)
         self.confidence = bounded_when_seated(sure, self.posture)
@@ -344,7 +349,7 @@ class Follower:
         """
         settings = self.settings.fit
         settled = self._fitted > 3 * settings.settle_frames
-        if settled or (self._fitted > _SHAPED_AFTER and (self._fitted + self._bad) % _SHAPED_EVERY):
+        if settled or (self._fitted > _SHAPING_FRAMES and (self._fitted + self._bad) % _SHAPING_INTERVAL):
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
@@ -358,6 +363,6 @@ def _is_borne_out(posture: Posture, report: FitReport, seen: EstimateAtPoints | 
     A limb is tried elsewhere anyway. Of 227 detections that began in such frames of the tuning and close
     films 12 were accepted. Six led to a better and six to a worse posture, by a few centimetres at most.
     """
-    if seen is None or report.explained <= _MOSTLY_EXPLAINED:
+    if seen is None or report.explained <= _DOUBTFUL_EXPLAINED:
         return False
-    return seen.estimate.count_apart(posture.joints()) <= _LIMB
+    return seen.estimate.count_apart(posture.joints()) <= _LIMB_JOINTS

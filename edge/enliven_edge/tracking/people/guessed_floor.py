@@ -10,11 +10,11 @@ from enliven.kernels import quantile
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.search import likelihood
-from enliven_edge.tracking.scene import RoomModel
+from enliven_edge.tracking.scene import BackgroundModel
 from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 
-_SMALLEST_STEP_M = 0.1
+_MIN_STEP_M = 0.1
 """Minimum correction of the guess while no person is tracked. Smaller ones would only follow noise."""
 _MIN_PERSON_AREA_M2 = 0.14
 """Minimum visible area of a blob for a guess from it: a head and a chest."""
@@ -22,9 +22,9 @@ _MAX_TRIED = 3
 """Maximum number of blobs tried as a person per frame, the likeliest first. Each costs a network run."""
 _MIN_PROBABILITY = 0.8
 """Minimum network probability of a blob to be a person. Nearly all people exceed 0.85."""
-_WHOLE_BELOW = 0.1
+_MAX_OCCLUDED = 0.1
 """Maximum occluded fraction of an outline for its lowest pixels to be feet."""
-_LOWEST_SHARE = 0.01
+_SOLE_QUANTILE = 0.01
 """Quantile of the heights of a person's pixels that is taken for the soles. Noise produces lower pixels."""
 _MIN_HEIGHT_M = 0.9
 """Minimum height of the visible pixels of a whole standing person: a small child."""
@@ -49,7 +49,7 @@ class GuessedFloor:
         self._settings = settings
         self._frames = 0
 
-    def before_search(self, view: FrameView, room: RoomModel) -> float:
+    def before_search(self, view: FrameView, room: BackgroundModel) -> float:
         """Returns the correction of the world's height in metres, from the first likely person.
 
         It is called in frames without tracked people.
@@ -64,7 +64,7 @@ class GuessedFloor:
         for group in likely[:_MAX_TRIED]:
             step = self._step_for(group, view)
             if self._is_person(view.raised(step), group):
-                return step if abs(step) > _SMALLEST_STEP_M else 0.0
+                return step if abs(step) > _MIN_STEP_M else 0.0
         return 0.0
 
     def _is_person(self, view: FrameView, group: Candidate) -> bool:
@@ -76,8 +76,8 @@ class GuessedFloor:
     def _step_for(self, person: Candidate, view: FrameView) -> float:
         """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
-        lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _LOWEST_SHARE))
-        whole = not shape.cut and shape.behind < _WHOLE_BELOW
+        lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))
+        whole = not shape.cut and shape.behind < _MAX_OCCLUDED
         if whole and _MIN_HEIGHT_M < shape.crown - lowest < _MAX_HEIGHT_M:
             return -lowest
         return self._settings.body_height - shape.crown

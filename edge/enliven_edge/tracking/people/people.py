@@ -15,31 +15,31 @@ from enliven_edge.tracking.frame import FrameView, is_same, known_pixels
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.people.roster import Duplicates, Roster
+from enliven_edge.tracking.people.track_manager import Duplicates, TrackManager
 from enliven_edge.tracking.people.visibility import hidden_shares
 from enliven_edge.tracking.segment import Segments, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
-_COVERED = 0.55
+_HIDDEN_OCCLUSION = 0.55
 """Occluded fraction of a body above which the person counts as hidden. The rest seldom fits well."""
-_OUTSIDE = 0.85
+_LEFT_IMAGE_FRACTION = 0.85
 """If more than this fraction of a body is outside the image, few remaining pixels mean that the person is
 gone, not hidden."""
-_HANDICAP = 0.06
+_HIDDEN_PENALTY_M = 0.06
 """Metres added to a pixel's distance from a hidden person, so that visible people have priority."""
-_DARK = 0.01
+_COVERED_DEPTH = 0.01
 """Fraction of pixels with depth below which the lens is covered. A covered lens still shows a few."""
 _LONG_BLIND_NS = 250_000_000
 """Nanoseconds of a covered or frozen image after which people are searched again, because they have moved
 on."""
 _DOUBT_NS = 4_000_000_000
 """Nanoseconds within which a doubtful person must move to be accepted. Few people stand still that long."""
-_WHOLE = 0.12
+_WHOLE_BODY_TOLERANCE = 0.12
 """Maximum fraction, such as a hand or a foot, that may be occluded or outside the image of a whole body."""
-_ZONE_MARGIN = 0.15
+_ZONE_MARGIN_M = 0.15
 """Metres outside the zone at which a performer has left it. The border must not flicker."""
-_REDETECTION = 0.15
+_REDETECTION_BUDGET = 0.15
 """Fraction of a frame's search budget for redetection of tracked people."""
 
 
@@ -60,14 +60,14 @@ class MultiPersonTracker:
 
     Attributes:
         settings: the settings.
-        roster: the people, and which of them may perform.
+        track_manager: the people, and which of them may perform.
         finder: finds new people, after :meth:`follow` in each frame.
     """
 
     def __init__(self, settings: TrackerSettings, fitter: Fitter) -> None:
         self.settings = settings
-        self.roster = Roster(settings)
-        self.finder = PeopleFinder(settings, fitter, self.roster)
+        self.track_manager = TrackManager(settings)
+        self.finder = PeopleFinder(settings, fitter, self.track_manager)
         self._fitter = fitter
         self._duplicates = Duplicates()
         self._turn = 0
@@ -79,19 +79,19 @@ class MultiPersonTracker:
     @property
     def people(self) -> list[Person]:
         """Returns the tracked people, in the order in which they were found."""
-        return self.roster.people
+        return self.track_manager.people
 
     def segment_ids(self) -> Int:
         """Returns (K,) ids of the people by their index in the last frame's segments."""
-        return np.array([p.id for p in self.roster.segmented], np.int64)
+        return np.array([p.id for p in self.track_manager.segmented], np.int64)
 
     def travelled_ids(self) -> Int:
         """Returns (K,) the same ids, with -1 for each person that has never moved."""
-        return np.array([p.id if p.travelled else -1 for p in self.roster.segmented], np.int64)
+        return np.array([p.id if p.travelled else -1 for p in self.track_manager.segmented], np.int64)
 
     def forget(self) -> None:
         """Drops all people. A person that comes next, or is still present, gets a new id."""
-        self.roster.forget()
+        self.track_manager.forget()
         self.finder.clear()
 
     def sensor_moved(self, time_ns: int) -> None:
@@ -99,23 +99,23 @@ class MultiPersonTracker:
 
         The sensor was moved, so their places are meaningless.
         """
-        self.roster.sensor_moved(time_ns)
+        self.track_manager.sensor_moved(time_ns)
         self.finder.clear()
 
     def follow(self, view: FrameView, kind: UInt8) -> Segments:
         """Fits the tracked people. Returns the person at each pixel of the frame."""
         self._allot_budgets(view.time_ns)
-        dark = known_pixels(view.z) < _DARK * view.z.size
+        dark = known_pixels(view.z) < _COVERED_DEPTH * view.z.size
         frozen = self._before is not None and is_same(view.z, self._before)
         self._before = view.z
         if self._blind_ns is None and (dark or frozen):
             self._blind_ns = view.time_ns
         if dark:
             return self._wait_while_covered(view, kind)
-        handicap = np.array([_HANDICAP if p.hidden else 0.0 for p in self.people])
+        handicap = np.array([_HIDDEN_PENALTY_M if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
         segments = segmented(view, kind, expected, handicap)
-        self.roster.segmented = list(self.people)
+        self.track_manager.segmented = list(self.people)
         if self._blind_ns is not None and not frozen:
             if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
                 self._refind_all(self._blind_ns, view, segments)
@@ -123,15 +123,16 @@ class MultiPersonTracker:
             self._blind_ns = None
         fitted = self._fitted_now()
         shown = [
-            self._visibility(p, expected[k], k, view, segments) for k, p in enumerate(self.roster.segmented)
+            self._visibility(p, expected[k], k, view, segments)
+            for k, p in enumerate(self.track_manager.segmented)
         ]
         self._fit_all([v for v in shown if not v.behind and (v.person in fitted or v.person.hidden)], view)
         for visibility in shown:
             self._settle(visibility, view)
         for second in self._duplicates.found(self.people):
-            self.roster.drop_duplicate(second)
-        self.roster.decide(view.time_ns)
-        self.roster.register.forget_old(view.time_ns, self.roster.lock.ids or frozenset())
+            self.track_manager.drop_duplicate(second)
+        self.track_manager.decide(view.time_ns)
+        self.track_manager.gallery.forget_old(view.time_ns, self.track_manager.lock.ids or frozenset())
         return segments
 
     def _allot_budgets(self, time_ns: int) -> None:
@@ -145,7 +146,7 @@ class MultiPersonTracker:
             # budget is not known earlier.
             person.follower.budget = Budget(whole if whole == np.inf else 0.0)
         for follower in redetecting:
-            follower.budget = Budget(_REDETECTION * whole / len(redetecting))
+            follower.budget = Budget(_REDETECTION_BUDGET * whole / len(redetecting))
         self.finder.allot(Budget(whole))
 
     def _wait_while_covered(self, view: FrameView, kind: UInt8) -> Segments:
@@ -153,13 +154,13 @@ class MultiPersonTracker:
         for person in list(self.people):
             person.hide(view.time_ns)
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
-                self.roster.leave(person, view.time_ns)
-        self.roster.segmented = list(self.people)
+                self.track_manager.leave(person, view.time_ns)
+        self.track_manager.segmented = list(self.people)
         return segmented(view, kind, [])
 
     def _refind_all(self, blind_ns: int, view: FrameView, segments: Segments) -> None:
         """Searches for every person after a covered or frozen image that began at ``blind_ns``."""
-        for k, person in enumerate(self.roster.segmented):
+        for k, person in enumerate(self.track_manager.segmented):
             person.seen_ns = min(person.seen_ns, blind_ns)
             self._refind(person, k, view, segments)
 
@@ -168,11 +169,11 @@ class MultiPersonTracker:
         pixels = segments.pixels(k)
         reach = person.uncertainty(view.time_ns)
         for group in segments.loose:
-            places = [p.place for p in self.roster.segmented]
+            places = [p.place for p in self.track_manager.segmented]
             away = [float(np.linalg.norm((group.centre - place)[[0, 2]])) for place in places]
             if away[k] < reach and away[k] == min(away):
                 pixels = pixels | segments.group(group)
-        detection = Follower.found(view, pixels, self.roster.of_height(person.looks), self._fitter)
+        detection = Follower.found(view, pixels, self.track_manager.of_height(person.looks), self._fitter)
         if detection is not None:
             person.replaced(detection[0], view.time_ns)
             segments.owner[pixels], segments.labels[pixels] = k, 0
@@ -197,8 +198,10 @@ class MultiPersonTracker:
         """
         covered, outside = hidden_shares(view, expected, segments.owner, k)
         few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
-        behind = covered > _COVERED or (few and covered > 0.5 * _COVERED and outside < _OUTSIDE)
-        whole = covered < _WHOLE and outside < _WHOLE
+        behind = covered > _HIDDEN_OCCLUSION or (
+            few and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
+        )
+        whole = covered < _WHOLE_BODY_TOLERANCE and outside < _WHOLE_BODY_TOLERANCE
         return _Visibility(
             person, expected, segments.pixels(k), bool(behind or (person.hidden and few)), bool(whole)
         )
@@ -238,14 +241,14 @@ class MultiPersonTracker:
         elif visibility.behind:
             person.hide(view.time_ns)
         elif visibility.fitted:
-            if person.follower.lost or not self.roster.zone.holds(person.place, _ZONE_MARGIN):
-                self.roster.leave(person, view.time_ns)
+            if person.follower.lost or not self.track_manager.zone.holds(person.place, _ZONE_MARGIN_M):
+                self.track_manager.leave(person, view.time_ns)
             elif person.vague or (person.doubted and not 0 <= view.time_ns - person.found_ns < _DOUBT_NS):
                 self._refuse(person, view.time_ns)
         else:
             person.coast(view, visibility.pixels)
         if person.hidden_for(view.time_ns) > self.settings.people.hidden and person in self.people:
-            self.roster.leave(person, view.time_ns)
+            self.track_manager.leave(person, view.time_ns)
 
     def _refuse(self, person: Person, time_ns: int) -> None:
         """Drops a body that never moved and does not look like a person: an object."""

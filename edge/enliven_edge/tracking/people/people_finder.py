@@ -7,37 +7,37 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.roster import Roster
 from enliven_edge.tracking.people.search import Search, recognise
-from enliven_edge.tracking.people.spread_search import FoundBody, SpreadSearch
-from enliven_edge.tracking.scene import ROOM, RoomModel
+from enliven_edge.tracking.people.spread_search import DetectedBody, SpreadSearch
+from enliven_edge.tracking.people.track_manager import TrackManager
+from enliven_edge.tracking.scene import BACKGROUND, BackgroundModel
 from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, Segments, lying_on, segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
-_GONE_NS = 200_000_000
+_STALE_NS = 200_000_000
 """Time after which an unseen candidate is no longer searched, in nanoseconds. Noise lasts for a shorter
 time."""
-_LOOSE = 0.4
+_MIN_FREE_OUTLINE = 0.4
 """Minimum free fraction of a candidate's outline for its pixels to be kept out of the background model."""
-_FRAGMENT = 0.12
+_FRAGMENT_AREA_M2 = 0.12
 """Maximum visible area in square metres of a fragment of a person: a shank seen apart from its thigh."""
-_FRAGMENT_NEAR = 0.6
+_FRAGMENT_DISTANCE_M = 0.6
 """Maximum horizontal distance in metres between a person and a small blob that is a fragment of the
 person."""
-_LEAST = 4
+_MIN_BUDGET = 4
 """Minimum search budget of every frame in coarse fits, however many candidates are measured in it."""
-_WHILE_FOLLOWING = 0.6
+_TRACKING_BUDGET = 0.6
 """Fraction of the search budget while people are tracked in a known scene. Their fits take time too."""
-_FOR_ONE = 0.35
+_BLOB_BUDGET = 0.35
 """Fraction of the search budget for each searched blob, and for each union of its parts, up to 1. So a single
 person appears two frames later, and the slowest frames are a quarter faster."""
-_MEASURED = 1 / 3
+_SHAPE_COST = 1 / 3
 """Cost of measuring the shape of one candidate, in coarse fits."""
-_ALIKE = 0.75
+_MIN_AREA_RATIO = 0.75
 """Minimum ratio of a candidate's areas in two frames to be the same blob. Below it furniture was attached or
 removed."""
-_IN_PLAN = np.array([1.0, 0.0, 1.0])
+_HORIZONTAL = np.array([1.0, 0.0, 1.0])
 """The horizontal part of a step of a candidate's centre, which moves its body. Its height changes with its
 visible part."""
 
@@ -45,11 +45,11 @@ visible part."""
 class PeopleFinder:
     """Watches candidates until they are convincing, and searches them for bodies over several frames."""
 
-    def __init__(self, settings: TrackerSettings, fitter: Fitter, roster: Roster) -> None:
+    def __init__(self, settings: TrackerSettings, fitter: Fitter, track_manager: TrackManager) -> None:
         self.settings = settings
-        self._roster = roster
+        self._tracks = track_manager
         self._newcomers = Candidates()
-        self._search = SpreadSearch(Search(fitter, roster.expecting))
+        self._search = SpreadSearch(Search(fitter, track_manager.expecting))
         self._budget = Budget(0.0)
         self._first_budget: Budget | None = frame_budget(settings.search.first_fits, None)
 
@@ -84,26 +84,31 @@ class PeopleFinder:
         return searched
 
     def find(
-        self, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel, *, believe: bool = True
+        self, view: FrameView, kind: UInt8, segments: Segments, room: BackgroundModel, *, believe: bool = True
     ) -> Bool:
         """Finds people among the unassigned pixels. Returns the (h, w) pixels that may become a person.
 
         Args:
             view: the frame.
-            kind: (h, w) from :meth:`RoomModel.classify`.
+            kind: (h, w) from :meth:`BackgroundModel.classify`.
             segments: of this frame; a person that is found gets its own pixels in it.
             room: the background model.
             believe: False in a frame of a sensor that may be moving: no new person is accepted then.
         """
         newcomers = self._newcomers.update(
-            view, kind, segments, self._roster.admits, self._roster.awaits, young=room.age < YOUNG
+            view,
+            kind,
+            segments,
+            self._tracks.admits,
+            self._tracks.awaits,
+            young=room.age < YOUNG,
         )
-        if self._roster.people and room.age > YOUNG:
-            self._budget.left *= _WHILE_FOLLOWING
-        self._budget.left -= _MEASURED * len(newcomers)
+        if self._tracks.people and room.age > YOUNG:
+            self._budget.left *= _TRACKING_BUDGET
+        self._budget.left -= _SHAPE_COST * len(newcomers)
         if self.settings.estimator:
             recognise(newcomers, view, self._budget)
-        free = [n for n in newcomers if n.shape.free > _LOOSE or n in self._search.sought]
+        free = [n for n in newcomers if n.shape.free > _MIN_FREE_OUTLINE or n in self._search.sought]
         hold = self._held_pixels(view, segments, free, room)
         due = self._due(newcomers, view, room)
         if not believe or self._has_lost_all(view):
@@ -120,7 +125,7 @@ class PeopleFinder:
     def _has_lost_all(self, view: FrameView) -> bool:
         """Returns True if none of the searched candidates was visible recently: they became background."""
         sought = self._search.sought
-        return bool(sought) and all(view.time_ns - n.seen_ns > _GONE_NS for n in sought)
+        return bool(sought) and all(view.time_ns - n.seen_ns > _STALE_NS for n in sought)
 
     def _limit_search(self, *, young: bool) -> None:
         """Sets the rest of the frame's budget for the search. ``young``: the background model is new.
@@ -133,11 +138,11 @@ class PeopleFinder:
         if self._search.busy and young and self._first_budget is not None:
             self._budget, self._first_budget = self._first_budget, None
             return
-        share = min(1.0, _FOR_ONE * sum(1 + len(n.unions) for n in self._search.sought))
-        self._budget.left = max(_LEAST, share * self._budget.left)
+        share = min(1.0, _BLOB_BUDGET * sum(1 + len(n.unions) for n in self._search.sought))
+        self._budget.left = max(_MIN_BUDGET, share * self._budget.left)
 
     def _held_pixels(
-        self, view: FrameView, segments: Segments, free: list[Candidate], room: RoomModel
+        self, view: FrameView, segments: Segments, free: list[Candidate], room: BackgroundModel
     ) -> Bool:
         """Returns the (h, w) pixels of free candidates.
 
@@ -147,12 +152,12 @@ class PeopleFinder:
         for newcomer in free:
             hold |= newcomer.pixels
         if room.age < YOUNG:
-            hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self._roster.people])
+            hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self._tracks.people])
         return hold
 
-    def _due(self, newcomers: list[Candidate], view: FrameView, room: RoomModel) -> list[Candidate]:
+    def _due(self, newcomers: list[Candidate], view: FrameView, room: BackgroundModel) -> list[Candidate]:
         """Returns the candidates to search for a body now."""
-        alone, missing = not self._roster.people, self._roster.missing
+        alone, missing = not self._tracks.people, self._tracks.missing
         return [
             n
             for n in newcomers
@@ -162,49 +167,51 @@ class PeopleFinder:
     def _start_search(self, due: list[Candidate], view: FrameView) -> None:
         """Starts to search candidates for bodies, unless the maximum number of people is already tracked."""
         sure = [n for n in due if n.convincing or n.proven]
-        most = self.settings.people.most - len(self._roster.people)
+        most = self.settings.people.most - len(self._tracks.people)
         if due and most > 0:
             others = [n for n in due if n not in sure]
-            self._search.start(view, sure, others, alone=not self._roster.people, most=most)
+            self._search.start(view, sure, others, alone=not self._tracks.people, most=most)
 
     def _caught_up(
-        self, body: FoundBody, view: FrameView, kind: UInt8, segments: Segments, room: RoomModel
+        self, body: DetectedBody, view: FrameView, kind: UInt8, segments: Segments, room: BackgroundModel
     ) -> Bool | None:
         """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
         newcomer, follower = body.newcomer, body.follower
         if self._search.view is view:
             return body.shown.pixels
-        same = _ALIKE < newcomer.area / body.shown.area < 1.0 / _ALIKE
+        same = _MIN_AREA_RATIO < newcomer.area / body.shown.area < 1.0 / _MIN_AREA_RATIO
         if same and newcomer.seen_ns == view.time_ns:
             # The area is nearly unchanged, so the centre shows how the body moved. If furniture was attached
             # to the body or removed from it, the centre would not show this.
-            follower.carry((newcomer.centre - body.centre) * _IN_PLAN)
-        free = np.where(segments.owner >= 0, ROOM, kind).astype(np.uint8)
-        if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _ALIKE:
+            follower.carry((newcomer.centre - body.centre) * _HORIZONTAL)
+        free = np.where(segments.owner >= 0, BACKGROUND, kind).astype(np.uint8)
+        if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _MIN_AREA_RATIO:
             came = newcomer.pixels & ~lying_on(view, [follower.posture], 0.0, BESIDE)
             room.absorb(came & (room.z == 0.0))
-            free[came] = ROOM
+            free[came] = BACKGROUND
         pixels = segmented(view, free, [follower.posture]).pixels(0)
         if follower.follow(view, pixels):
             return pixels
         newcomer.failed(view.time_ns)
         return None
 
-    def _welcome(self, body: FoundBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
-        """Adds a found body to the roster, and assigns the (h, w) pixels to the person in the segments."""
-        person = self._roster.welcome(
+    def _welcome(self, body: DetectedBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
+        """Adds a found body to the tracks, and assigns the (h, w) pixels to the person in the segments."""
+        person = self._tracks.welcome(
             body.newcomer, body.shown, body.follower, view.time_ns, has_floor=view.has_floor
         )
         self._newcomers.drop(body.newcomer)
-        segments.owner[pixels & (segments.owner < 0)] = len(self._roster.segmented)
-        self._roster.segmented.append(person)
+        segments.owner[pixels & (segments.owner < 0)] = len(self._tracks.segmented)
+        self._tracks.segmented.append(person)
 
 
 def _fragments(segments: Segments, places: list[Float]) -> Bool:
     """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
     fragments = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:
-        beside = any(float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_NEAR for at in places)
-        if beside and group.area < _FRAGMENT:
+        beside = any(
+            float(np.linalg.norm((group.centre - at)[[0, 2]])) < _FRAGMENT_DISTANCE_M for at in places
+        )
+        if beside and group.area < _FRAGMENT_AREA_M2:
             fragments |= segments.group(group)
     return fragments

@@ -12,64 +12,64 @@ from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
-from enliven_edge.tracking.people.identity import Looks
+from enliven_edge.tracking.people.reidentification import BodyMeasurements
 
-_LOOK_EVERY = 5
+_MEASURE_INTERVAL = 5
 """Frames between two measurements of a known person's proportions. Each costs time."""
-_LOOK_OFTEN = 10
+_NEW_PERSON_FRAMES = 10
 """Frames for which a new person is measured in every frame, to be distinguished from others soon."""
-_TRAVELLED = 0.15
+_MIN_TRAVEL_M = 0.15
 """Minimum movement of the hip centre in metres that proves that a body is not an object. The fit's noise
 causes less."""
-_MOVED = 0.1
+_MIN_JOINT_MOVEMENT_M = 0.1
 """Minimum movement of two confident joints in metres for a doubtful body to be accepted. Their noise causes
 less."""
-_FASTEST = 2.0
+_MAX_HIDDEN_SPEED = 2.0
 """Maximum speed in metres per second of the extrapolation of a hidden person: a brisk walk."""
-_SLOWING = 0.5
+_SPEED_DECAY_S = 0.5
 """Seconds in which the speed of a hidden person falls to 1/e. People stop or turn behind objects."""
-_LONGEST_STEP = 0.2
+_MAX_TIME_STEP_S = 0.2
 """Maximum time step in seconds of a hidden person's motion. After a longer gap the speed is outdated."""
-_SPEED_MEMORY = 0.15
+_VELOCITY_WINDOW_S = 0.15
 """Seconds over which a person's velocity is averaged: a few frames, against the fit's noise."""
-_LONGEST_GAP = 0.5
+_MAX_VELOCITY_GAP_S = 0.5
 """Maximum seconds between two good frames for a velocity to be computed from them."""
-_COASTED = 0.15
+_MAX_COAST_M = 0.15
 """Maximum movement per frame, in metres, of an unfitted person with the mean of its pixels. An arm that
 appears moves the mean too."""
-_UNSURE = 0.35
+_HIDDEN_RADIUS_M = 0.35
 """Radius in metres in which a person must be directly after disappearing: about a body's width."""
-_SPREADING = 0.7
+_HIDDEN_RADIUS_GROWTH = 0.7
 """Growth of that radius in metres per second: slower than a walk, because most hidden people stay near."""
-_FAITH = 0.1
+_CONFIDENCE_WEIGHT = 0.1
 """Weight of a frame in the mean confidence of the most confident joints: a mean over ten frames."""
-_SUREST = 6
+_CONFIDENT_JOINTS = 6
 """Number of most confident joints, of 20, in this mean. A half hidden person shows as many."""
-_VAGUE = 0.4
+_OBJECT_CONFIDENCE = 0.4
 """Mean confidence of these joints below which hardly any joint is visible: an object, most likely."""
-_BARELY_KNOWN = 20
+_ACCEPTED_FRAMES = 20
 """Frames with the whole body in view after which a person is no longer dropped as an object."""
-_DOUBT = 0.2
+_PROBABILITY_WEIGHT = 0.2
 """Weight of a frame in the mean probability of being a person: a mean over five frames."""
-_THING = 0.4
+_OBJECT_PROBABILITY = 0.4
 """Mean probability of being a person below which a new body is rejected. 95 % of the objects found are below
 0.43."""
-_TRIAL = 15
+_TRIAL_FRAMES = 15
 """Good frames after which neither outline nor motion outweighs that. A fit to a strip of wall next to a
 person slides along it. All of 94 people in films were clearly a person after 12."""
-_MAYBE = 0.8
+_HIDDEN_PROBABILITY = 0.8
 """Mean probability of being a person below which a hardly seen body is dropped when it becomes hidden."""
-_HARDLY_SEEN = 3
+_HARDLY_SEEN_FRAMES = 3
 """Frames with the whole body in view below which a body counts as hardly seen."""
-_PLAIN = 0.85
+_CERTAIN_PROBABILITY = 0.85
 """Mean probability of being a person that nearly every person exceeds, and hardly any object."""
-_PLAIN_FRAMES = 10
+_CERTAIN_FRAMES = 10
 """Frames above that probability after which a body is a person for good. The network doubts some later
 postures."""
-_HEAD_ABOUT = 0.18
+_HEAD_RADIUS_M = 0.18
 """Horizontal radius in metres around the head's joint that contains the top of the head: a head's length, for
 a nod."""
-_SURE = 0.5
+_MIN_CONFIDENCE = 0.5
 """Minimum confidence of a joint to use its position here: more likely within 10 cm than not."""
 UNDECIDED = 0
 """The id of a person before re-identification is decided. Real ids start at 1."""
@@ -90,7 +90,7 @@ class Person:
         shapely: whether the pixels had a person's outline when found, a head above shoulders.
     """
 
-    def __init__(self, identity: int, follower: Follower, looks: Looks, time_ns: int) -> None:
+    def __init__(self, identity: int, follower: Follower, looks: BodyMeasurements, time_ns: int) -> None:
         self.id, self.follower, self.looks = identity, follower, looks
         self.seen_ns = self.found_ns = time_ns
         self.hidden_ns: int | None = None
@@ -112,19 +112,23 @@ class Person:
     @property
     def plain(self) -> bool:
         """Returns True if the network clearly classifies this as a person, or has done so for long enough."""
-        return self._plain >= _PLAIN_FRAMES or self._person_probability > _PLAIN
+        return self._plain >= _CERTAIN_FRAMES or self._person_probability > _CERTAIN_PROBABILITY
 
     @property
     def vague(self) -> bool:
         """Returns True if hardly any joint was ever visible, or the network classifies this as an object."""
-        is_established = (self.shapely or self.travelled) and self._turn < _TRIAL
-        odd = self._person_probability < _THING and not (self.plain or is_established)
-        return odd or (self._clear < _VAGUE and self.looks.weight < _BARELY_KNOWN)
+        is_established = (self.shapely or self.travelled) and self._turn < _TRIAL_FRAMES
+        odd = self._person_probability < _OBJECT_PROBABILITY and not (self.plain or is_established)
+        return odd or (self._clear < _OBJECT_CONFIDENCE and self.looks.weight < _ACCEPTED_FRAMES)
 
     @property
     def fleeting(self) -> bool:
         """Returns True if a hidden person should be dropped at once: hardly seen, and possibly an object."""
-        return self._person_probability < _MAYBE and not self.travelled and self.looks.weight < _HARDLY_SEEN
+        return (
+            self._person_probability < _HIDDEN_PROBABILITY
+            and not self.travelled
+            and self.looks.weight < _HARDLY_SEEN_FRAMES
+        )
 
     def expected(self) -> Posture:
         """Returns the posture expected in the next frame."""
@@ -144,7 +148,7 @@ class Person:
 
         It grows while hidden.
         """
-        return _UNSURE + _SPREADING * max(0.0, (time_ns - self.seen_ns) * 1e-9)
+        return _HIDDEN_RADIUS_M + _HIDDEN_RADIUS_GROWTH * max(0.0, (time_ns - self.seen_ns) * 1e-9)
 
     def follow(self, view: FrameView, pixels: Bool, *, whole: bool, expected: Posture | None = None) -> bool:
         """Fits the frame. Returns whether it shows the person well.
@@ -157,10 +161,12 @@ class Person:
         """
         before = self.place.copy()
         good = self.follower.follow(view, pixels, None if self.hidden else expected)
-        surest = sum(sorted(self.follower.confidence.tolist())[-_SUREST:]) / _SUREST
-        self._clear += _FAITH * (surest - self._clear)
-        self._person_probability += _DOUBT * (self.follower.person_probability - self._person_probability)
-        self._plain += self._person_probability > _PLAIN
+        surest = sum(sorted(self.follower.confidence.tolist())[-_CONFIDENT_JOINTS:]) / _CONFIDENT_JOINTS
+        self._clear += _CONFIDENCE_WEIGHT * (surest - self._clear)
+        self._person_probability += _PROBABILITY_WEIGHT * (
+            self.follower.person_probability - self._person_probability
+        )
+        self._plain += self._person_probability > _CERTAIN_PROBABILITY
         if good:
             self._seen(view, pixels, self.place - before, whole=whole)
         return good
@@ -171,7 +177,7 @@ class Person:
         if centre is not None and self._centre is not None:
             step = centre - self._centre
             step[1] = 0.0
-            self.follower.carry(step * min(1.0, _COASTED / max(1e-9, math.hypot(*step))))
+            self.follower.carry(step * min(1.0, _MAX_COAST_M / max(1e-9, math.hypot(*step))))
             self.seen_ns = view.time_ns
         self._centre = centre
 
@@ -179,8 +185,8 @@ class Person:
         """Handles a frame without the person: continues its motion with falling speed and confidence 0."""
         if self.hidden_ns is None:
             self.hidden_ns = time_ns
-        seconds = min(_LONGEST_STEP, max(0.0, (time_ns - self._time_ns) * 1e-9))
-        self._velocity = self._velocity * math.exp(-seconds / _SLOWING)
+        seconds = min(_MAX_TIME_STEP_S, max(0.0, (time_ns - self._time_ns) * 1e-9))
+        self._velocity = self._velocity * math.exp(-seconds / _SPEED_DECAY_S)
         self.follower.carry(self._velocity * seconds)
         self.follower.hide()
         self._time_ns, self._centre = time_ns, None
@@ -197,7 +203,7 @@ class Person:
     def replaced(self, follower: Follower, time_ns: int) -> None:
         """Continues with a new fit after the person was found again."""
         self.follower, self.hidden_ns = follower, None
-        if self.looks.weight > _LOOK_OFTEN:
+        if self.looks.weight > _NEW_PERSON_FRAMES:
             follower.posture.lengths = self.looks.lengths.copy()
         self._velocity, self._centre = np.zeros(3), None
         self.seen_ns = self._time_ns = time_ns
@@ -205,17 +211,17 @@ class Person:
     def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
         """Updates velocity, proportions and stature after a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
-        if 0.0 < seconds < _LONGEST_GAP:
+        if 0.0 < seconds < _MAX_VELOCITY_GAP_S:
             velocity = step / seconds
             velocity[1] = 0.0
-            velocity *= min(1.0, _FASTEST / max(1e-9, math.hypot(*velocity)))
-            self._velocity += min(1.0, seconds / _SPEED_MEMORY) * (velocity - self._velocity)
+            velocity *= min(1.0, _MAX_HIDDEN_SPEED / max(1e-9, math.hypot(*velocity)))
+            self._velocity += min(1.0, seconds / _VELOCITY_WINDOW_S) * (velocity - self._velocity)
         self._time_ns = self.seen_ns = view.time_ns
         self.hidden_ns = None
-        self.travelled = self.travelled or math.dist(self.place, self._start) > _TRAVELLED
+        self.travelled = self.travelled or math.dist(self.place, self._start) > _MIN_TRAVEL_M
         self._turn += 1
         self._centre = None
-        if self._turn % _LOOK_EVERY != 1 and self.looks.weight > _LOOK_OFTEN:
+        if self._turn % _MEASURE_INTERVAL != 1 and self.looks.weight > _NEW_PERSON_FRAMES:
             return
         self._centre = _centre(view, pixels)
         if whole:
@@ -226,11 +232,11 @@ class Person:
 
     def _watch_limbs(self) -> None:
         """Ends the doubt about a person that moves: a visible limb moves farther than noise."""
-        joints, sure = self.follower.posture.joints(), self.follower.confidence > _SURE
+        joints, sure = self.follower.posture.joints(), self.follower.confidence > _MIN_CONFIDENCE
         if self._first_joints is None:
             self._first_joints = joints
         away = np.linalg.norm(joints - self._first_joints, axis=1)
-        if self.travelled or np.count_nonzero(sure & (away > _MOVED)) >= 2:
+        if self.travelled or np.count_nonzero(sure & (away > _MIN_JOINT_MOVEMENT_M)) >= 2:
             self.doubted = False
 
     def _crown(self, view: FrameView, pixels: Bool) -> float | None:
@@ -243,9 +249,9 @@ class Person:
         risen = head - joints[Joint.HIP_CENTER]
         upright = risen[1] > 0.9 * math.hypot(*risen)
         hands = max(float(joints[j, 1]) for j in (Joint.HAND_LEFT, Joint.HAND_RIGHT))
-        if sure[Joint.HEAD] < _SURE or not upright or hands > head[1] - 0.1:
+        if sure[Joint.HEAD] < _MIN_CONFIDENCE or not upright or hands > head[1] - 0.1:
             return None
-        heights = heights_beside(view.points, pixels, head, _HEAD_ABOUT)
+        heights = heights_beside(view.points, pixels, head, _HEAD_RADIUS_M)
         return float(quantile(np.sort(heights), 0.99)) if len(heights) > 20 else None
 
 

@@ -16,7 +16,7 @@ from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import LOOK, Budget, Steps
 
-_RECOGNISED = 0.97
+_CERTAIN_PERSON = 0.97
 """Probability above which the network's classification outweighs the shape. Of objects found by mistake 95 %
 stay below 0.43."""
 
@@ -31,40 +31,40 @@ def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -
     """Runs the network at intervals on candidates with a doubtful shape, within the budget."""
     for newcomer in newcomers:
         if budget.left > 0.0 and newcomer.needs_recognition(view.time_ns):
-            newcomer.recognised = likelihood(view, newcomer.pixels) > _RECOGNISED
+            newcomer.recognised = likelihood(view, newcomer.pixels) > _CERTAIN_PERSON
             budget.left -= LOOK
 
 
 TRIES = 3
 """Blobs per search while no person is tracked. Otherwise it is one, because the fits need the time."""
-_CLEARLY = 0.05
+_MIN_EXPLAINED_LEAD = 0.05
 """Minimum lead of a less likely blob over a likelier one, as a fraction of explained points."""
-_SHOWN = 0.6
+_MIN_VISIBLE_TRUNK = 0.6
 """Minimum fraction of a guessed body's trunk on the blob's pixels. Most people behind objects exceed it."""
-_FAINT = 0.36
+_MIN_CONFIDENCE = 0.36
 """Minimum mean confidence of the joints of a guessed body. With less, few of its joints are visible."""
-_HIGH = 1.3
+_MAX_HIP_HEIGHT_M = 1.3
 """Maximum height above the floor in metres of a guessed body's hip centre. A higher one is a wall or a
 shelf."""
-_CERTAIN = 0.8
+_UNLIKELY_EXPLAINED = 0.8
 """Minimum fraction of explained points, and of visible trunk, for an unlikely blob to be a person."""
-_CLEAR = 0.68
+_UNLIKELY_CONFIDENCE = 0.68
 """Minimum mean confidence of the joints for the same decision. A false body does more harm than a late
 one."""
-_PERSON = 0.8
+_MIN_PERSON_PROBABILITY = 0.8
 """Minimum network probability for a body to be a person's. Nearly all people exceed 0.85."""
-_PLAINLY = 0.9
+_CERTAIN_EXPLAINED = 0.9
 """Fraction of explained points that compensates for a lower probability, if a head is visible above
 shoulders."""
-_ONE = 0.9
+_SINGLE_PERSON = 0.9
 """Minimum probability of being one person, and fraction explained by one body, for split parts to be one
 person."""
-_SAME = 0.25
+_SAME_PERSON_M = 0.25
 """Distance in metres between two hip centres below which both belong to one person. Raised arms were found as
 a second person."""
-_MOSTLY = 0.5
+_MAX_OVERLAP = 0.5
 """If more than this fraction of a blob lies on a body that was just found, the blob is not searched."""
-Found = tuple[Candidate, Follower, float]
+ScoredDetection = tuple[Candidate, Follower, float]
 """The candidate in which a body was found, its fit, and how well that explains the pixels (up to 1)."""
 
 
@@ -85,7 +85,7 @@ class Search:
         view: FrameView,
         sure: Sequence[Candidate],
         others: Sequence[Candidate],
-        made: list[Found],
+        made: list[ScoredDetection],
         *,
         alone: bool,
         most: int,
@@ -105,7 +105,7 @@ class Search:
             made += yield from self.best_guess(view, others, alone=alone)
 
     def found(
-        self, view: FrameView, newcomers: Sequence[Candidate], made: list[Found], *, alone: bool
+        self, view: FrameView, newcomers: Sequence[Candidate], made: list[ScoredDetection], *, alone: bool
     ) -> Steps[None]:
         """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
         vain: list[Bool] = []
@@ -135,29 +135,31 @@ class Search:
             vain.append(union)
             likely = likelihood(view, union)
             yield LOOK
-            if likely < _ONE:
+            if likely < _SINGLE_PERSON:
                 continue
             body = yield from Follower.sought(view, union, expecting, self._fitter, entire=True)
-            if body is not None and body[1] > _ONE:
+            if body is not None and body[1] > _SINGLE_PERSON:
                 newcomer.grow(view, union)
                 return body
         return (yield from Follower.sought(view, newcomer.pixels, expecting, self._fitter))
 
-    def best_guess(self, view: FrameView, due: Sequence[Candidate], *, alone: bool) -> Steps[list[Found]]:
+    def best_guess(
+        self, view: FrameView, due: Sequence[Candidate], *, alone: bool
+    ) -> Steps[list[ScoredDetection]]:
         """Returns the likeliest of some doubtful candidates, or one that is explained clearly better.
 
         It returns at most one.
         """
-        best: list[Found] = []
-        guesses: list[Found] = []
+        best: list[ScoredDetection] = []
+        guesses: list[ScoredDetection] = []
         yield from self.found(view, due[: TRIES if alone else 1], guesses, alone=alone)
         for guess in guesses:
             shown = trunk_shown(view, guess[1].posture, guess[0].pixels)
-            borne_out = shown > _SHOWN and float(guess[1].confidence.mean()) > _FAINT
-            borne_out = borne_out and float(guess[1].posture.position[1]) < _HIGH
+            borne_out = shown > _MIN_VISIBLE_TRUNK and float(guess[1].confidence.mean()) > _MIN_CONFIDENCE
+            borne_out = borne_out and float(guess[1].posture.position[1]) < _MAX_HIP_HEIGHT_M
             if not borne_out or not (alone or guess[0].awaited or _certain(view, *guess)):
                 guess[0].failed(view.time_ns)
-            elif not best or guess[2] > best[0][2] + _CLEARLY:
+            elif not best or guess[2] > best[0][2] + _MIN_EXPLAINED_LEAD:
                 best = [guess]
         return best
 
@@ -168,24 +170,29 @@ def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained:
     An upright shape counts only above a known floor. Above a guessed floor a cupboard may be as tall as a
     person.
     """
-    if follower.person_probability > _PERSON:
+    if follower.person_probability > _MIN_PERSON_PROBABILITY:
         return True
-    return view.has_floor and newcomer.shape.upright and explained > _PLAINLY
+    return view.has_floor and newcomer.shape.upright and explained > _CERTAIN_EXPLAINED
 
 
-def _within(newcomer: Candidate, found: list[Found]) -> bool:
+def _within(newcomer: Candidate, found: list[ScoredDetection]) -> bool:
     """Returns True if most of the candidate belongs to a person that was just found."""
     size = max(1, int(newcomer.pixels.sum()))
-    return any(int((newcomer.pixels & other.pixels).sum()) > _MOSTLY * size for other, _, _ in found)
+    return any(int((newcomer.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in found)
 
 
-def _again(follower: Follower, found: list[Found]) -> bool:
+def _again(follower: Follower, found: list[ScoredDetection]) -> bool:
     """Returns True if a person was just found at the same place, in another piece of the same person."""
     place = follower.posture.position
-    return any(float(np.linalg.norm(other.posture.position - place)) < _SAME for _, other, _ in found)
+    return any(
+        float(np.linalg.norm(other.posture.position - place)) < _SAME_PERSON_M for _, other, _ in found
+    )
 
 
 def _certain(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
     """Returns True if the evidence for a body is sufficient to accept it in an unlikely blob."""
     shown = trunk_shown(view, follower.posture, newcomer.pixels)
-    return min(explained, shown) > _CERTAIN and float(follower.confidence.mean()) > _CLEAR
+    return (
+        min(explained, shown) > _UNLIKELY_EXPLAINED
+        and float(follower.confidence.mean()) > _UNLIKELY_CONFIDENCE
+    )

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from enliven.arrays import Float
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.search import Found, Search
+from enliven_edge.tracking.people.search import ScoredDetection, Search
 from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.work_budget import Budget, BudgetedTask
 
 
 @dataclass(frozen=True)
-class FoundBody:
+class DetectedBody:
     """A body that was found.
 
     Attributes:
@@ -42,7 +42,7 @@ class SpreadSearch:
         self._search = search
         self._task: BudgetedTask[None] | None = None
         self._tried: list[tuple[Candidate, Candidate, Float]] = []
-        self._made: list[Found] = []
+        self._made: list[ScoredDetection] = []
         self.view: FrameView | None = None
 
     @property
@@ -76,7 +76,7 @@ class SpreadSearch:
         self._task = BudgetedTask(self._search.looked(view, here, there, self._made, alone=alone, most=most))
         self.view = view
 
-    def go_on(self, budget: Budget) -> list[FoundBody]:
+    def go_on(self, budget: Budget) -> list[DetectedBody]:
         """Continues the search. Returns the bodies that were found, all at once when it is done.
 
         They are returned together because of people that hold hands: the first one that is tracked would be
@@ -90,6 +90,6 @@ class SpreadSearch:
         self._task, self._tried = None, []
         return bodies
 
-    def _found_body(self, found: Found) -> FoundBody:
+    def _found_body(self, found: ScoredDetection) -> DetectedBody:
         newcomer, centre = next((n, at) for n, shown, at in self._tried if shown is found[0])
-        return FoundBody(newcomer, found[0], centre, found[1])
+        return DetectedBody(newcomer, found[0], centre, found[1])

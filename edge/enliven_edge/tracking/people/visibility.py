@@ -9,13 +9,13 @@ from enliven.kernels import njit
 from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.frame import FrameView
 
-_SAMPLES = 3
+_CAPSULE_SAMPLES = 3
 """Samples along a capsule: its ends and its middle show whether it is occluded."""
-_BEFORE = 0.12
+_OCCLUDER_DISTANCE_M = 0.12
 """Metres in front of a capsule's surface beyond which depth occludes it. Nearer depth may be clothes."""
-_NEAREST = 0.1
+_MIN_DEPTH_M = 0.1
 """Minimum metres in front of the sensor for a sample to be projected into the image."""
-_FEWEST_DUE = 0.25
+_MIN_TRUNK_FRACTION = 0.25
 """Minimum fraction of the trunk that must be unoccluded and in the image for fractions of this part to be
 meaningful."""
 _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
@@ -42,7 +42,7 @@ def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
     at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
     inside, covered, own = _samples(ends[_TRUNK], radii[_TRUNK], *at)
     due = inside & ~(covered & ~own)
-    return float((own & due).sum() / len(own)) if due.mean() < _FEWEST_DUE else float(own[due].mean())
+    return float((own & due).sum() / len(own)) if due.mean() < _MIN_TRUNK_FRACTION else float(own[due].mean())
 
 
 @njit(cache=True, nogil=True)
@@ -57,23 +57,23 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
         camera, pose: the camera.
     """
     height, width = depth.shape
-    out = np.zeros((3, len(ends) * _SAMPLES), np.bool_)
+    out = np.zeros((3, len(ends) * _CAPSULE_SAMPLES), np.bool_)
     for n in range(out.shape[1]):
-        c, t = n // _SAMPLES, (n % _SAMPLES) / (_SAMPLES - 1)
+        c, t = n // _CAPSULE_SAMPLES, (n % _CAPSULE_SAMPLES) / (_CAPSULE_SAMPLES - 1)
         x, y, z = 0.0, 0.0, 0.0
         for b in range(3):
             offset = ends[c, 0, b] + t * (ends[c, 1, b] - ends[c, 0, b]) - pose[b, 3]
             x += pose[b, 0] * offset
             y += pose[b, 1] * offset
             z += pose[b, 2] * offset
-        if z <= _NEAREST:
+        if z <= _MIN_DEPTH_M:
             continue
         u = int(np.floor(camera[0] * x / z + camera[2] + 0.5))
         v = int(np.floor(camera[1] * y / z + camera[3] + 0.5))
         if 0 <= u < width and 0 <= v < height:
             seen, radius = depth[v, u], max(radii[c, 0], radii[c, 1])
             out[0, n], out[2, n] = True, owner[v, u] == mine
-            out[1, n] = 0.0 < seen < z - radius - _BEFORE
+            out[1, n] = 0.0 < seen < z - radius - _OCCLUDER_DISTANCE_M
     return out
 
 

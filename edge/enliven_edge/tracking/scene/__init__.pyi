@@ -1,9 +1,9 @@
 from .floor import corrected as corrected, world_from_floor as world_from_floor
 from .mounting import Mounting as Mounting
-from .room import RoomModel as RoomModel
-from .room_kernels import (
-    BEFORE as BEFORE,
-    ROOM as ROOM,
+from .background_model import BackgroundModel as BackgroundModel
+from .background_kernels import (
+    FOREGROUND as FOREGROUND,
+    BACKGROUND as BACKGROUND,
     UNLIKELY as UNLIKELY,
     UNSEEN as UNSEEN,
     widened as widened,

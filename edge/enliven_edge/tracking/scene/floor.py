@@ -10,18 +10,18 @@ from enliven.kernels import njit
 TILTED_BY = np.deg2rad(40.0)
 """Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
 for a level sensor, and still 50 degrees off for one that is tilted by 40."""
-_LOWEST = 0.2
+_MIN_SENSOR_HEIGHT_M = 0.2
 """Minimum height of the sensor above the floor in metres. A nearer plane is the sensor's support, such as a
 table."""
-_HIGHEST = 4.0
+_MAX_SENSOR_HEIGHT_M = 4.0
 """Maximum height of the sensor above the floor in metres. Sensors are mounted no higher."""
 _TRIALS = 400
 """RANSAC trials: planes through three points. Suppose that a tenth of the points is on the floor, and half of
 the triples consist of neighbours. Then at least one trial hits the floor with a probability of 99.9 %."""
-_NEIGHBOURS = 0.05
+_MAX_NEIGHBOUR_STEP = 0.05
 """Maximum distance between the points of a neighbouring triple, as a fraction of all points in image order.
 That is a few rows."""
-_FEWEST = 200
+_MIN_PLANE_POINTS = 200
 """Minimum number of points for a plane. Fewer are noise, or a corner of the floor."""
 
 
@@ -31,7 +31,7 @@ def world_from_floor(
     *,
     up: Float | None = None,
     within: float = TILTED_BY,
-    lowest: float = _LOWEST,
+    lowest: float = _MIN_SENSOR_HEIGHT_M,
     seed: int = 0,
 ) -> Float | None:
     """Returns (4, 4) world_from_camera with y = 0 in the lowest large plane, or None if no floor is visible.
@@ -48,12 +48,12 @@ def world_from_floor(
     """
     up = np.array([0.0, 1.0 if upside_down else -1.0, 0.0]) if up is None else up
     points = points[np.isfinite(points).all(1) & (points[:, 2] > 0.3)]
-    if len(points) < _FEWEST:
+    if len(points) < _MIN_PLANE_POINTS:
         return None
     points = np.ascontiguousarray(points[:: max(1, len(points) // 6000)])
     tolerance = 0.01 + 0.002 * points[:, 2] ** 2
     trials = _triples(len(points), np.random.default_rng(seed))
-    plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _HIGHEST, trials)
+    plane = _best_plane(points, tolerance, up, np.cos(within), lowest, _MAX_SENSOR_HEIGHT_M, trials)
     if not plane.any():
         return None
     pose = world_above_floor(plane[:3], float(plane[3]))
@@ -68,7 +68,7 @@ def _triples(count: int, random: np.random.Generator) -> Int:
     Neighbours mostly lie on one surface. They let RANSAC find a floor that is a small part of the image.
     """
     triples = random.integers(0, count, (_TRIALS, 3))
-    reach = max(3, round(_NEIGHBOURS * count))
+    reach = max(3, round(_MAX_NEIGHBOUR_STEP * count))
     near = triples[::2, :1] + random.integers(-reach, reach + 1, (len(triples[::2]), 2))
     triples[::2, 1:] = np.clip(near, 0, count - 1)
     return triples
@@ -127,28 +127,28 @@ def world_above_floor(normal: Float, height: float) -> Float:
     return world_from_camera
 
 
-_NEAR_FLOOR = 0.12
+_FLOOR_BAND_M = 0.12
 """Maximum distance in metres from y = 0 of points that are used as the floor when the mounting is
 corrected."""
-_STEADY = np.deg2rad(6.0)
+_MAX_TILT = np.deg2rad(6.0)
 """Maximum apparent tilt of the floor in radians. A larger tilt is not drift of the mounting, or the plane is
 not the floor."""
 _SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution divided by its median absolute deviation."""
-_NOISES = 2.0
+_MAX_DEVIATIONS = 2.0
 """Maximum deviation of a floor point, in standard deviations of the floor's own noise. This excludes the foot
 of a wall, which would pull the far end of the plane up."""
-_UNEVEN = 0.003
+_UNEVENNESS_M = 0.003
 """Unevenness of the floor itself in metres."""
-_PASSES = 8
+_FIT_PASSES = 8
 """Number of fits. Each fit uses the inliers of the previous one. The inlier band converges after five
 fits."""
-_FARTHEST_OFF = 0.08
+_MAX_PLANE_DISTANCE_M = 0.08
 """Maximum distance in metres of floor points from the first plane."""
-_MANY = 2000
+_FIT_POINTS = 2000
 """Approximate number of floor points used for the plane fit. With all of them, ten thousand or more, one
 frame per second took twice as long as the others."""
-_SPREAD = 0.15
+_MIN_SPREAD_M = 0.15
 """Minimum standard deviation in metres of the floor's points along x and along z. A narrower patch does not
 constrain the tilt."""
 
@@ -164,13 +164,13 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
         usable: (h, w) known pixels that do not belong to a person.
         gain: the fraction of the correction that is applied, in (0, 1].
     """
-    floor = points[usable & (np.abs(points[..., 1]) < _NEAR_FLOOR)]
-    if len(floor) < _FEWEST:
+    floor = points[usable & (np.abs(points[..., 1]) < _FLOOR_BAND_M)]
+    if len(floor) < _MIN_PLANE_POINTS:
         return world_from_camera
-    floor = floor[:: max(1, len(floor) // _MANY)]
+    floor = floor[:: max(1, len(floor) // _FIT_POINTS)]
     ranges = (floor - world_from_camera[:3, 3]) @ world_from_camera[:3, 2]
     plane, spread = _level_plane(np.ascontiguousarray(floor.T), ranges)
-    if spread < _SPREAD or np.hypot(plane[0], plane[1]) > np.tan(_STEADY):
+    if spread < _MIN_SPREAD_M or np.hypot(plane[0], plane[1]) > np.tan(_MAX_TILT):
         return world_from_camera
     return _levelled(world_from_camera, plane, gain)
 
@@ -218,27 +218,31 @@ def _level_plane(points, ranges):
     plane, off = np.zeros(3), np.empty(points.shape[1])
     kept, weights = np.empty_like(points), np.empty(points.shape[1])
     noise, spread = 0.0, 0.0
-    for step in range(_PASSES):
+    for step in range(_FIT_PASSES):
         # Estimate the noise factor: the median deviation of the points near the current plane, relative to
         # their range.
         near = 0
         for i in range(points.shape[1]):
             off[i] = abs(points[1, i] - plane[0] * points[0, i] - plane[1] * points[2, i] - plane[2])
-            if off[i] < (_FARTHEST_OFF if step == 0 else 1.5 * _NOISES * noise * ranges[i] + _UNEVEN):
+            if off[i] < (
+                _MAX_PLANE_DISTANCE_M
+                if step == 0
+                else 1.5 * _MAX_DEVIATIONS * noise * ranges[i] + _UNEVENNESS_M
+            ):
                 weights[near] = off[i] / ranges[i]
                 near += 1
-        if near < _FEWEST:
+        if near < _MIN_PLANE_POINTS:
             return np.zeros(3), 0.0
         noise = _SIGMA_OF_MEDIAN * np.median(weights[:near])
         # Fit a plane to the inliers for that noise, with weights.
         count = 0
         for i in range(points.shape[1]):
-            if off[i] < _NOISES * noise * ranges[i] + _UNEVEN:
-                weights[count] = 1.0 / (noise * ranges[i] + _UNEVEN) ** 2
+            if off[i] < _MAX_DEVIATIONS * noise * ranges[i] + _UNEVENNESS_M:
+                weights[count] = 1.0 / (noise * ranges[i] + _UNEVENNESS_M) ** 2
                 for a in range(3):
                     kept[a, count] = points[a, i]
                 count += 1
-        if count < _FEWEST or not _level_fit(plane, kept[:, :count], weights[:count]):
+        if count < _MIN_PLANE_POINTS or not _level_fit(plane, kept[:, :count], weights[:count]):
             return np.zeros(3), 0.0
         spread = min(kept[0, :count].std(), kept[2, :count].std())
     return plane, spread

@@ -8,61 +8,61 @@ from enliven.arrays import Bool, Float
 from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
+from enliven_edge.tracking.scene.background_model import Agreement
 from enliven_edge.tracking.scene.floor import TILTED_BY, corrected, world_above_floor, world_from_floor
-from enliven_edge.tracking.scene.room import Agreement
 from enliven_edge.tracking.settings import SceneSettings
 
 _USUAL_HEIGHT_M = 1.0
 """Assumed height of the sensor before a floor or a person is visible, if the settings contain none."""
-_LOWEST_SHARE = 0.01
+_LOWEST_QUANTILE = 0.01
 """Quantile of the visible points' heights that limits a guessed floor from above. Noise produces lower
 points."""
-_HIGHEST_GUESS_M = 1.8
+_MAX_GUESSED_HEIGHT_M = 1.8
 """Maximum sensor height that is guessed from the lowest points alone. They may be far away, where an error of
 the tilt matters most."""
-_MOVED = 0.02
+_POSE_CHANGE = 0.02
 """Change of a sensor's pose, in metres or as an entry of its rotation matrix, beyond which a new background
 model is learnt."""
-_PUT_ELSEWHERE = 0.25
+_LARGE_POSE_CHANGE = 0.25
 """The same change beyond which people are also searched again. A body that is predicted at the old place
 would fit to the background there."""
-_LOOK_EVERY = 15
+_FLOOR_SEARCH_FRAMES = 15
 """Frames between two searches for an unknown floor: half a second at 30 frames per second."""
-_ENOUGH_DEPTH = 0.1
+_MIN_DEPTH_FRACTION = 0.1
 """Minimum fraction of the image with known depth to search for the floor. With less the sensor is starting or
 covered."""
-_CORRECT_EVERY_NS = 1_000_000_000
+_CORRECTION_INTERVAL_NS = 1_000_000_000
 """Nanoseconds between two corrections of the mounting, which drifts slowly."""
-_GAIN = 0.15
+_CORRECTION_GAIN = 0.15
 """Fraction of a correction that is applied at once, so that the noise of one frame hardly moves the world."""
-_BOTH_WAYS = 0.08
+_MIN_FARTHER_FRACTION = 0.08
 """Minimum fraction of the background that must appear farther for the sensor to count as moved. A person in
 front of the background makes nothing farther."""
 _SUSPICIOUS_FRAMES = 3
 """Consecutive frames that must differ from the background model. A single frame may be disturbed."""
-_DIFFERENT = 0.6
+_CHECK_FRACTION = 0.6
 """Fraction of the setting ``moved`` above which the floor is checked. A small rotation changes fewer
 pixels."""
-_LOOK_AGAIN = 15
+_CHECK_INTERVAL_FRAMES = 15
 """Frames between two such checks: half a second at 30 frames per second."""
-_TURNED = np.deg2rad(3.0)
+_MOVED_ANGLE = np.deg2rad(3.0)
 """Minimum rotation of the floor in radians for the sensor to count as moved. Less is noise."""
-_LIFTED = 0.12
+_MOVED_HEIGHT_M = 0.12
 """Minimum change of the sensor's height in metres for it to count as moved. Less is noise of the floor
 fit."""
-_STILL = 0.85
+_MIN_STILL_FRACTION = 0.85
 """Minimum fraction of nearly unchanged pixels between two frames of a sensor at rest. People move in the
 others."""
 _STILL_FRAMES = 3
 """Consecutive still frames that end a fall. A single one may lie between two movements."""
-_LONGEST_FALL_NS = 3_000_000_000
+_MAX_FALL_NS = 3_000_000_000
 """Maximum duration of a fall in nanoseconds. Moving people may never let the image be still."""
-_FELT_WITHIN = np.deg2rad(8.0)
+_MAX_GRAVITY_ANGLE = np.deg2rad(8.0)
 """Maximum angle in radians between the floor's normal and the accelerometer's up direction. Mounting error
 and bias are 1 to 3 degrees. A ramp or a table's edge deviates more."""
-_LYING = 0.03
+_MIN_FALLEN_HEIGHT_M = 0.03
 """Minimum height above the floor in metres for a sensor that was knocked over and may lie on the floor."""
-_FALLS_BY = np.deg2rad(30.0)
+_MAX_TURN = np.deg2rad(30.0)
 """Maximum rotation of the floor's normal in radians between two frames of a fall: 900 degrees per second at
 30 Hz."""
 
@@ -166,19 +166,19 @@ class Mounting:
             return
         differs = agreement.nearer + agreement.farther
         enough = agreement.compared > 0.1 * view.z.size
-        moved = differs > self._moved and agreement.farther > _BOTH_WAYS
+        moved = differs > self._moved and agreement.farther > _MIN_FARTHER_FRACTION
         self._suspicious = self._suspicious + 1 if moved and enough else 0
-        self._differing = self._differing + 1 if differs > _DIFFERENT * self._moved and enough else 0
-        looked = self._differing % _LOOK_AGAIN == _SUSPICIOUS_FRAMES
+        self._differing = self._differing + 1 if differs > _CHECK_FRACTION * self._moved and enough else 0
+        looked = self._differing % _CHECK_INTERVAL_FRAMES == _SUSPICIOUS_FRAMES
         if self._suspicious >= _SUSPICIOUS_FRAMES or (looked and self._floor_is_elsewhere(view, people)):
             self._differing = 0
             self.falling, self._suspicious, self._still = True, 0, 0
             self._before, self._fell_ns = view.z, view.time_ns
-        elif self._floor_known and not 0 <= view.time_ns - self._corrected_ns < _CORRECT_EVERY_NS:
+        elif self._floor_known and not 0 <= view.time_ns - self._corrected_ns < _CORRECTION_INTERVAL_NS:
             self._corrected_ns = view.time_ns
             assert self.world_from_camera is not None
             usable = ~people & (view.z > 0) & (view.z < self.settings.far)
-            self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _GAIN)
+            self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _CORRECTION_GAIN)
 
     @property
     def suspected(self) -> bool:
@@ -206,16 +206,16 @@ class Mounting:
         """Takes over the (4, 4) pose that the sensor reports."""
         before = self.world_from_camera
         moved = 0.0 if before is None else float(np.abs(given - before).max())
-        self.new_place, self.far_away = moved > _MOVED, moved > _PUT_ELSEWHERE
+        self.new_place, self.far_away = moved > _POSE_CHANGE, moved > _LARGE_POSE_CHANGE
         self.world_from_camera, self._floor_known, self.falling = given, True, False
 
     def _fall(self, z: Float, time_ns: int) -> None:
         """Tracks the floor in a frame of a sensor that is being moved, until the image is still."""
         assert self._before is not None
-        self._still = self._still + 1 if _alike(z, self._before) > _STILL else 0
+        self._still = self._still + 1 if _alike(z, self._before) > _MIN_STILL_FRACTION else 0
         self._before = z
         self._follow_floor(z)
-        if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _LONGEST_FALL_NS:
+        if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _MAX_FALL_NS:
             self.falling = False
             self.new_place = self.far_away = True
 
@@ -223,10 +223,12 @@ class Mounting:
         """Finds the floor near its pose in the previous frame, or else near the mounting's direction."""
         assert self.world_from_camera is not None
         has_depth = z > 0
-        if has_depth.mean() < _ENOUGH_DEPTH:
+        if has_depth.mean() < _MIN_DEPTH_FRACTION:
             return
         points = unproject(z * 1e3, self.camera.ray)[has_depth]
-        pose = world_from_floor(points, up=self.world_from_camera[1, :3], within=_FALLS_BY, lowest=_LYING)
+        pose = world_from_floor(
+            points, up=self.world_from_camera[1, :3], within=_MAX_TURN, lowest=_MIN_FALLEN_HEIGHT_M
+        )
         if pose is None:
             pose = world_from_floor(points, self.settings.upside_down)
         if pose is not None:
@@ -239,13 +241,13 @@ class Mounting:
             roll = np.pi if scene.upside_down else 0.0
             self.world_from_camera = world_from_level_camera(self._guess, scene.tilt, roll)
         has_depth = z > 0
-        if has_depth.mean() < _ENOUGH_DEPTH:
+        if has_depth.mean() < _MIN_DEPTH_FRACTION:
             return  # The camera is still starting, or it is covered.
         self._looked += 1
-        if self._looked % _LOOK_EVERY != 1:
+        if self._looked % _FLOOR_SEARCH_FRAMES != 1:
             return
         points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
-        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _FELT_WITHIN)
+        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _MAX_GRAVITY_ANGLE)
         self._suggested = pose = world_from_floor(
             points, scene.upside_down, up=up, within=within, seed=self._looked
         )
@@ -264,15 +266,15 @@ class Mounting:
         near = points[points[:, 2] < self.settings.far]
         if len(near):
             pose = self.world_from_camera.copy()
-            lowest = float(np.quantile(near @ pose[1, :3] + pose[1, 3], _LOWEST_SHARE))
-            pose[1, 3] = max(self._guess, min(_HIGHEST_GUESS_M, pose[1, 3] - lowest))
+            lowest = float(np.quantile(near @ pose[1, :3] + pose[1, 3], _LOWEST_QUANTILE))
+            pose[1, 3] = max(self._guess, min(_MAX_GUESSED_HEIGHT_M, pose[1, 3] - lowest))
             self.world_from_camera, self._guess = pose, float(pose[1, 3])
 
 
 def _same_floor(one: Float, other: Float) -> bool:
     """Returns True if two (4, 4) poses of the sensor have the same floor, within detection noise."""
     turned = float(np.arccos(np.clip(one[1, :3] @ other[1, :3], -1.0, 1.0)))
-    return turned <= _TURNED and abs(float(one[1, 3] - other[1, 3])) <= _LIFTED
+    return turned <= _MOVED_ANGLE and abs(float(one[1, 3] - other[1, 3])) <= _MOVED_HEIGHT_M
 
 
 def _alike(z: Float, before: Float) -> float:

@@ -14,21 +14,21 @@ _TRIALS = 150
 lies along it with a probability of 99.8 %."""
 _SAMPLES = 1500
 """Approximate number of points for evaluating a line. The cost of a trial grows with them."""
-_MOST_WALLS = 4
+_MAX_WALLS = 4
 """Maximum number of walls removed from one blob. A room has four."""
-_AREA = 0.9
+_MIN_WALL_AREA_M2 = 0.9
 """Minimum visible area of a wall in square metres. An upright plane of this size is not a person."""
-_LENGTH = 0.9
+_MIN_WALL_WIDTH_M = 0.9
 """Minimum width of a wall in metres. An upright plane of this width is not a person."""
-_FILLED = 0.8
+_MIN_OCCUPIED = 0.8
 """Minimum fraction of occupied cells along a wall. Two people at a distance leave a gap."""
-_BIN = 0.15
+_CELL_M = 0.15
 """Width of such a cell in metres: less than the gap between two people."""
-_THICK = 0.03
+_WALL_TOLERANCE_M = 0.03
 """Maximum distance in metres of a wall's points from its plane, at the sensor. Walls are not quite flat."""
-_THICKER = 0.006
+_TOLERANCE_GROWTH = 0.006
 """Growth of that distance in metres per square metre of depth, like a depth sensor's noise."""
-_APART = 0.3
+_MIN_POINT_DISTANCE_M = 0.3
 """Minimum distance in metres between the two points of a line. Nearer ones give no direction."""
 
 
@@ -38,8 +38,8 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)
     random = np.random.default_rng(seed)
     seen, squares = _seen_from_above(view.points, view.z, pixels)
-    for _ in range(_MOST_WALLS):
-        if squares * pixel < _AREA:
+    for _ in range(_MAX_WALLS):
+        if squares * pixel < _MIN_WALL_AREA_M2:
             break
         step = max(1, len(pixels) // _SAMPLES)
         some = np.ascontiguousarray(seen[:2, ::step].T)
@@ -47,7 +47,7 @@ def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
         pairs = random.integers(0, len(some), (_TRIALS, 2))
         line = _best_line(some, _thickness(deep), deep * deep * pixel * step, pairs)
         on, along, flat = _lying_on(seen, line)
-        if not line.any() or flat * pixel < _AREA or not _is_wall(along):
+        if not line.any() or flat * pixel < _MIN_WALL_AREA_M2 or not _is_wall(along):
             break
         rest = np.flatnonzero(~on)
         pixels, seen, squares = pixels[rest], seen.take(rest, axis=1), squares - flat
@@ -89,7 +89,7 @@ def _lying_on(seen, line):
     count, squares = 0, 0.0
     for n in range(len(on)):
         x, z, deep = seen[0, n], seen[1, n], seen[2, n]
-        on[n] = abs(x * line[0] + z * line[1] + line[2]) < _THICK + _THICKER * deep * deep
+        on[n] = abs(x * line[0] + z * line[1] + line[2]) < _WALL_TOLERANCE_M + _TOLERANCE_GROWTH * deep * deep
         # Write every point without a branch. If this point is not on the plane, the next point overwrites its
         # value.
         along[count] = z * line[0] - x * line[1]
@@ -105,15 +105,15 @@ def _is_wall(along: Float) -> bool:
     """
     ordered = np.sort(along)
     low, high = quantile(ordered, 0.02), quantile(ordered, 0.98)
-    if high - low <= _LENGTH:
+    if high - low <= _MIN_WALL_WIDTH_M:
         return False
-    counts = np.diff(np.searchsorted(ordered, np.arange(low, high + _BIN, _BIN)))
-    return bool(np.mean(counts > 0.25 * counts.mean()) > _FILLED)
+    counts = np.diff(np.searchsorted(ordered, np.arange(low, high + _CELL_M, _CELL_M)))
+    return bool(np.mean(counts > 0.25 * counts.mean()) > _MIN_OCCUPIED)
 
 
 def _thickness(z: Float) -> Float:
     """Returns (N,) the maximum distance in metres from a wall's plane for points at each of (N,) depths."""
-    return np.asarray(_THICK + _THICKER * z * z)
+    return np.asarray(_WALL_TOLERANCE_M + _TOLERANCE_GROWTH * z * z)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -125,7 +125,7 @@ def _best_line(points, thickness, weight, pairs):
         p, q = points[pairs[trial, 0]], points[pairs[trial, 1]]
         dx, dz = q[0] - p[0], q[1] - p[1]
         length = np.sqrt(dx * dx + dz * dz)
-        if length < _APART:
+        if length < _MIN_POINT_DISTANCE_M:
             continue
         a, b = -dz / length, dx / length
         c = -(a * p[0] + b * p[1])

@@ -8,47 +8,47 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BEFORE, UNLIKELY
+from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
 from enliven_edge.tracking.segment.person_shape import BlobShape, shape_of
 from enliven_edge.tracking.segment.segmentation import LooseGroup
 
 YOUNG = 1.0
 """Age of the background model in seconds up to which nothing counts as having entered the scene, because all
 of the background is new."""
-_TALL = 1.05
+_MIN_CROWN_M = 1.05
 """Minimum crown height above the floor in metres of a person that walks in: a small child."""
-_FRAMES = 3
+_MIN_STEADY_FRAMES = 3
 """Minimum number of frames with a steady crown for a candidate to be proven. A single frame may be noise."""
-_LONG = 10
+_PROVEN_FRAMES = 10
 """Number of frames after which a human but not upright shape is proven too."""
-_STEADY = 0.15
+_MAX_CROWN_CHANGE_M = 0.15
 """Maximum variation of the crown height in metres over those frames. It varies by more if blobs merge or
 split."""
-_LARGE = 0.33
+_MIN_BENT_AREA_M2 = 0.33
 """Minimum visible area in square metres of a candidate with a low crown to be a bent or kneeling person."""
-_LEAST = 0.14
+_MIN_AREA_M2 = 0.14
 """Minimum visible area of a person in square metres. Smaller blobs are mostly objects."""
-_STOUT = 0.1
+_MIN_AREA_PER_M2 = 0.1
 """Minimum visible area in square metres of a person of one metre, seen from the side. It grows with the
 squared height."""
-_BULKY = 0.5
+_MAX_AREA_PER_M2 = 0.5
 """Maximum visible area in square metres of a person of one metre. It grows with the squared height."""
 STANDS = 1.3
 """Minimum crown height above the floor in metres of a standing person. Most seated people are lower."""
-_CHECK_NS = 250_000_000
+_CHECK_INTERVAL_NS = 250_000_000
 """Nanoseconds between two checks of an unchanged object. Measuring the shape and evaluating the network are
 the expensive steps."""
-_BEHIND = 0.25
+_MIN_OCCLUDED = 0.25
 """Minimum occluded fraction of the outline of a person that is still coming out from behind a nearer
 object."""
-_PATIENCE_NS = 800_000_000
+_MAX_WAIT_NS = 800_000_000
 """Maximum waiting time for such a candidate in nanoseconds: enough to come out and to be re-identified."""
-_BACK_OFF_NS = 150_000_000
+_FIRST_RETRY_NS = 150_000_000
 """Nanoseconds before the second try if the first found no body. Each later wait is twice as long."""
-_CAME_OFF = 0.7
+_SHRUNK_FRACTION = 0.7
 """If a blob shrinks below this fraction of the area of its last failed search, it is searched again at
 once."""
-_LONGEST_NS = 2_000_000_000
+_MAX_RETRY_NS = 2_000_000_000
 """Maximum wait between two tries in nanoseconds. A real person must not wait longer."""
 
 
@@ -79,7 +79,7 @@ class Candidate:
         self.checked_ns = time_ns
         self.shape: BlobShape
         self.pixels: Bool
-        self._next_ns, self._wait_ns = time_ns, _BACK_OFF_NS
+        self._next_ns, self._wait_ns = time_ns, _FIRST_RETRY_NS
         self._vain_area = 0.0
         self._asked_ns: int | None = None
 
@@ -100,7 +100,7 @@ class Candidate:
         self.area, (self.before, self.plain) = area, shares
         self.pixels, self.centre, self.shape = pixels, centre, shape
         self.frames, self.seen_ns, self.checked_ns = self.frames + 1, time_ns, time_ns
-        self.crowns = [*self.crowns[-_LONG:], shape.crown]
+        self.crowns = [*self.crowns[-_PROVEN_FRAMES:], shape.crown]
 
     def grow(self, view: FrameView, pixels: Bool) -> None:
         """Extends the candidate to these (h, w) pixels."""
@@ -111,14 +111,19 @@ class Candidate:
     @property
     def proven(self) -> bool:
         """Returns True if it entered a known scene with a person's shape, or may be the person lost here."""
-        steady = self.frames >= _FRAMES and float(np.ptp(self.crowns[-_FRAMES:])) < _STEADY
+        steady = (
+            self.frames >= _MIN_STEADY_FRAMES
+            and float(np.ptp(self.crowns[-_MIN_STEADY_FRAMES:])) < _MAX_CROWN_CHANGE_M
+        )
         if not steady or self.refused:
             return False
-        if self.awaited and self.shape.possible and self.area > _LEAST and self.plain > 0.5:
+        if self.awaited and self.shape.possible and self.area > _MIN_AREA_M2 and self.plain > 0.5:
             return True
-        tall = (self.shape.crown > _TALL or self.shape.cut) and self.area > _LEAST
+        tall = (self.shape.crown > _MIN_CROWN_M or self.shape.cut) and self.area > _MIN_AREA_M2
         return (
-            tall and self.before > 0.5 and (self.shape.upright or (self.shape.human and self.frames >= _LONG))
+            tall
+            and self.before > 0.5
+            and (self.shape.upright or (self.shape.human and self.frames >= _PROVEN_FRAMES))
         )
 
     @property
@@ -134,7 +139,11 @@ class Candidate:
 
         It has not moved, and is neither proven nor convincing.
         """
-        if self.group is None or self.frames < _LONG or not 0 <= time_ns - self.checked_ns < _CHECK_NS:
+        if (
+            self.group is None
+            or self.frames < _PROVEN_FRAMES
+            or not 0 <= time_ns - self.checked_ns < _CHECK_INTERVAL_NS
+        ):
             return False
         if self.proven or self.convincing or self.seen_ns == time_ns:
             return False
@@ -144,12 +153,12 @@ class Candidate:
     @property
     def convincing(self) -> bool:
         """Returns True if it looks enough like a standing person to need no observed entry into the scene."""
-        stout = self.area > _STOUT * self.shape.crown**2
-        whole = self.shape.cut or (self.shape.crown > _TALL and stout)
-        slim = self.shape.cut or self.area < _BULKY * self.shape.crown**2
+        stout = self.area > _MIN_AREA_PER_M2 * self.shape.crown**2
+        whole = self.shape.cut or (self.shape.crown > _MIN_CROWN_M and stout)
+        slim = self.shape.cut or self.area < _MAX_AREA_PER_M2 * self.shape.crown**2
         stands = self.shape.upright and whole and slim
         is_recognised = self.recognised and self._knowable
-        return (stands or is_recognised) and self.area > _LEAST and not self.refused
+        return (stands or is_recognised) and self.area > _MIN_AREA_M2 and not self.refused
 
     @property
     def _knowable(self) -> bool:
@@ -157,18 +166,18 @@ class Candidate:
 
         A panel never would.
         """
-        return self.shape.possible and (self.shape.cut or self.shape.crown > _TALL)
+        return self.shape.possible and (self.shape.cut or self.shape.crown > _MIN_CROWN_M)
 
     def needs_recognition(self, time_ns: int) -> bool:
         """Returns True if the network should be evaluated.
 
         This is so if the shape alone is not convincing, and the last answer is old.
         """
-        if self.area < _LEAST or self.refused or (self.convincing and not self.recognised):
+        if self.area < _MIN_AREA_M2 or self.refused or (self.convincing and not self.recognised):
             return False
         if not self._knowable:  # The answer of the network would not change the decision.
             return False
-        if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_NS:
+        if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_INTERVAL_NS:
             return False
         self._asked_ns = time_ns
         return True
@@ -181,7 +190,7 @@ class Candidate:
     @property
     def _stands(self) -> bool:
         """Returns True if it is as tall as a standing person, and enough of it is visible."""
-        return self.shape.crown > STANDS and self.area > _LEAST
+        return self.shape.crown > STANDS and self.area > _MIN_AREA_M2
 
     @property
     def imaginable(self) -> bool:
@@ -189,7 +198,7 @@ class Candidate:
 
         This is used if no other person is tracked.
         """
-        large = self.shape.crown > _TALL or self.shape.cut or self.area > _LARGE
+        large = self.shape.crown > _MIN_CROWN_M or self.shape.cut or self.area > _MIN_BENT_AREA_M2
         return self.shape.human and large and not self.refused
 
     def due(self, time_ns: int, room_age: float, *, alone: bool, missing: bool) -> bool:
@@ -207,9 +216,9 @@ class Candidate:
             return False
         # A person that comes out from behind an object may be a known one. Wait until re-identification is
         # possible.
-        if missing and self.shape.behind > _BEHIND and 0 <= time_ns - self.first_ns < _PATIENCE_NS:
+        if missing and self.shape.behind > _MIN_OCCLUDED and 0 <= time_ns - self.first_ns < _MAX_WAIT_NS:
             return False
-        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _LONGEST_NS
+        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _MAX_RETRY_NS
 
     @property
     def _otherwise(self) -> bool:
@@ -217,7 +226,7 @@ class Candidate:
 
         Furniture was removed from it.
         """
-        return self.convincing and self.area < _CAME_OFF * self._vain_area
+        return self.convincing and self.area < _SHRUNK_FRACTION * self._vain_area
 
     def settle(self, tried: Candidate) -> None:
         """Takes over the time of the next try, and the area of the failed search, from a tried copy."""
@@ -226,7 +235,7 @@ class Candidate:
 
     def failed(self, time_ns: int) -> None:
         """Postpones the next try because no body was found, each time for longer."""
-        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _LONGEST_NS)
+        self._next_ns, self._wait_ns = time_ns + self._wait_ns, min(2 * self._wait_ns, _MAX_RETRY_NS)
         self._vain_area = self.area
 
 
@@ -253,7 +262,7 @@ def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, 
     Args:
         view: the frame.
         pixels: (h, w) the mask.
-        kind: (h, w) from :meth:`RoomModel.classify`.
+        kind: (h, w) from :meth:`BackgroundModel.classify`.
     """
     centre, squares, before, plain = _measured(view.points, view.z, kind, pixels)
     camera = view.camera.intrinsics
@@ -268,7 +277,7 @@ def _measured(points, z, kind, part):
     for i in pixels:
         x, y, deep = x + points[i, 0], y + points[i, 1], deep + points[i, 2]
         squares += z[i] * z[i]
-        before += kind[i] == BEFORE
+        before += kind[i] == FOREGROUND
         plain += kind[i] != UNLIKELY
     count = max(1, len(pixels))
     return np.array([x, y, deep]) / count, squares, before / count, plain / count

@@ -14,24 +14,24 @@ from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AR
 from enliven_edge.tracking.segment.pieces import Part, all_of, beside_walls, parted
 from enliven_edge.tracking.segment.segmentation import Segments
 
-_SAME = 0.45
+_MAX_MOVEMENT_M = 0.45
 """Maximum movement of a candidate's centre between frames in metres: about the width of a person."""
-_FORGET_NS = 400_000_000
+_FORGET_AFTER_NS = 400_000_000
 """Time after which an unseen candidate is forgotten, in nanoseconds. So it survives a few bad frames."""
-_MOST = 8
+_MAX_GROUPS = 8
 """Maximum number of loose groups measured per frame, the largest first. It bounds the cost of a frame."""
-_MOST_AT_FIRST = 16
+_MAX_GROUPS_AT_FIRST = 16
 """The same limit while the background model is young. Much of the background is then itself a loose group."""
-_REFUSED = 0.4
+_REFUSED_RADIUS_M = 0.4
 """Horizontal radius in metres around an object once taken for a person in which no candidate is accepted:
 about its size."""
-_REFUSED_NS = 20_000_000_000
+_REFUSED_FOR_NS = 20_000_000_000
 """Time for which that holds, in nanoseconds. The background model needs less time to absorb the object."""
-_USUAL = 0.5
+_USUAL_AREA_M2 = 0.5
 """Approximate visible area of a person in square metres."""
-_PARTED_AREA = 0.45
+_MIN_SPLIT_AREA_M2 = 0.45
 """Minimum visible area in square metres of a group that is split. A smaller one is one person."""
-_FEWEST = 30
+_MIN_PART_PIXELS = 30
 """Minimum number of pixels of a measured part. Fewer have no shape."""
 
 
@@ -74,14 +74,14 @@ class Candidates:
 
         Args:
             view: the frame.
-            kind: (h, w) from :meth:`RoomModel.classify`.
+            kind: (h, w) from :meth:`BackgroundModel.classify`.
             segments: the segmentation of the frame.
             admits: whether a person at a (3,) place may perform.
             awaits: whether a person was lost near a (3,) place.
             young: whether the background model is new.
         """
         groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
-        groups = groups[: _MOST_AT_FIRST if young else _MOST]
+        groups = groups[: _MAX_GROUPS_AT_FIRST if young else _MAX_GROUPS]
         present = []
         for group in groups:
             same = next((n for n in self._known if n.unchanged(group, view.time_ns)), None)
@@ -92,11 +92,11 @@ class Candidates:
             mask, shape = all_of(segments, group, view)
             if not mask.any():  # All pixels of the group belong to a known person again.
                 continue
-            bare = parted(view.points, mask) if group.area > _PARTED_AREA else [mask]
+            bare = parted(view.points, mask) if group.area > _MIN_SPLIT_AREA_M2 else [mask]
             parts: list[Part] = [(part, None) for part in bare]
-            if young and group.area > _PARTED_AREA:
+            if young and group.area > _MIN_SPLIT_AREA_M2:
                 shape = shape or shape_of(view, mask, group.area)
-                if not replace(shape, area=_USUAL).possible:
+                if not replace(shape, area=_USUAL_AREA_M2).possible:
                     parts += beside_walls(view, kind, mask)
             for part, walls in parts:
                 if any(_mostly(part, other.pixels) for other in present if other.convincing):
@@ -108,7 +108,9 @@ class Candidates:
                     candidate.awaited = awaits(candidate.centre)
                     candidate.group = group if len(parts) == 1 else None
                     present.append(candidate)
-        self._known = [n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_NS]
+        self._known = [
+            n for n in self._known if n in present or 0 <= view.time_ns - n.seen_ns < _FORGET_AFTER_NS
+        ]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
     def _one(
@@ -118,12 +120,12 @@ class Candidates:
 
         Args:
             view: the frame.
-            kind: (h, w) from :meth:`RoomModel.classify`.
+            kind: (h, w) from :meth:`BackgroundModel.classify`.
             part: (h, w) the blob.
             walls: (h, w) the pixels of walls behind it, or None.
             shape: shape of the group if it was measured before; its area is replaced.
         """
-        if np.count_nonzero(part) < _FEWEST:
+        if np.count_nonzero(part) < _MIN_PART_PIXELS:
             return None
         centre, area, shares = measured(view, part, kind)
         if not SMALLEST_AREA < area < LARGEST_AREA:
@@ -134,7 +136,7 @@ class Candidates:
             return None
         unmatched = [n for n in self._known if n.seen_ns != view.time_ns]
         near = min(unmatched, key=lambda n: float(np.linalg.norm(n.centre - centre)), default=None)
-        if near is None or np.linalg.norm(near.centre - centre) > _SAME:
+        if near is None or np.linalg.norm(near.centre - centre) > _MAX_MOVEMENT_M:
             near = Candidate(centre, view.time_ns)
             self._known.append(near)
         near.refused = self._is_refused(centre, view.time_ns)
@@ -143,8 +145,10 @@ class Candidates:
 
     def _is_refused(self, centre: Float, time_ns: int) -> bool:
         """Returns True if an object at the place was recently taken for a person."""
-        self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_NS]
-        return any(float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED for at, _ in self._refused)
+        self._refused = [(at, t) for at, t in self._refused if 0 <= time_ns - t < _REFUSED_FOR_NS]
+        return any(
+            float(np.linalg.norm((at - centre)[[0, 2]])) < _REFUSED_RADIUS_M for at, _ in self._refused
+        )
 
 
 def _mostly(part: Bool, other: Bool) -> bool:

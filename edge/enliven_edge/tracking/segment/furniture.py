@@ -19,12 +19,12 @@ from enliven_edge.tracking.segment.segmentation import lying_on
 BESIDE = 0.12
 """Distance in metres from a person's surface beyond which a pixel belongs to another object. Clothes stay
 within."""
-_NEARER = -0.3
+_SEARCH_START_M = -0.3
 """Start in metres, relative to the pixel and along its ray, of the interval in which a body is searched: in
 front of the pixel, as far as a limb reaches."""
-_FARTHER = 0.6
+_SEARCH_END_M = 0.6
 """End of that interval in metres behind the pixel. A limb can be held that far in front of the body."""
-_CLOSE = 0.06
+_MAX_RAY_DISTANCE_M = 0.06
 """Maximum distance in metres at which a ray counts as hitting a body. An arm next to the hip is as near."""
 _BODY = np.flatnonzero(
     ~np.isin(model.CAPSULES.frame, [model.UPPER_ARM_L, model.FOREARM_L, model.UPPER_ARM_R, model.FOREARM_R])
@@ -61,5 +61,8 @@ def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool
     met = np.zeros(len(points), bool)
     for posture in people:
         ends, radii = (each[_BODY] for each in posture.capsules())
-        met |= clear_of_rays(points, view.eye.astype(np.float32), _NEARER, _FARTHER, ends, radii) < _CLOSE
+        met |= (
+            clear_of_rays(points, view.eye.astype(np.float32), _SEARCH_START_M, _SEARCH_END_M, ends, radii)
+            < _MAX_RAY_DISTANCE_M
+        )
     return met

@@ -24,52 +24,52 @@ SMALLEST_AREA = 0.06
 objects."""
 LARGEST_AREA = 1.6
 """Maximum visible area of a person in square metres: three times the usual."""
-_SHORTEST = 0.3
+_MIN_RISE_M = 0.3
 """Minimum vertical extent of a person in metres, lying down."""
-_WIDEST = 2.4
+_MAX_WIDTH_M = 2.4
 """Maximum width of a person in metres, with arms spread or lying."""
-_DEEPEST = 1.6
+_MAX_DEPTH_M = 1.6
 """Maximum depth extent of a person in metres, with arms or legs held forward."""
-_TALLEST = 2.6
+_MAX_CROWN_M = 2.6
 """Maximum crown height above the floor in metres: a tall person's raised hands."""
-_MUCH = 0.7
+_FULL_AREA_M2 = 0.7
 """Area in square metres beyond which a larger area does not increase the likeness to a person."""
-_HIGH = 1.8
+_FULL_HEIGHT_M = 1.8
 """Height in metres beyond which more height does not increase the likeness to a person."""
-_FLAT = 0.022
+_FLAT_DEVIATION_M = 0.022
 """Standard deviation from the best plane, in metres, below which a blob is flat. A trunk is rounder."""
-_BROAD = 0.35
+_MIN_PANEL_WIDTH_M = 0.35
 """Minimum width in metres of a flat blob that is a panel. A limb is flat too, but narrow."""
-_HEAD = 0.14
+_HEAD_BAND_M = 0.14
 """Depth in metres below the crown of the band that contains only the head: above the chin."""
-_BANDS = np.array([(-1.0, _HEAD), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
+_BANDS = np.array([(-1.0, _HEAD_BAND_M), (0.25, 0.35), (0.35, 0.45), (0.45, 0.55)])
 """(4, 2) metres below the crown: the band of the head, and three bands that may contain the shoulders."""
-_HEADLIKE = 0.75
+_MAX_HEAD_RATIO = 0.75
 """Maximum ratio of the head's width to that of the shoulders. A panel's is about 1."""
 _HEAD_WIDTH = (0.09, 0.45)
 """Minimum and maximum width in metres at a head's height: half hidden, and with hair or a hat."""
-_SOLID = 0.43
+_MIN_BOX_FILL = 0.43
 """Minimum fraction of its upright bounding box that an upright person fills. Chairs and plants fill less."""
-_SPARSE = 0.8
+_SPREAD_BOX_FILL = 0.8
 """Fraction of the upright bounding box below which a blob has spread limbs."""
-_BOARD = 0.85
+_PANEL_BOX_FILL = 0.85
 """Fraction of the upright bounding box above which a flat blob is a panel in spite of a narrow top."""
-_ROUND = 0.035
+_MIN_ROUND_DEVIATION_M = 0.035
 """Minimum standard deviation in metres from its best plane of a blob with limbs that is as round as a
 body."""
-_FREE = 0.6
+_MIN_FREE_OUTLINE = 0.6
 """Minimum free fraction of the outline. A person stands in front of other surfaces, a wall does not."""
-_HIDDEN = 0.2
+_MAX_OCCLUDED = 0.2
 """Maximum occluded fraction of the outline at which the crown counts as visible."""
-_MOSTLY_HIDDEN = 0.6
+_UNDECIDED_OCCLUSION = 0.6
 """Occluded fraction of the outline above which the rest does not show whether the blob stands free."""
-_BORDER = 0.03
+_MAX_AT_BORDER = 0.03
 """Maximum fraction of the outline at the image border at which the crown counts as visible."""
-_CUT = 0.08
+_MIN_CUT_OUTLINE = 0.08
 """Minimum fraction of the outline at the image border for a blob that is cut off by it."""
-_SAMPLES = 1500
+_SHAPE_SAMPLES = 1500
 """Approximate number of points with which a blob's shape is measured. The cost grows with them."""
-_WALL_BEHIND = 1.0
+_WALL_OFFSET_M = 1.0
 """Distance in metres added to the depth of a wall behind a blob, so that any blob stands free in front of
 it."""
 
@@ -115,7 +115,7 @@ class BlobShape:
 
         It is 0 if the blob is not a person.
         """
-        return min(self.area, _MUCH) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
+        return min(self.area, _FULL_AREA_M2) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
 
     @property
     def possible(self) -> bool:
@@ -123,14 +123,16 @@ class BlobShape:
 
         It has a person's size, is not a panel, and is free at its sides.
         """
-        flat = self.thickness < _FLAT and self.wide > _BROAD
-        panel = flat and not (self._headed and self.fill < _BOARD)
-        return self.likeness > 0 and not panel and self.crown < _TALLEST and self._free > _FREE
+        flat = self.thickness < _FLAT_DEVIATION_M and self.wide > _MIN_PANEL_WIDTH_M
+        panel = flat and not (self._headed and self.fill < _PANEL_BOX_FILL)
+        return (
+            self.likeness > 0 and not panel and self.crown < _MAX_CROWN_M and self._free > _MIN_FREE_OUTLINE
+        )
 
     @property
     def upright(self) -> bool:
         """Returns True if it has the shape of a standing or sitting person: a head above shoulders."""
-        return self.possible and self._headed and self.fill > _SOLID
+        return self.possible and self._headed and self.fill > _MIN_BOX_FILL
 
     @property
     def _free(self) -> float:
@@ -138,24 +140,24 @@ class BlobShape:
 
         In a crowd others may hide much of a person.
         """
-        return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _MOSTLY_HIDDEN else 0.0
+        return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _UNDECIDED_OCCLUSION else 0.0
 
     @property
     def _headed(self) -> bool:
         """Returns True if its top is as wide as a head, and it is wider below."""
         low, high = _HEAD_WIDTH
-        return self.head < _HEADLIKE and low < self.head_width < high
+        return self.head < _MAX_HEAD_RATIO and low < self.head_width < high
 
     @property
     def human(self) -> bool:
         """Returns True for the shape of most people: upright, cut off by the image, or with spread limbs."""
-        limbs = self.fill < _SPARSE and self.thickness > _ROUND
-        return self.upright or (self.possible and (self.cut or limbs or self.border > _CUT))
+        limbs = self.fill < _SPREAD_BOX_FILL and self.thickness > _MIN_ROUND_DEVIATION_M
+        return self.upright or (self.possible and (self.cut or limbs or self.border > _MIN_CUT_OUTLINE))
 
     @property
     def whole(self) -> bool:
         """Returns True if its whole upper end is visible, so that the crown is the person's."""
-        return self.behind < _HIDDEN and self.border < _BORDER
+        return self.behind < _MAX_OCCLUDED and self.border < _MAX_AT_BORDER
 
 
 def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
@@ -167,14 +169,18 @@ def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None
         area: visible area in square metres.
         walls: (h, w) pixels of a wall that counts as far behind the mask, however near it is.
     """
-    z = view.z if walls is None else view.z + _WALL_BEHIND * walls
+    z = view.z if walls is None else view.z + _WALL_OFFSET_M * walls
     pixels = pixels_of(mask)
     free, behind, border, cut = outline_of_pixels(z, mask, pixels)
-    points = samples(view.points, pixels, _SAMPLES)
+    points = samples(view.points, pixels, _SHAPE_SAMPLES)
     thickness, along = _flattened(points)
     ordered = np.sort(points, axis=1)
     wide, tall, deep, crown, head, head_width, fill = _built(points, along, ordered, np.sort(along), _BANDS)
-    size = min(tall, _HIGH) if tall >= _SHORTEST and wide <= _WIDEST and deep <= _DEEPEST else 0.0
+    size = (
+        min(tall, _FULL_HEIGHT_M)
+        if tall >= _MIN_RISE_M and wide <= _MAX_WIDTH_M and deep <= _MAX_DEPTH_M
+        else 0.0
+    )
     wide = max(wide, deep)
     return BlobShape(area, size, crown, thickness, wide, head, head_width, fill, free, behind, border, cut)
 

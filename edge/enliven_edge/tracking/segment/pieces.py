@@ -8,37 +8,37 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import ROOM, UNLIKELY, widened, without_walls
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, widened, without_walls
 from enliven_edge.tracking.segment.candidate import STANDS
 from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, BlobShape, samples, shape_of
 from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
 
-_SAMPLES = 3000
+_SEARCH_SAMPLES = 3000
 """Approximate number of points in which people are searched. The cost grows with them."""
-_CELL = 0.06
+_CELL_M = 0.06
 """Cell size in metres of the height map seen from above. A head covers several cells."""
-_APART = 0.42
+_MIN_AXIS_DISTANCE_M = 0.42
 """Minimum horizontal distance in metres between two people's axes: the width of a person."""
-_RADIUS = 0.24
+_COLUMN_RADIUS_M = 0.24
 """Horizontal radius in metres around an axis in which points belong to the person's column: half a person's
 width."""
-_STANDING = 0.7
+_MIN_CROWN_M = 0.7
 """Minimum crown height above the floor in metres. Lower crowns do not stand on legs."""
-_NECK = 0.3
+_SHOULDER_RADIUS_M = 0.3
 """Horizontal radius in metres around a shoulder that contains its head."""
-_HIGHER = 0.2
+_MIN_HEAD_RISE_M = 0.2
 """Minimum height in metres of a head above its shoulders."""
-_TOP = 0.15
+_HEAD_DEPTH_M = 0.15
 """Depth in metres below a peak within which points belong to a head."""
-_HEAD = 0.2
+_HEAD_RADIUS_M = 0.2
 """Horizontal radius in metres around a peak within which points belong to a head."""
-_PEAKS = 200
+_MAX_PEAKS = 200
 """Maximum number of examined cells, the highest first. It bounds the cost of a group."""
-_LAYER = 0.1
+_LAYER_M = 0.1
 """Height in metres of a layer of a column."""
-_KNEES = 0.35
+_KNEE_RATIO = 0.35
 """Height of the knees as a fraction of body height. Legs below may be hidden or apart."""
-_MET = 0.8
+_MIN_LAYERS = 0.8
 """Minimum fraction of the layers above the knees that must contain points for a person. The rest may be
 hidden."""
 
@@ -52,7 +52,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
         points: (h, w, 3) world frame.
         mask: (h, w) the blob.
     """
-    columns = columns_of(samples(points, pixels_of(mask), _SAMPLES))
+    columns = columns_of(samples(points, pixels_of(mask), _SEARCH_SAMPLES))
     if len(columns) < 2:
         return [mask]
     return list(_nearest(points, mask, columns))
@@ -61,7 +61,7 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
 def columns_of(points: Float) -> Float:
     """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above filled columns."""
     height, origin = _seen_from_above(points)
-    order = np.argsort(-height, axis=None)[:_PEAKS]
+    order = np.argsort(-height, axis=None)[:_MAX_PEAKS]
     return np.asarray(_columns(points, height, order, origin))
 
 
@@ -72,10 +72,10 @@ def _seen_from_above(points):
     Heights are at least 0.
     """
     left, back = points[0].min(), points[2].min()
-    wide, deep = int((points[0].max() - left) / _CELL), int((points[2].max() - back) / _CELL)
+    wide, deep = int((points[0].max() - left) / _CELL_M), int((points[2].max() - back) / _CELL_M)
     height = np.zeros((wide + 1, deep + 1))
     for n in range(points.shape[1]):
-        i, j = int((points[0, n] - left) / _CELL), int((points[2, n] - back) / _CELL)
+        i, j = int((points[0, n] - left) / _CELL_M), int((points[2, n] - back) / _CELL_M)
         height[i, j] = max(height[i, j], points[1, n])
     return height, np.array([left, back])
 
@@ -94,12 +94,12 @@ def _columns(points, height, order, origin):
     for index in order:
         i, j = divmod(index, height.shape[1])
         top = height[i, j]
-        if top < _STANDING:
+        if top < _MIN_CROWN_M:
             break
-        x, z = _summit(points, origin[0] + (i + 0.5) * _CELL, origin[1] + (j + 0.5) * _CELL, top)
+        x, z = _summit(points, origin[0] + (i + 0.5) * _CELL_M, origin[1] + (j + 0.5) * _CELL_M, top)
         new = True
         for k in range(count):
-            new &= np.hypot(x - kept[k, 0], z - kept[k, 1]) > _APART
+            new &= np.hypot(x - kept[k, 0], z - kept[k, 1]) > _MIN_AXIS_DISTANCE_M
         if new and _filled(points, x, z, top):
             kept[count, 0], kept[count, 1] = x, z
             count += 1
@@ -113,7 +113,7 @@ def _summit(points, x, z, top):
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
         # Compare without a branch, so that the compiler can vectorise the loop.
-        on = (points[1, i] > top - _TOP) & (dx * dx + dz * dz < _HEAD * _HEAD)
+        on = (points[1, i] > top - _HEAD_DEPTH_M) & (dx * dx + dz * dz < _HEAD_RADIUS_M * _HEAD_RADIUS_M)
         right += points[0, i] if on else 0.0
         deep += points[2, i] if on else 0.0
         count += on
@@ -128,15 +128,15 @@ def _filled(points, x, z, top):
     """
     if _shoulder(points, x, z, top):
         return False
-    first, last = int(np.ceil(_KNEES * top / _LAYER)), int(np.floor(top / _LAYER))
+    first, last = int(np.ceil(_KNEE_RATIO * top / _LAYER_M)), int(np.floor(top / _LAYER_M))
     met = np.zeros(max(0, last - first), np.bool_)
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        if dx * dx + dz * dz < _RADIUS * _RADIUS:
-            layer = int(np.floor(points[1, i] / _LAYER)) - first
+        if dx * dx + dz * dz < _COLUMN_RADIUS_M * _COLUMN_RADIUS_M:
+            layer = int(np.floor(points[1, i] / _LAYER_M)) - first
             if 0 <= layer < len(met):
                 met[layer] = True
-    return len(met) > 0 and np.count_nonzero(met) > _MET * len(met)
+    return len(met) > 0 and np.count_nonzero(met) > _MIN_LAYERS * len(met)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -145,7 +145,9 @@ def _shoulder(points, x, z, top):
     higher = 0
     for i in range(points.shape[1]):
         dx, dz = points[0, i] - x, points[2, i] - z
-        higher += (points[1, i] > top + _HIGHER) & (dx * dx + dz * dz < _NECK * _NECK)
+        higher += (points[1, i] > top + _MIN_HEAD_RISE_M) & (
+            dx * dx + dz * dz < _SHOULDER_RADIUS_M * _SHOULDER_RADIUS_M
+        )
     return higher > 0
 
 
@@ -163,17 +165,17 @@ def _nearest(points, mask, columns):
     return out.reshape((len(columns), mask.shape[0], mask.shape[1]))
 
 
-_TOUCHING = 3
+_MAX_TOUCH_PX = 3
 """Maximum distance in pixels at which a fragment touches a group."""
-_GAP = 0.6
+_MAX_DEPTH_STEP_M = 0.6
 """Maximum depth difference in metres between a fragment and the touched group. A raised forearm begins no
 farther away."""
-_ARM = 0.8
+_MAX_FRAGMENT_M = 0.8
 """Maximum distance in metres from the place of contact that contains nine tenths of a fragment: the length of
 an arm."""
-_TIGHTNESS = 0.35
+_STEP_FACTOR = 0.35
 """Factor on the maximum depth step within a group, used to separate a person from a wall next to it."""
-_PIECES = 6
+_MAX_PIECES = 6
 """Maximum number of examined pieces of a group, the largest first. It bounds the cost of a frame."""
 Part = tuple[Bool, Bool | None]
 """(h, w) some pixels of a group, and (h, w) those of the walls behind them. None without walls."""
@@ -197,15 +199,15 @@ def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list
 
 def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
     """Returns the parts of a group within smaller depth steps, such as a person next to a wall."""
-    return _pieces(view, kind, mask, _TIGHTNESS)
+    return _pieces(view, kind, mask, _STEP_FACTOR)
 
 
 def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[Bool]:
     """Returns the largest connected parts of a mask. The maximum depth step is scaled by ``tightness``."""
-    places = pixels_of(mask & (kind != ROOM) & (kind != UNLIKELY))
+    places = pixels_of(mask & (kind != BACKGROUND) & (kind != UNLIKELY))
     labels, count = groups_of(view.z, places, tightness)
     size = np.bincount(labels.ravel()[places], minlength=count + 1)
-    return [labels == index for index in np.argsort(-size)[:_PIECES] if size[index] > 100]
+    return [labels == index for index in np.argsort(-size)[:_MAX_PIECES] if size[index] > 100]
 
 
 def all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
@@ -240,19 +242,20 @@ def _with_fragments(segments: Segments, main: LooseGroup, bare: Bool, view: Fram
         for other in segments.loose
         if other.label != main.label
         and other.area < 0.6 * main.area
-        and other.box[0] <= bottom + _TOUCHING
-        and other.box[2] >= top - _TOUCHING
-        and other.box[1] <= right + _TOUCHING
-        and other.box[3] >= left - _TOUCHING
+        and other.box[0] <= bottom + _MAX_TOUCH_PX
+        and other.box[2] >= top - _MAX_TOUCH_PX
+        and other.box[1] <= right + _MAX_TOUCH_PX
+        and other.box[3] >= left - _MAX_TOUCH_PX
     ]
     for other in near:
         # Search only the window around the fragment's box, because other pixels cannot touch the fragment.
         top, left, bottom, right = other.box
         window = np.s_[
-            max(0, top - _TOUCHING) : bottom + _TOUCHING, max(0, left - _TOUCHING) : right + _TOUCHING
+            max(0, top - _MAX_TOUCH_PX) : bottom + _MAX_TOUCH_PX,
+            max(0, left - _MAX_TOUCH_PX) : right + _MAX_TOUCH_PX,
         ]
         part, points = segments.labels[window] == other.label, view.points[window]
-        contact = widened(part, _TOUCHING) & mask[window]
+        contact = widened(part, _MAX_TOUCH_PX) & mask[window]
         if contact.any() and _reaches(points[part], points[contact]):
             mask = mask.copy() if mask is bare else mask
             mask[window] |= part
@@ -266,10 +269,10 @@ def _reaches(part: Float, contact: Float) -> bool:
         part, contact: (N, 3) and (M, 3) metres, world frame, of the fragment and of the touched pixels.
     """
     gap = _median(part[:, 2]) - _median(contact[:, 2])
-    if abs(gap) >= _GAP:
+    if abs(gap) >= _MAX_DEPTH_STEP_M:
         return False
     away = part - contact.mean(0)
-    return quantile(np.sort(np.sqrt((away * away).sum(1))), 0.9) < _ARM
+    return quantile(np.sort(np.sqrt((away * away).sum(1))), 0.9) < _MAX_FRAGMENT_M
 
 
 def _median(values: Float) -> float:

@@ -8,7 +8,7 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 from enliven_edge.tracking.body_model import FAST
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import ROOM, UNLIKELY
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY
 
 
 def image_boxes(view: FrameView, ends: Float, radii: Float, reach: float) -> Int:
@@ -117,7 +117,7 @@ def _candidates_within(chosen, place, points, kind, box, low, high):
     top, left, bottom, right = box
     for v in range(top, bottom):
         for u in range(left, right):
-            if kind[v, u] == ROOM:
+            if kind[v, u] == BACKGROUND:
                 continue
             x, y, z = points[v, u, 0], points[v, u, 1], points[v, u, 2]
             chosen[count] = v * width + u

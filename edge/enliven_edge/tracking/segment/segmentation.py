@@ -18,19 +18,19 @@ from enliven.masks import pixels_of
 from enliven.union_find import root_of
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import image_boxes, label_pixels
 from enliven_edge.tracking.segment.surface_growing import grow_surfaces, return_detached
 
 REACH = 0.22
 """Maximum distance in metres from the predicted surface at which a pixel is assigned to the person."""
-_REACH_UNLIKELY = 0.08
+_UNLIKELY_REACH_M = 0.08
 """The same distance at pixels of class UNLIKELY, about as deep as the unseen background. Only the body itself
 counts there."""
-_LIMB_AREA = 0.12
+_MAX_LIMB_AREA_M2 = 0.12
 """Maximum visible area in square metres of a group that touches a person to be a limb: a leg seen from the
 front."""
-_LIMB_LENGTH = 0.95
+_MAX_LIMB_LENGTH_M = 0.95
 """Maximum diagonal of the box in metres of a group that touches a person to be a limb: the length of a
 leg."""
 SPECKLE = 0.004
@@ -96,7 +96,7 @@ def segmented(
 
     Args:
         view: the frame.
-        kind: (h, w) from :meth:`RoomModel.classify`.
+        kind: (h, w) from :meth:`BackgroundModel.classify`.
         postures: the predicted posture of each person, world frame.
         handicap: (K,) metres added to a person's distances, so that a probably hidden person gets fewer
             pixels.
@@ -109,7 +109,9 @@ def segmented(
         capsules = [posture.capsules() for posture in postures]
         ends, radii = np.stack([c[0] for c in capsules]), np.stack([c[1] for c in capsules])
         boxes = image_boxes(view, ends, radii, REACH)
-        label_pixels(view.points, kind, boxes, ends, radii, handicap, REACH, _REACH_UNLIKELY, owner, distance)
+        label_pixels(
+            view.points, kind, boxes, ends, radii, handicap, REACH, _UNLIKELY_REACH_M, owner, distance
+        )
     if count > 1:
         grow_surfaces(owner, distance, view.z)
     pixels = _candidates(kind, owner)
@@ -139,7 +141,7 @@ def lying_on(
     """
     kind = _solid(view.z, view.points, above)
     if among is not None:
-        kind[~among] = ROOM
+        kind[~among] = BACKGROUND
     owner, distance = np.full(kind.shape, -1, np.int16), np.full(kind.shape, np.inf)
     ends, radii = (np.stack(each) for each in zip(*(p.capsules() for p in postures), strict=True))
     boxes, none = image_boxes(view, ends, radii, reach), np.zeros(len(postures))
@@ -149,11 +151,11 @@ def lying_on(
 
 @njit(cache=True, nogil=True)
 def _solid(z, points, above):
-    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and ROOM elsewhere."""
+    """Returns (h, w) UNSEEN at measurements more than ``above`` metres high, and BACKGROUND elsewhere."""
     out = np.empty(z.shape, np.uint8)
     for v in range(z.shape[0]):
         for u in range(z.shape[1]):
-            out[v, u] = UNSEEN if (z[v, u] > 0.0) & (points[v, u, 1] > above) else ROOM
+            out[v, u] = UNSEEN if (z[v, u] > 0.0) & (points[v, u, 1] > above) else BACKGROUND
     return out
 
 
@@ -163,7 +165,7 @@ def _candidates(kind, owner):
     kind, owner = kind.ravel(), owner.ravel()
     mask = np.empty(len(kind), np.bool_)
     for i in range(len(kind)):
-        mask[i] = (kind[i] != ROOM) & (kind[i] != UNLIKELY) & (owner[i] < 0)
+        mask[i] = (kind[i] != BACKGROUND) & (kind[i] != UNLIKELY) & (owner[i] < 0)
     return pixels_of(mask)
 
 
@@ -267,7 +269,7 @@ def _limbs(table):
     for g in range(len(table)):
         row, contacts = table[g], table[g, 15:]
         length = np.sqrt((row[4] - row[1]) ** 2 + (row[5] - row[2]) ** 2 + (row[6] - row[3]) ** 2)
-        if row[0] < _LIMB_AREA and length < _LIMB_LENGTH and contacts.any():
+        if row[0] < _MAX_LIMB_AREA_M2 and length < _MAX_LIMB_LENGTH_M and contacts.any():
             joined[g] = np.argmax(contacts)
     return joined
 

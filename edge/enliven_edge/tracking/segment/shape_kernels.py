@@ -10,11 +10,11 @@ BIN = 0.04
 """Bin size in metres for measuring widths. A head covers several bins."""
 GRID = 0.06
 """Cell size in metres for measuring the filled part of the upright box. A few samples fall into each cell."""
-_TELLING = 0.1
+_MIN_MEASURED_OUTLINE = 0.1
 """Minimum fraction of an outline with measured depth beyond it to decide whether it is free."""
-_TELLING_IN_THE_OPEN = 0.3
+_MIN_MEASURED_IN_OPEN = 0.3
 """The same minimum in the open, where few pixels have depth to compare with."""
-_OPEN = 0.4
+_MAX_OPEN_DEPTH = 0.4
 """Maximum fraction of pixels with depth of an image that shows the open: a hall too deep for the sensor."""
 
 
@@ -98,8 +98,10 @@ def outline_of_pixels(z, mask, pixels):
     cut = np.count_nonzero(mask[height - 2 :]) > 0.05 * width
     total = max(1.0, farther + nearer + other + border)
     around = total + unknown
-    is_measured = total >= _TELLING * around
-    if not is_measured or (total < _TELLING_IN_THE_OPEN * around and np.count_nonzero(z) <= _OPEN * z.size):
+    is_measured = total >= _MIN_MEASURED_OUTLINE * around
+    if not is_measured or (
+        total < _MIN_MEASURED_IN_OPEN * around and np.count_nonzero(z) <= _MAX_OPEN_DEPTH * z.size
+    ):
         return 1.0, 0.0, border / total, cut
     return farther / total, nearer / total, border / total, cut
 

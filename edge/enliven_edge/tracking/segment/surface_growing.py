@@ -12,11 +12,11 @@ from enliven.arrays import Float, Int, Int16
 from enliven.kernels import njit
 from enliven.union_find import join, root_of
 
-_HOLDS = 3
+_MIN_CONTACT_PIXELS = 3
 """Minimum number of contact pixels for a piece to be joined to a person. Fewer may be noise."""
-_A_PART = 0.4
+_MAX_LIMB_RATIO = 0.4
 """Maximum size of such a piece relative to the person's largest piece: a limb, not another body."""
-_PLAIN = 0.1
+_CLEAR_DISTANCE_M = 0.1
 """Distance in metres from a person's surface within which a pixel clearly belongs to the person."""
 
 
@@ -30,7 +30,7 @@ def grow_surfaces(owner: Int16, distance: Float, z: Float) -> None:
         distance: (h, w) metres from the owner's predicted surface.
         z: (h, w) metres along the optical axis.
     """
-    if _meet(owner, z, distance, _PLAIN):
+    if _meet(owner, z, distance, _CLEAR_DISTANCE_M):
         _grow(owner, distance, z)
 
 
@@ -81,7 +81,7 @@ def _grow(owner, distance, z):
     last = 0
     for v in range(height):
         for u in range(width):
-            if owner[v, u] >= 0 and distance[v, u] <= _PLAIN:
+            if owner[v, u] >= 0 and distance[v, u] <= _CLEAR_DISTANCE_M:
                 queue[last], reached[v, u], last = v * width + u, True, last + 1
     first = 0
     while first < last:
@@ -115,8 +115,8 @@ def return_detached(owner: Int16, z: Float, counts: Int) -> Int:
     largest = np.array([_largest(owner_of, size, k) for k in range(len(counts))])
     contacts = _contacts(owner, z, number, owner_of, largest)
     other = contacts.argmax(1)
-    loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _HOLDS)
-    loose &= size < _A_PART * np.where(largest[other] < 0, 0, size[largest[other]])
+    loose = (np.arange(len(size)) != largest[owner_of]) & (contacts.max(1) >= _MIN_CONTACT_PIXELS)
+    loose &= size < _MAX_LIMB_RATIO * np.where(largest[other] < 0, 0, size[largest[other]])
     if loose.any():
         inside = number >= 0
         owner[inside] = np.where(loose, other, owner_of)[number[inside]]

@@ -1,5 +1,5 @@
 from .quantisation import quantise as quantise
-from .restoring import between as between, restored as restored
+from .weight_import import between as between, restored as restored
 from .training import (
     KEPT_BACK as KEPT_BACK,
     RATE_OF_START as RATE_OF_START,

@@ -25,12 +25,12 @@ from enliven_synthesis.training.pose_network.network import JOINTS
 
 _quantization = load_onnxruntime("onnxruntime.quantization")
 
-_SAMPLES = 600
+_CALIBRATION_SAMPLES = 600
 """Number of training samples for calibrating the value ranges. Some hundreds are enough."""
-_KEPT = 99.99
+_RANGE_PERCENTILE = 99.99
 """Percentile of a layer's values that its range covers. Covering rare outliers would make all other values
 coarser."""
-_AT_ONCE = 4
+_BATCH_SIZE = 4
 """Samples per run of the network. It limits the memory for intermediate values."""
 
 
@@ -62,7 +62,7 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
             op_types_to_quantize=["Conv", "Add", "Relu"],
             nodes_to_exclude=_kept_whole(onnx.load(folded)),
             calibrate_method=_quantization.CalibrationMethod.Percentile,
-            extra_options={"CalibPercentile": _KEPT},
+            extra_options={"CalibPercentile": _RANGE_PERCENTILE},
         )
 
 
@@ -70,16 +70,16 @@ class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
     """Training samples as inputs of the network. Two of three include the facing."""
 
     def __init__(self, dataset: Dataset, first: int) -> None:
-        batch = dataset.batch(np.arange(first, min(first + _SAMPLES, len(dataset))))
-        has_facing = batch.is_person & (np.arange(len(batch.cell)) // _AT_ONCE % 3 > 0)
+        batch = dataset.batch(np.arange(first, min(first + _CALIBRATION_SAMPLES, len(dataset))))
+        has_facing = batch.is_person & (np.arange(len(batch.cell)) // _BATCH_SIZE % 3 > 0)
         angle = np.nan_to_num(batch.facing)
         condition = np.stack([has_facing * np.cos(angle), has_facing * np.sin(angle), batch.cell], 1)
         self._image, self._told = batch.image, condition.astype(np.float32)
         self._next = 0
 
     def get_next(self) -> dict[str, Float32] | None:
-        some = slice(self._next, self._next + _AT_ONCE)
-        self._next += _AT_ONCE
+        some = slice(self._next, self._next + _BATCH_SIZE)
+        self._next += _BATCH_SIZE
         image = self._image[some]
         return {"image": image, "told": self._told[some]} if len(image) else None
 

@@ -27,34 +27,34 @@ from enliven_synthesis.training.pose_network.network import PoseNetwork
 
 KEPT_BACK = 3000
 """Number of samples, from the start of a data set, that are held out for validation."""
-_TOLD = 0.6
+_CONDITIONED_FRACTION = 0.6
 """Fraction of samples in which the network is conditioned on the facing. It must also work without it."""
-_TOLD_OFF = 0.35
+_CONDITION_ERROR_RAD = 0.35
 """Standard deviation of the error of the given facing, radians. 20 degrees."""
-_TOLD_WRONGLY = 0.04
+_REVERSED_FRACTION = 0.04
 """Fraction of samples in which the given facing is reversed, so that the network does not rely on it
 blindly."""
-_CLEAREST = -5.0
+_MIN_LOG_SPREAD = -5.0
 """Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
-_VAGUEST = 1.0
+_MAX_LOG_SPREAD = 1.0
 """Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
-_LIKELIHOOD = 0.3
+_LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
-_DISTANCE = 2.0
+_DISTANCE_WEIGHT = 2.0
 """Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
 others."""
 _WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
 """(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest; legs are easy to find in
 depth."""
-_FACING = 0.3
+_FACING_WEIGHT = 0.3
 """Weight of the facing's cross-entropy in the loss."""
-_PARTS = 0.5
+_PARTS_WEIGHT = 0.5
 """Weight of the body parts' cross-entropy in the loss."""
-_LONGEST_GRADIENT = 5.0
+_MAX_GRADIENT_NORM = 5.0
 """Maximum norm of the gradient (clipping), so that a rare sample cannot undo the training."""
-_WARM_UP = 300
+_WARM_UP_STEPS = 300
 """Number of steps of the learning-rate warm-up, during which Adam's averages settle."""
-_LAST_RATE = 0.02
+_FINAL_RATE = 0.02
 """Final learning rate as a fraction of the peak."""
 
 
@@ -77,7 +77,7 @@ class TrainingSettings:
 
 
 @dataclass(frozen=True)
-class Measured:
+class NetworkScores:
     """The scores of a network on validation samples.
 
     Attributes:
@@ -131,13 +131,13 @@ def train(
             out = network(image, _condition(batch))
         optimizer.zero_grad(set_to_none=True)
         _loss(out, batch).backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), _LONGEST_GRADIENT)
+        torch.nn.utils.clip_grad_norm_(network.parameters(), _MAX_GRADIENT_NORM)
         optimizer.step()
         stepped(step, network)
     return network.eval().cpu()
 
 
-def measure(path: Path, dataset: Dataset) -> Measured:
+def measure(path: Path, dataset: Dataset) -> NetworkScores:
     """Evaluates an exported network on the held-out samples, in the same way as the tracker runs it."""
     session = load_onnxruntime().InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
@@ -156,7 +156,7 @@ def measure(path: Path, dataset: Dataset) -> Measured:
         shown = batch.parts != NOBODY
         parts.append((part_logits.argmax(1) == batch.parts)[shown])
     shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
-    return Measured((shares[0], shares[1]), *shares[2:])
+    return NetworkScores((shares[0], shares[1]), *shares[2:])
 
 
 def export(network: PoseNetwork, path: Path) -> None:
@@ -190,8 +190,8 @@ def _strip(graph: Any) -> None:
 
 def _schedule(step: int, steps: int) -> float:
     """Returns the learning rate at a step as a fraction of the peak: linear warm-up, then cosine decay."""
-    falling = _LAST_RATE + (1.0 - _LAST_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
-    return min(1.0, (step + 1) / _WARM_UP) * float(falling)
+    falling = _FINAL_RATE + (1.0 - _FINAL_RATE) * 0.5 * (1.0 + np.cos(np.pi * step / steps))
+    return min(1.0, (step + 1) / _WARM_UP_STEPS) * float(falling)
 
 
 def _condition(batch: TensorBatch) -> Tensor:
@@ -199,9 +199,9 @@ def _condition(batch: TensorBatch) -> Tensor:
     metres."""
     anywhere = torch.pi * (2.0 * torch.rand_like(batch.cell) - 1.0)
     angle = torch.where(batch.is_person, batch.facing, anywhere)
-    angle = angle + _TOLD_OFF * torch.randn_like(angle)
-    angle = angle + torch.pi * (torch.rand_like(angle) < _TOLD_WRONGLY)
-    has_facing = torch.rand_like(angle) < _TOLD
+    angle = angle + _CONDITION_ERROR_RAD * torch.randn_like(angle)
+    angle = angle + torch.pi * (torch.rand_like(angle) < _REVERSED_FRACTION)
+    has_facing = torch.rand_like(angle) < _CONDITIONED_FRACTION
     return torch.stack([angle.cos() * has_facing, angle.sin() * has_facing, batch.cell], 1)
 
 
@@ -212,13 +212,13 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
     weight = torch.tensor(_WEIGHTS, device=joints.device) * batch.is_person[:, None]
     weight = weight / weight.sum().clamp(min=1.0)
     distance = ((joints - batch.joints).square().sum(2) + 1e-6).sqrt()
-    spread = spread.clamp(_CLEAREST, _VAGUEST)
+    spread = spread.clamp(_MIN_LOG_SPREAD, _MAX_LOG_SPREAD)
     likelihood = distance * torch.exp(-spread) + 3.0 * spread
-    joints_off = _LIKELIHOOD * likelihood + _DISTANCE * distance
+    joints_off = _LIKELIHOOD_WEIGHT * likelihood + _DISTANCE_WEIGHT * distance
     ways = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
     wanted = batch.parts.long()
     seen = cross_entropy(parts.float(), wanted.masked_fill(wanted == NOBODY, -100))
-    return (weight * joints_off).sum() + _FACING * ways + _PARTS * seen
+    return (weight * joints_off).sum() + _FACING_WEIGHT * ways + _PARTS_WEIGHT * seen
 
 
 def _ways(batch: Batch) -> AnyArray:

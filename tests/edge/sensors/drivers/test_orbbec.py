@@ -16,10 +16,10 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.diary import Diary
 from enliven_edge.sensors.drivers import orbbec, playback
 from enliven_edge.sensors.drivers.orbbec_library import opened_device
 from enliven_edge.sensors.drivers.playback import write_playback
+from enliven_edge.sensors.event_log import EventLog
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
 from enliven_edge.sensors.reopening import kept_open
 
@@ -39,7 +39,7 @@ def test_orbbec_knows_its_ways_of_keeping_time():
     needs("orbbec")
     from pyorbbecsdk import OBMultiDeviceSyncMode
 
-    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec._SYNC)
+    assert all(hasattr(OBMultiDeviceSyncMode, word.upper()) for word in orbbec._SYNC_MODES)
 
 
 BENT = (17.7, 12.3, 0.68, 18.0, 16.9, 3.6, 0.0001, -0.0002)
@@ -236,7 +236,7 @@ def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):
     needs("orbbec")
     sizes = [(96, 64)] * 4 + [(128, 72)] * 3 + [(96, 64)] * 3
     with Recorder(tmp_path / "two.mcap") as recorder:
-        diary = Diary(recorder)
+        diary = EventLog(recorder)
         for number, (width, height) in enumerate(sizes):
             lens = camera(width, height, 80.25)
             frame = DepthFrame(picture(number, width, height), lens, number * 10**8, "left")

@@ -11,7 +11,7 @@ from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven.person.joints import J
 from enliven.recording import Recorder, RecordingWarning
-from enliven_edge.sensors import diary, replay
+from enliven_edge.sensors import event_log, replay
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.registry import open_sensor, sensor_names
 from enliven_edge.sensors.replay import ReplaySensor
@@ -114,9 +114,9 @@ def test_frames_written_out_of_order_come_in_order(tmp_path, clock):
 
 @pytest.mark.parametrize(("longest", "due"), [(float("inf"), [0, 0.1, 1.4, 4.1]), (0.5, [0, 0.1, 0.6, 1.1])])
 def test_a_loss_comes_when_it_came_and_long_silences_can_be_cut(tmp_path, clock, monkeypatch, longest, due):
-    monkeypatch.setattr(diary, "time", clock)
+    monkeypatch.setattr(event_log, "time", clock)
     with Recorder(tmp_path / "a.mcap") as recorder:
-        wrote = diary.Diary(recorder)
+        wrote = event_log.EventLog(recorder)
         wrote.frame(bodies_at(7_000_000_000), None)
         wrote.frame(bodies_at(7_100_000_000), None)
         clock.now += 1.3

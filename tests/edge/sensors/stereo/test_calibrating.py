@@ -18,8 +18,8 @@ from enliven import cli
 from enliven.errors import InputError
 from enliven_edge.sensors.stereo import Rectification, load_calibration
 from enliven_edge.sensors.stereo.board import CalibrationBoard
-from enliven_edge.sensors.stereo.judging import Keeper, judge
-from enliven_edge.sensors.stereo.solving import LEAST_PAIRS, BoardSighting, _flat, solve
+from enliven_edge.sensors.stereo.calibration_quality import PairSelector, judge
+from enliven_edge.sensors.stereo.stereo_solver import LEAST_PAIRS, BoardSighting, _flat, solve
 
 BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
@@ -268,7 +268,7 @@ def test_an_image_without_partner_or_of_another_size_is_named(tmp_path, capsys):
 
 
 def test_live_pairs_are_kept_where_the_board_is_still_and_somewhere_new(pairs):
-    keeper, level = Keeper(BOARD), np.eye(3)
+    keeper, level = PairSelector(BOARD), np.eye(3)
     first, second = (
         [studio.photograph(level, np.array([x, 0.0, 0.4])) for studio in pairs[1]] for x in (0.02, 0.1)
     )

@@ -144,7 +144,7 @@ def test_images_of_another_size_are_refused():
 @given(st.floats(-3, 3), st.floats(0.0, 1.5), st.floats(0.04, 0.4), st.integers(0, 99))
 def test_rectified_cameras_see_every_point_in_one_row(crooked, bent, baseline, seed):
     """The column difference equals the disparity of the depth; over random rigs and points."""
-    from enliven_edge.sensors.stereo.solving import _flat
+    from enliven_edge.sensors.stereo.stereo_solver import _flat
 
     lenses = rig(baseline=baseline, crooked=crooked, bent=bent)
     calibration = calibration_of(*lenses)

@@ -138,10 +138,10 @@ def test_thinning_keeps_the_landmarks(step):
     assert view is observation.view and landmarks is thin.landmarks
 
 
-@pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._LOSES, True)])
+@pytest.mark.parametrize(("loses", "kept"), [(1.0, False), (recovery._MAX_UNEXPLAINED, True)])
 def test_recovery_keeps_observed_limb_against_the_network(loses, kept, monkeypatch):
     """The network is so certain of a hanging arm that its energy is lower, but points stay unexplained."""
-    monkeypatch.setattr(recovery, "_LOSES", loses)
+    monkeypatch.setattr(recovery, "_MAX_UNEXPLAINED", loses)
     observation, fitter = observed(arm_out()), Fitter(FitSettings(landmarks=3.0))
     posture, report = fitter.fit(observation, arm_out())
     sighting = seen_of(standing(), observation)

@@ -10,7 +10,7 @@ from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.kinematics import turn
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect.hypotheses import BANK
-from enliven_edge.tracking.fit.alignment import _EASE, _LIMITS, _SKELETON, _normal_equations, align
+from enliven_edge.tracking.fit.alignment import _LIMITS, _REST_WEIGHTS, _SKELETON, _normal_equations, align
 
 LENGTHS = model.lengths_for_height(1.7)
 ANCHORS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
@@ -74,5 +74,5 @@ def test_the_gradient_is_that_of_the_energy():
         step[k] = 1e-5
         slope = (energy(step, unused) - energy(-step, unused)) / 2e-5
         # If a joint's own rotation is large, the logarithm's derivative is approximated by one.
-        free = k < 3 or _EASE[model.DOF_FRAME[k - 3]] == 0.0
+        free = k < 3 or _REST_WEIGHTS[model.DOF_FRAME[k - 3]] == 0.0
         assert 2 * gradient[k] == pytest.approx(slope, rel=0.02 if free else 0.3, abs=6.0), k

@@ -14,10 +14,10 @@ from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.scene import UNSEEN, RoomModel
+from enliven_edge.tracking.people.reidentification import BodyMeasurements
+from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
 from enliven_edge.tracking.segment.candidate import YOUNG
 from enliven_edge.tracking.segment.pieces import _reaches
 from enliven_edge.tracking.segment.segmentation import segmented
@@ -49,8 +49,8 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     tracker = MultiPersonTracker(settings, fitter)
     if somebody_at is not None:
         posture = Posture(np.array([somebody_at, 0.95, -2.4]), standing(), lengths_for_height(1.75))
-        tracker.people.append(Person(1, Follower(settings, fitter, posture), Looks(), 0))
-    room = RoomModel(view.z.shape)
+        tracker.people.append(Person(1, Follower(settings, fitter, posture), BodyMeasurements(), 0))
+    room = BackgroundModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
     return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)

@@ -9,7 +9,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.people import MultiPersonTracker
-from enliven_edge.tracking.scene import UNSEEN, RoomModel
+from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
 from enliven_edge.tracking.segment.segmentation import segmented
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget
@@ -43,5 +43,5 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
             finder._search.start(view, newcomers, [], alone=True, most=1)
     assert finder._has_lost_all(view) == is_lost
     finder.allot(Budget(0.0))
-    finder.find(view, kind, segments, RoomModel((60, 80)))
+    finder.find(view, kind, segments, BackgroundModel((60, 80)))
     assert not (is_lost and finder._search.sought)

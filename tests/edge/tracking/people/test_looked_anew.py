@@ -55,7 +55,7 @@ def looks(scene, monkeypatch):
 
         monkeypatch.setattr(redetection, "detect_another", detect_another)
         for frame in range(frames):
-            monkeypatch.setattr(follower, "_DOUBTED", -np.inf if doubtful(frame) else np.inf)
+            monkeypatch.setattr(follower, "_DOUBTFUL_COST", -np.inf if doubtful(frame) else np.inf)
             moment = replace(view, time_ns=frame * 33_333_333)
             assert someone.follow(moment, mask)
         return searches

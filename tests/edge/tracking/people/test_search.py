@@ -19,10 +19,10 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people import person, search
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.identity import Looks
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.people.search import Found, Search
-from enliven_edge.tracking.scene import BEFORE, UNLIKELY
+from enliven_edge.tracking.people.reidentification import BodyMeasurements
+from enliven_edge.tracking.people.search import ScoredDetection, Search
+from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
 from enliven_edge.tracking.segment.candidate import Candidate, _unions, measured
 from enliven_edge.tracking.segment.person_shape import shape_of
 from enliven_edge.tracking.settings import TrackerSettings
@@ -66,7 +66,7 @@ def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
 
 
 def searched(view: FrameView, newcomers: list[Candidate]):
-    results: list[Found] = []
+    results: list[ScoredDetection] = []
     whole(looking().found(view, newcomers, results, alone=True))
     return results
 
@@ -152,13 +152,15 @@ def test_blob_measures_are_those_of_its_pixels(scene, seed):
     )
     centre, _, shares = measured(view, part, kind)
     np.testing.assert_allclose(centre, view.points[part].mean(0), atol=1e-9)
-    assert shares == pytest.approx((np.mean(kind[part] == BEFORE), np.mean(kind[part] != UNLIKELY)))
+    assert shares == pytest.approx((np.mean(kind[part] == FOREGROUND), np.mean(kind[part] != UNLIKELY)))
 
 
 def seen_by_network(scene, probabilities, *, good: bool = False) -> Person:
     """Returns a person that the network confirmed in each frame."""
     view, mask = scene
-    someone = Person(1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), Looks(), 0)
+    someone = Person(
+        1, Follower(SETTINGS, Fitter(SETTINGS.fit), posture_of(standing())), BodyMeasurements(), 0
+    )
     someone.follower.follow = lambda *_: good
     someone.follower.confidence = np.ones(20)
     for probability in probabilities:
@@ -172,7 +174,7 @@ def test_long_confirmed_person_stays_a_person(plain_frames, vague, scene):
     """The network may reject later postures; a blob that it never accepted is dropped."""
     someone = seen_by_network(scene, [0.95] * plain_frames + [0.1] * 30)
     assert someone.vague == vague
-    assert person._PLAIN_FRAMES == 10
+    assert person._CERTAIN_FRAMES == 10
 
 
 @pytest.mark.parametrize(
@@ -184,7 +186,7 @@ def test_blob_never_confirmed_as_person_is_dropped_even_if_moving(plain_frames, 
     someone = seen_by_network(scene, [0.95] * plain_frames + [later] * frames, good=True)
     someone.travelled = someone.shapely = True
     assert someone.vague == vague
-    assert someone.plain == (plain_frames >= person._PLAIN_FRAMES)
+    assert someone.plain == (plain_frames >= person._CERTAIN_FRAMES)
 
 
 def test_network_is_queried_only_if_useful(scene):

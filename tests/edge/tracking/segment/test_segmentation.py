@@ -12,7 +12,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene import ROOM, UNLIKELY, UNSEEN
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
 from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, _candidates, groups_of, segmented
 
@@ -71,7 +71,7 @@ def test_claims_match_the_slow_reference(seed, handicap):
     boxes = image_boxes(view, ends, radii, REACH)
     label_pixels(view.points, kind, boxes, ends, radii, weaker, REACH, 0.08, owner, distance)
     away = np.stack([surface_distance(view.points, p) for p in postures]).clip(0.0) + weaker[:, None, None]
-    limit = np.where(kind == ROOM, 0.0, np.where(kind == UNLIKELY, 0.08, REACH))
+    limit = np.where(kind == BACKGROUND, 0.0, np.where(kind == UNLIKELY, 0.08, REACH))
     least, second = np.sort(away, axis=0)[:2]
     clear = (second - least > 1e-5) & (np.abs(away - limit).min(0) > 1e-5)
     np.testing.assert_array_equal(owner[clear], np.where(least < limit, away.argmin(0), -1)[clear])

@@ -1,0 +1,59 @@
+"""Camera preview for viewers: the camera's pose, and a small depth image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, UInt16
+from enliven.frames import DepthFrame, Frame
+from enliven.wire import CameraMessage
+
+_INTERVAL_NS = 200_000_000
+"""Nanoseconds of the sensor's clock between two previews: fast enough to show movement, at 30 kB/s."""
+_MAX_HEIGHT_PX = 72
+"""Maximum pixels of the preview's height: a person is recognisable in it."""
+_NEAR_MM = 400.0
+"""Depth that is drawn brightest, in millimetres. Depth cameras measure nothing nearer."""
+_FAR_MM = 6000.0
+"""Depth that is drawn darkest, in millimetres. Performers stand nearer."""
+_DEFAULT_INTRINSICS = [0.9, 0.9, 0.6, 0.5]
+"""Assumed intrinsics of a sensor that tracks people itself: 58 degrees vertical field of view."""
+
+
+class CameraPreview:
+    """Creates camera previews with a limited rate."""
+
+    def __init__(self) -> None:
+        self._told_ns: int | None = None
+
+    def of(self, frame: Frame, place: Float | None, *, mirrored: bool = False) -> CameraMessage | None:
+        """Returns the preview message of a frame.
+
+        None if the previous one is recent, or the camera's pose is unknown.
+
+        Args:
+            place: (4, 4) world_from_camera. None if it is not known.
+            mirrored: True if performers are mirrored. The preview is then mirrored, too.
+        """
+        if place is None:
+            return None
+        if self._told_ns is not None and 0 <= frame.time_ns - self._told_ns < _INTERVAL_NS:
+            return None
+        self._told_ns = frame.time_ns
+        rows = place[:3].ravel().tolist()
+        if not isinstance(frame, DepthFrame):
+            return CameraMessage(rows, _DEFAULT_INTRINSICS)
+        lens, small = frame.intrinsics, nearness(frame.depth)
+        across = (lens.width - 1 - lens.cx if mirrored else lens.cx) / lens.height
+        intrinsics = [lens.fx / lens.height, lens.fy / lens.height, across, lens.cy / lens.height]
+        small = small[:, ::-1] if mirrored else small
+        return CameraMessage(rows, intrinsics, small.shape[1], small.shape[0], small.tobytes())
+
+
+def nearness(depth: UInt16) -> np.ndarray:
+    """Returns (h, w) uint8, a subsampled depth image: 255 near, 1 far, 0 unknown."""
+    step = max(-(-depth.shape[0] // _MAX_HEIGHT_PX), -(-depth.shape[1] // (2 * _MAX_HEIGHT_PX - 16)))
+    some = depth[::step, ::step]
+    near = np.clip((_FAR_MM - some) / (_FAR_MM - _NEAR_MM), 0.0, 1.0)
+    is_known = (some > 0) & (some < 65535)
+    return np.where(is_known, 1 + np.round(254 * near), 0).astype(np.uint8)

@@ -1,0 +1,287 @@
+"""Character upload: collects, prepares and shows characters that clients send to the running stage."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from enliven.errors import EnlivenError, InputError, plain_reason
+from enliven.files import DAMAGE
+from enliven.possession import Actor
+from enliven.wire import (
+    MAX_REVISION,
+    MAX_SENT_BYTES,
+    Answer,
+    Awaited,
+    CharacterPart,
+    Done,
+    PutCharacter,
+)
+from enliven_edge.settings import EdgeSettings
+from enliven_edge.stage import HoldStarts, Peer, Stage
+
+log = logging.getLogger(__name__)
+
+_MAX_UPLOADS_PER_VIEWER = 4
+"""Maximum number of characters of one viewer that are collected at a time, with ``MAX_SENT_BYTES`` in
+total."""
+_MAX_UPLOADS = 12
+"""Maximum number of characters of all viewers that are collected at a time."""
+_MAX_BYTES = 2 * MAX_SENT_BYTES
+"""Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
+them."""
+_TIMEOUT_S = 10.0
+"""Time without a new part after which an upload is dropped, in seconds."""
+_MIN_BYTES_PER_SECOND = 32 * 1024
+"""Minimum bytes per second after the first ``_TIMEOUT_S`` seconds: a slow wireless network carries more."""
+_MAX_REFUSALS = 32
+"""Maximum number of remembered refusals, so that equal data is not prepared again."""
+MAX_REVISION_JUMP = 64
+"""Largest step from the newest revision to the next. Clients count by one, and skip those of lost answers."""
+
+_Key = tuple[Peer | None, str, bytes]
+"""The viewer, and the id and the digest of a character."""
+
+
+@dataclass
+class _Upload:
+    """A character that is being uploaded."""
+
+    order: PutCharacter
+    peer: Peer | None = None
+    parts: list[bytes] = field(default_factory=list)
+    received: int = 0
+    begun: float = field(default_factory=time.monotonic)
+    heard: float = field(default_factory=time.monotonic)
+
+    def is_late(self, now: float) -> bool:
+        """Returns True if the upload has timed out: no parts arrive, or they arrive too slowly."""
+        due = (now - self.begun - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
+        return now - self.heard >= _TIMEOUT_S or self.received < due
+
+    def pace(self, now: float) -> tuple[float, float]:
+        """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
+        return self.received / max(now - self.begun, 0.1), self.heard
+
+
+class _Preparation(threading.Thread):
+    """Makes the actor of a character.
+
+    The solvers' kernels release the interpreter lock, so frames continue.
+    """
+
+    def __init__(self, arrival: _Upload, stage: Stage, settings: EdgeSettings) -> None:
+        super().__init__(name="preparation", daemon=True)
+        self.order, self.peer, self._data = arrival.order, arrival.peer, b"".join(arrival.parts)
+        self._stage, self._settings = stage, settings
+        self.actor: Actor | None = None
+        self.refused: InputError | None = None
+        self.carried: HoldStarts | None = None
+
+    def run(self) -> None:
+        # Imported here, because an edge without clients never needs it.
+        from enliven_edge.uploaded_actor import cast_sent
+
+        where, mend = f"character {self.order.id!r}", "Send it again."
+        try:
+            if hashlib.sha256(self._data).digest() != self.order.digest:
+                raise InputError("it was changed during the transfer", where=where, mend=mend)
+            former = self._stage.actors.get(self.order.id)
+            actor = cast_sent(self._data, self.order, self._settings, former)
+            self.carried = self._stage.carry_over(actor)
+            self.actor = actor
+        except EnlivenError as error:
+            self.refused = InputError(error.what, where=error.where or where, mend=error.mend)
+        except (*DAMAGE, RuntimeError) as error:
+            problem = f"it is damaged: {plain_reason(error)}"
+            self.refused = InputError(problem, where=where, mend="Look at it in enliven studio.")
+
+
+class CharacterUploads:
+    """Collects, prepares and shows the characters that clients send. The previous character stays until then.
+
+    A viewer that announces characters and does not deliver them loses their places to other viewers.
+
+    Args:
+        settings: how actors are made.
+
+    Attributes:
+        last_revision: returns the revision that viewers know of a character. For a character that is not on
+            the stage, the highest revision of the removed ones.
+    """
+
+    def __init__(self, stage: Stage, settings: EdgeSettings | None = None) -> None:
+        self.last_revision: Callable[[str], int] = lambda name: 0
+        self._stage, self._settings = stage, settings or EdgeSettings()
+        self._waiting: dict[_Key, _Upload] = {}
+        self._complete: deque[_Upload] = deque()
+        self._under_way: _Preparation | None = None
+        self._standing: dict[str, PutCharacter] = {}
+        self._refused: dict[PutCharacter, InputError] = {}
+        self._prepared_for: Peer | None = None
+        stage.places.watch(self._coming)
+
+    @property
+    def revisions(self) -> dict[str, int]:
+        """The revisions of the characters that clients put on the stage, by id."""
+        return {name: order.revision for name, order in self._standing.items()}
+
+    def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
+        """Announces a character, or asks for its progress.
+
+        Args:
+            peer: the viewer that asks. None: the edge itself.
+
+        Raises:
+            InputError: if it was refused, if its revision is not newer, or if the stage is full.
+        """
+        current = self._standing.get(order.id)
+        if current is not None and (current.digest, current.fit) == (order.digest, order.fit):
+            return Done()
+        if order in self._refused:
+            raise self._refused[order]
+        where = f"character {order.id!r}"
+        self._check_revision(order, current, where)
+        if any(order == each.order for each in self._complete) or (
+            self._under_way is not None and self._under_way.order == order
+        ):
+            return Awaited(order.size)
+        return Awaited(self._expect(order, peer, where).received)
+
+    def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
+        """Adds the next part of a character that was announced.
+
+        Raises:
+            InputError: for an unexpected part.
+        """
+        key = peer, part.id, part.digest
+        arrival = self._waiting.get(key)
+        if arrival is None or part.offset != arrival.received:
+            mend = "Ask for its progress with PutCharacter."
+            raise InputError("this part was not expected", where=f"character {part.id!r}", mend=mend)
+        arrival.received += len(part.data)
+        arrival.heard = time.monotonic()
+        if arrival.received > arrival.order.size:
+            del self._waiting[key]
+            problem = f"more than the {arrival.order.size} bytes that were announced came"
+            raise InputError(problem, where=f"character {part.id!r}", mend="Announce it again.")
+        arrival.parts.append(part.data)
+        if arrival.received == arrival.order.size:
+            self._complete = deque(each for each in self._complete if not _replaces(arrival, each))
+            self._complete.append(self._waiting.pop(key))
+        return Awaited(arrival.received)
+
+    def poll(self) -> None:
+        """Shows prepared characters, and starts to prepare uploaded ones. Call it once per frame."""
+        self._standing = {name: it for name, it in self._standing.items() if name in self._stage.actors}
+        self._drop_late()
+        ready = self._under_way
+        if ready is not None and not ready.is_alive():
+            self._under_way = None
+            self._finish(ready)
+        if self._under_way is None and self._complete:
+            self._under_way = _Preparation(self._next(), self._stage, self._settings)
+            self._prepared_for = self._under_way.peer
+            self._under_way.start()
+
+    def _check_revision(self, order: PutCharacter, current: PutCharacter | None, where: str) -> None:
+        """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
+        newest = self.last_revision(order.id) or (0 if current is None else current.revision)
+        mend = f"Send revision {newest + 1}."
+        if current is not None and order.revision <= newest:
+            raise InputError(f"revision {newest} of it stands on the stage", where=where, mend=mend)
+        if order.revision > min(newest + MAX_REVISION_JUMP, MAX_REVISION):
+            problem = f"revision {order.revision} is too far above the newest one, {newest}"
+            raise InputError(problem, where=where, mend=mend)
+
+    def _next(self) -> _Upload:
+        """Returns the next character to prepare: viewers that send many take turns with the others."""
+        others = (each for each in self._complete if each.peer is not self._prepared_for)
+        arrival = next(others, self._complete[0])
+        self._complete = deque(each for each in self._complete if each is not arrival)
+        return arrival
+
+    def _coming(self) -> Iterator[tuple[str, Peer | None]]:
+        """Yields the characters that are being uploaded: id, and the viewer that sends it."""
+        for each in [*self._waiting.values(), *self._complete]:
+            yield each.order.id, each.peer
+        if self._under_way is not None:
+            yield self._under_way.order.id, self._under_way.peer
+
+    def _finish(self, ready: _Preparation) -> None:
+        """Puts a prepared character on the stage, or remembers why it was refused."""
+        order, current = ready.order, self._standing.get(ready.order.id)
+        if ready.actor is None:
+            problem = f"the preparation of {order.id!r} ended early"
+            self._refused[order] = ready.refused or InputError(
+                problem, where="stage", mend="Look at the log."
+            )
+            log.warning("%s", self._refused[order])
+            for old in list(self._refused)[:-_MAX_REFUSALS]:
+                del self._refused[old]
+        elif current is None or current.revision < order.revision:
+            self._stage.put(ready.actor, ready.carried, ready.peer)
+            self._standing[order.id] = order
+            log.info("%s stands on the stage, revision %d", order.id, order.revision)
+
+    def _expect(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
+        """Returns the upload of a character. It replaces an earlier one of the same viewer and id."""
+        key = peer, order.id, order.digest
+        self._drop_late()
+        pending = self._waiting.get(key) or self._resumed(order, peer)
+        if pending is not None and pending.order == order:
+            return pending
+        arrival = _Upload(order, peer)
+        self._waiting = {key: each for key, each in self._waiting.items() if not _replaces(arrival, each)}
+        self._stage.places.check(order.id, peer)
+        self._make_room(arrival, where)
+        self._waiting[key] = arrival
+        return arrival
+
+    def _drop_late(self) -> None:
+        """Drops uploads that stopped or are too slow, which frees their places."""
+        now = time.monotonic()
+        self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
+
+    def _resumed(self, order: PutCharacter, peer: Peer | None) -> _Upload | None:
+        """Returns the upload that a viewer had started before it reconnected, or None."""
+        for key, each in self._waiting.items():
+            if each.order == order and each.peer is not None and not each.peer.is_open:
+                self._waiting[peer, order.id, order.digest] = self._waiting.pop(key)
+                each.peer = peer
+                return each
+        return None
+
+    def _make_room(self, arrival: _Upload, where: str) -> None:
+        """Drops the slowest uploads of viewers that send more than this one, until there is room.
+
+        Raises:
+            InputError: if this viewer has too many uploads, or all others have fewer.
+        """
+        order, now = arrival.order, time.monotonic()
+        while True:
+            on_way = [*self._waiting.values(), *self._complete]
+            own = [each for each in on_way if each.peer is arrival.peer]
+            room = MAX_SENT_BYTES - sum(each.order.size for each in own)
+            mend = "Send it again in a moment."
+            if len(own) >= _MAX_UPLOADS_PER_VIEWER or order.size > room:
+                raise InputError("too many characters are being transferred", where=where, mend=mend)
+            room = _MAX_BYTES - sum(each.order.size for each in on_way)
+            if len(on_way) < _MAX_UPLOADS and order.size <= room:
+                return
+            counts = Counter(each.peer for each in on_way)
+            others = [entry for entry in self._waiting.items() if entry[1].peer is not arrival.peer]
+            if not others:
+                raise InputError("too many characters are being transferred", where=where, mend=mend)
+            slowest = min(others, key=lambda entry: (-counts[entry[1].peer], *entry[1].pace(now)))
+            del self._waiting[slowest[0]]
+
+
+def _replaces(newer: _Upload, older: _Upload) -> bool:
+    """Returns True if an upload replaces an older one of the same viewer and character."""
+    return newer is not older and newer.peer is older.peer and newer.order.id == older.order.id

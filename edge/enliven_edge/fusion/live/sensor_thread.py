@@ -1,0 +1,196 @@
+"""One of several sensors in its own thread: reads, tracks and queues its bodies."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from dataclasses import dataclass
+
+from enliven.errors import InputError, ResourceError
+from enliven.frames import BodyFrame, Frame
+from enliven.health import HealthKind, HealthState
+from enliven.person import Body
+from enliven_edge.fusion.live.merge import in_world
+from enliven_edge.fusion.placement import Place
+from enliven_edge.sensors import Sensor, SensorFault, condition_of
+from enliven_edge.tracking import Tracker
+from enliven_edge.tracking.health import HealthMonitor
+
+log = logging.getLogger(__name__)
+
+PATIENCE = 0.1
+"""Seconds to wait for a frame before checking whether to stop."""
+
+
+class SensorThread(ABC):
+    """A worker thread that runs :meth:`_read` for one sensor.
+
+    A failure is kept for the user, and the other sensors continue.
+
+    Attributes:
+        ended: whether no more frames will come.
+        failure: the reason, if it was not an ordinary end.
+        recorded: whether it is a recording: its frames may wait for those of others.
+    """
+
+    def __init__(self, name: str, sensor: Sensor) -> None:
+        self.name, self.sensor = name, sensor
+        self.ended, self.failure = False, ""
+        self.recorded = bool(getattr(sensor, "recorded", False))
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"sensor {name}", daemon=True)
+
+    def start(self) -> None:
+        """Starts to read."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        try:
+            self._read()
+        except Exception as error:
+            self.failure = str(error) or "it gives no reason"
+            log.debug("sensor %s failed", self.name, exc_info=True)
+        self._end()
+
+    @abstractmethod
+    def _read(self) -> None:
+        """Reads until the end, or until :attr:`_stopped` is set."""
+
+    def _end(self) -> None:
+        self.ended = True
+
+
+_MAX_QUEUED = 2
+"""Maximum number of queued sets of bodies. The sensor is read no faster than they are fused."""
+
+
+@dataclass(frozen=True)
+class SensorBodies:
+    """The bodies of one sensor at one moment.
+
+    Attributes:
+        bodies: in the world.
+        time_ns: the common clock.
+        read_ns: wall clock when the frame was read.
+        frozen: whether its frames have been identical for a while, bit by bit.
+    """
+
+    sensor: str
+    bodies: list[Body]
+    time_ns: int
+    read_ns: int
+    frozen: bool
+
+
+class TrackingThread(SensorThread):
+    """Reads and tracks one sensor until it ends, fails, or is stopped.
+
+    Args:
+        name: the sensor's identity in the space.
+        sensor: the sensor.
+        tracker: its tracker.
+        place: its pose.
+        health: monitors the sensor.
+        changed: notified after every change.
+        once: end at the sensor's first fault, instead of continuing with its next good frame.
+
+    Attributes:
+        health_states: the sensor's current health states, the most severe first.
+        seen: the queued bodies, the oldest first; guarded by ``changed``.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: Sensor,
+        tracker: Tracker,
+        place: Place,
+        health: HealthMonitor,
+        changed: threading.Condition,
+        once: bool = False,
+    ) -> None:
+        super().__init__(name, sensor)
+        self.place = place
+        self.seen: deque[SensorBodies] = deque()
+        self.health_states: list[HealthState] = []
+        self._tracker, self._health, self._changed = tracker, health, changed
+        self._once = once
+
+    def stop(self) -> None:
+        self._stopped.set()
+        with self._changed:
+            self._changed.notify_all()
+        super().stop()
+        self.sensor.close()
+
+    def _end(self) -> None:
+        with self._changed:
+            self.ended = True
+            self._changed.notify_all()
+
+    def _read(self) -> None:
+        heard = time.monotonic()
+        while not self._stopped.is_set():
+            try:
+                frame = self.sensor.read(PATIENCE)
+            except TimeoutError:
+                self._health.silent(time.monotonic() - heard)
+                self.health_states = self._health.states
+                continue
+            except (SensorFault, InputError) as error:
+                self._health.failed(error)
+                self._health.silent(time.monotonic() - heard)
+                self._end_at_fault()
+                self.health_states = self._health.states
+                continue
+            if frame is None:
+                return
+            heard, read_ns = time.monotonic(), time.time_ns()
+            admitted = self._health.admit(frame, getattr(self.sensor, "fps", None))
+            self._end_at_fault()
+            if admitted:
+                bodies = self._bodies(frame)
+                frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
+                time_ns = frame.time_ns + self.place.clock_offset_ns
+                self._hand_on(SensorBodies(self.name, bodies, time_ns, read_ns, frozen))
+            self.health_states = self._health.states
+
+    def _end_at_fault(self) -> None:
+        """Raises ResourceError after a fault if ``once`` was requested."""
+        if self._once and self._health.fault:
+            raise ResourceError(self._health.fault, where=f"sensor {self.name}")
+
+    def _hand_on(self, seen: SensorBodies) -> None:
+        """Queues bodies after waiting for room, so that a recording is not read faster than it is used."""
+        with self._changed:
+            while len(self.seen) >= _MAX_QUEUED and not self._stopped.is_set():
+                self._changed.wait(PATIENCE)
+            self.seen.append(seen)
+            self._changed.notify_all()
+
+    def _bodies(self, frame: Frame) -> list[Body]:
+        """Returns the people of a frame, in the world."""
+        if isinstance(frame, BodyFrame):
+            self._health.judge(frame, frame.bodies)
+            return in_world(frame.bodies, self.place.level)
+        camera = self.place.camera
+        if camera is None:
+            raise InputError(
+                "it sends depth, but was calibrated by bodies",
+                where=f"sensor {self.name}",
+                mend="Calibrate again with this sensor: enliven calibrate.",
+            )
+        bodies = self._tracker.track(dataclasses.replace(frame, world_from_camera=camera))
+        self._health.judge(frame, bodies, camera, self._tracker.state)
+        self._health.judge_device(condition_of(self.sensor), camera, floor_known=True)
+        return bodies

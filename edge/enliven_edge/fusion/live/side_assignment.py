@@ -1,0 +1,142 @@
+"""Left and right: a sensor that sees a back may exchange the sides. Time and a majority vote decide."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from enliven.arrays import Bool, Float
+from enliven.person import MIRROR, Body, J, Joint
+from enliven.rotation import multiply
+from enliven_edge.fusion.live.blending import side_costs
+
+OTHER_SIDE = np.array(MIRROR)
+"""(20,) the joint of the other side. The trunk's joints are mapped to themselves."""
+MIDDLES = np.array([(j, MIRROR[j]) for j in range(J) if j <= MIRROR[j]])
+"""(12, 2) pairs of joints with a midpoint that does not depend on the names of the sides."""
+_HALF_TURN = np.array([0.0, 0.0, 1.0, 0.0])
+"""(4,) the quaternion of half a turn about a bone's length."""
+
+
+def middles(joints: Float) -> Float:
+    """Returns (..., 12, 3) the points of a body that do not move if the sides are exchanged."""
+    return np.asarray(0.5 * (joints[..., MIDDLES[:, 0], :] + joints[..., MIDDLES[:, 1], :]))
+
+
+def middle_weights(weights: Float) -> Float:
+    """Returns (..., 12) from (..., 20): the smaller of the two joints' weights."""
+    return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
+
+
+def exchanged(body: Body) -> Body:
+    """Returns the body with left and right exchanged. Applied twice it returns the same body.
+
+    Positions only change their names. Every bone is also rotated by half a turn about its length, because the
+    person was taken to face the other way.
+    """
+    turns = body.orientations
+    return dataclasses.replace(
+        body,
+        joints=body.joints[OTHER_SIDE],
+        confidence=body.confidence[OTHER_SIDE],
+        orientations=None if turns is None else multiply(turns, _HALF_TURN)[OTHER_SIDE],
+        contacts=None if body.contacts is None else body.contacts[::-1].copy(),
+    )
+
+
+_MIN_SIDE_SWAP_GAIN_M = 0.06
+"""Minimum improvement of the fit in metres per joint for exchanged sides to be accepted."""
+_MIN_WALK_SPEED = 0.4
+"""Minimum speed of the hips in metres per second at which walking shows the facing direction."""
+_SETTLED_AFTER_S = 3.0
+"""Time after which the left and right side of a new person count as known, in seconds."""
+
+
+class SideAssignment:
+    """The record for one person of the sensors that currently exchange the sides.
+
+    Args:
+        sensors: number of sensors.
+        turn_over: seconds for which a majority must vote before the sides are exchanged for all.
+    """
+
+    def __init__(self, sensors: int, turn_over: float) -> None:
+        self._crossed: Bool = np.zeros(sensors, bool)
+        self._turn_over = turn_over
+        self._doubt, self._watched = 0.0, 0.0
+
+    def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
+        """Returns the bodies with the decided sides."""
+        return {s: self._as_named(s, body) for s, body in bodies.items()}
+
+    def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
+        """Decides for every sensor whether it has exchanged the sides, by the expected joints.
+
+        If two sensors contradict each other after that, the one with the smaller margin is exchanged.
+
+        Args:
+            bodies: by sensor, its body of this person.
+            expected: (20, 3); for a new person, the joints of any of the sensors.
+            spoke: (S,) whether a sensor saw this person in the last update; then the margin must be clear.
+            known: whether this person was seen before.
+        """
+        margins = {}
+        for sensor, body in bodies.items():
+            margin = self._margin(sensor, body, expected)
+            if margin < (-_MIN_SIDE_SWAP_GAIN_M if spoke[sensor] else 0.0):
+                self._crossed[sensor] ^= True
+                margin = -margin
+            margins[sensor] = margin
+        if len(bodies) > 1 and known:
+            least = min(margins, key=lambda s: margins[s])
+            others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
+            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_MIN_SIDE_SWAP_GAIN_M:
+                self._crossed[least] ^= True
+
+    def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
+        """Returns True if the sides are exchanged for all sensors, after a long enough majority vote.
+
+        If sensors disagree, the walking direction decides, because people mostly walk forward. A new person
+        is not decided yet, because a first observation is wrong more often than a long one.
+
+        Args:
+            weights: by sensor, the weight of its vote.
+            backward: 1 for a person that walks backward with the present sides, -1 forward, 0 standing.
+            seconds: time since the last vote.
+            known: whether this person was seen before.
+        """
+        total = sum(weights.values()) or 1.0
+        crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
+        vote = 2.0 * crossed - 1.0 + (backward if 0.0 < crossed < 1.0 else 0.0)
+        self._doubt = float(np.clip(self._doubt + vote * seconds, 0.0, 10.0))
+        self._watched += seconds
+        settled = min(max(self._watched / _SETTLED_AFTER_S, 0.1), 1.0)
+        over = self._doubt > settled * self._turn_over or (not known and crossed > 0.5)
+        if over:
+            self._crossed, self._doubt = ~self._crossed, 0.0
+        return over
+
+    def _margin(self, sensor: int, body: Body, reference: Float) -> float:
+        """Returns how much better the present sides fit than exchanged ones, in metres per joint."""
+        plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
+        return float(plain - crossed if self._crossed[sensor] else crossed - plain)
+
+    def _as_named(self, sensor: int, body: Body) -> Body:
+        return exchanged(body) if self._crossed[sensor] else body
+
+
+def walks_backward(joints: Float, velocity: Float) -> float:
+    """Returns 1 for walking backward with the present sides, -1 forward, 0 standing.
+
+    Args:
+        joints: (20, 3) metres; velocity: (20, 3) metres per second.
+    """
+    left = joints[[Joint.SHOULDER_LEFT, Joint.HIP_LEFT]].mean(0)
+    across = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)
+    hips = velocity[Joint.HIP_CENTER]
+    forward = np.array([-across[2], 0.0, across[0]])
+    if float(np.linalg.norm(forward)) < 0.05 or float(np.hypot(hips[0], hips[2])) < _MIN_WALK_SPEED:
+        return 0.0
+    return float(-np.sign(forward @ hips))

@@ -1,0 +1,153 @@
+"""Opens listening TCP ports, limits connections by file descriptors, and detects vanished peers."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import ipaddress
+import socket
+import sys
+
+from enliven.errors import InputError, ResourceError
+
+_MAX_DESCRIPTORS = 65_536
+"""Maximum number of descriptors. Some systems allow a billion, and programs that close "all of them" then
+hang."""
+_RESERVED_DESCRIPTORS = 128
+"""Descriptors reserved for everything but connections: libraries, recordings, devices, logs."""
+_MIN_CONNECTIONS = 4
+"""Minimum number of connections of a server, even if hardly any descriptors are allowed."""
+_DEFAULT_DESCRIPTORS = 512
+"""Number of descriptors assumed if the system does not report a limit, such as Windows: its limit of
+``select``."""
+
+
+def raise_descriptor_limit() -> int:
+    """Raises the soft limit of open descriptors to the hard one. Returns the new limit."""
+    if sys.platform == "win32":
+        return _DEFAULT_DESCRIPTORS
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _MAX_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, _MAX_DESCRIPTORS)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+        except (OSError, ValueError):
+            return soft
+        return wanted
+    return soft if soft != resource.RLIM_INFINITY else wanted
+
+
+def connections_allowed(most: int) -> int:
+    """Returns the number of connections for one of two servers, at most ``most``.
+
+    Some descriptors stay reserved.
+    """
+    if sys.platform == "win32":
+        limit = _DEFAULT_DESCRIPTORS
+    else:
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        if limit == resource.RLIM_INFINITY:
+            return most
+    return max(_MIN_CONNECTIONS, min(most, (limit - _RESERVED_DESCRIPTORS) // 2))
+
+
+_BACKLOG = 4096
+"""Maximum number of connections that the system queues until they are accepted (it may allow fewer). A
+newcomer in a flood waits in this queue instead of being rejected."""
+_PROBES: dict[str, int] = {
+    "TCP_KEEPIDLE": 4,
+    "TCP_KEEPINTVL": 2,
+    "TCP_KEEPCNT": 3,
+    "TCP_USER_TIMEOUT": 10_000,
+}
+"""TCP keep-alive: a peer that is silent for 4 s is probed every 2 s. It is dropped after 3 unanswered
+probes, or if data stays unacknowledged for 10,000 ms."""
+
+
+def _is_loopback(host: str) -> bool:
+    """Returns True if only programs of this machine reach an address. A name is resolved."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        pass
+    if host in ("", "*"):
+        return False
+    try:
+        addresses = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return False
+    return all(ipaddress.ip_address(str(each[4][0]).split("%")[0]).is_loopback for each in addresses)
+
+
+def check_open(host: str, open_to_all: bool) -> None:
+    """Refuses an address that other machines reach, unless ``open_to_all`` is set."""
+    if open_to_all or _is_loopback(host):
+        return
+    raise InputError(
+        "everyone that reaches this address could possess characters and watch the performers",
+        where=f"host {host or '*'}",
+        mend="On a network that you trust, give --open too (open = true under [wire]). "
+        "Otherwise give --host 127.0.0.1.",
+    )
+
+
+def listen(host: str, port: int, option: str) -> socket.socket:
+    """Returns a listening, non-blocking socket.
+
+    Args:
+        host: an address or name of this machine; "" or "*" for all of IPv6 and IPv4.
+        option: the command line option of the port, for the message.
+
+    Raises:
+        ResourceError: for a port in use, or an address that does not belong to this machine.
+    """
+    everywhere = host in ("", "*")
+    dual = everywhere and socket.has_dualstack_ipv6()
+    listener: socket.socket | None = None
+    try:
+        name = ("::" if dual else "0.0.0.0") if everywhere else host
+        family, *_, address = socket.getaddrinfo(name, port, type=socket.SOCK_STREAM)[0]
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        reuse = "SO_EXCLUSIVEADDRUSE" if sys.platform == "win32" else "SO_REUSEADDR"
+        listener.setsockopt(socket.SOL_SOCKET, getattr(socket, reuse), 1)
+        if family == socket.AF_INET6:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not dual)
+        listener.bind(address)
+        listener.listen(_BACKLOG)
+        listener.setblocking(False)
+        return listener
+    except (OSError, UnicodeError, OverflowError) as error:
+        if listener is not None:
+            listener.close()
+        raise _refused(error, host, port, option) from None
+
+
+def make_watchful(connection: socket.socket) -> None:
+    """Makes a socket non-blocking, without send delay, and closing by itself when its peer has vanished."""
+    connection.setblocking(False)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for name, value in _PROBES.items():
+        if hasattr(socket, name):
+            with contextlib.suppress(OSError):
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def _refused(error: Exception, host: str, port: int, option: str) -> ResourceError:
+    """Returns the error that explains why a port cannot be opened."""
+    where = f"{host}:{port}"
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        return ResourceError(
+            f"port {port} is in use",
+            where=where,
+            mend=f"Stop the program that uses it, or choose another with {option} (0 picks a free one).",
+        )
+    return ResourceError(
+        f"cannot listen there ({getattr(error, 'strerror', None) or error})",
+        where=where,
+        mend="Give an address of this machine with --host, 0.0.0.0 with --open for all of them.",
+    )

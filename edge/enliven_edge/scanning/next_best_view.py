@@ -1,0 +1,102 @@
+"""The next best view: the camera position that would see most of the missing surface."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.meshes import Mesh
+from enliven.scanning import Ground
+
+_FOCUS_RADIUS_M = 0.75
+"""Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
+_DIRECTIONS = 16
+"""Number of compared directions around the object, each at two elevations."""
+_ELEVATIONS = (0.3, 0.9)
+"""Elevation angles above the horizon, in radians: of a camera that a person carries, and of a view from
+above."""
+_GAP_WIDTH_M = 0.04
+"""Assumed width of the missing surface beyond a boundary edge, in metres: a few cells. It gives an estimate
+of the missing area."""
+_FLOOR_BAND_M = 0.05
+"""Height above the floor, in metres, below which a boundary edge belongs to the floor itself."""
+_MIN_MISSING = 0.1
+"""If less than this fraction is missing, no further view is suggested."""
+
+
+@dataclass(frozen=True)
+class NextView:
+    """The missing part of a scan.
+
+    Attributes:
+        missing: fraction of the surface near the focus that was not seen, 0..1.
+        eye: (3,) metres, scan's world: camera position that would see most of it. None if little is missing.
+    """
+
+    missing: float
+    eye: Float | None
+
+
+def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView:
+    """Returns the next best view of a scan.
+
+    A surface with an open boundary continues there: it bends away from the views that saw it. A camera
+    on the side that its boundary points to sees the continuation.
+
+    Args:
+        mesh: the current surface, coarse, metres, the scan's world.
+        focus: (3,) the point that the camera looked at.
+        away: metres, distance of the suggested camera from the focus.
+    """
+    middles, outward, lengths = _rims(mesh)
+    heights = ground.heights(middles) if len(middles) else np.empty(0)
+    near = (
+        np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _FOCUS_RADIUS_M))
+        if len(middles)
+        else heights
+    )
+    # The boundary of the floor around the object is the object's shadow. It counts half, because the object
+    # that casts it should be seen from behind instead.
+    worth = lengths * near * np.where(heights > _FLOOR_BAND_M, 1.0, 0.5)
+    faces = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2
+    about = np.exp(-np.square(np.linalg.norm(faces.mean(1) - focus, axis=1) / _FOCUS_RADIUS_M))
+    seen = float((areas * about).sum())
+    lacking = float(worth.sum()) * _GAP_WIDTH_M
+    missing = lacking / max(lacking + seen, 1e-9)
+    if missing < _MIN_MISSING or not len(middles):
+        return NextView(missing, None)
+    ways = _ways(ground.normal)
+    gains = (np.maximum(ways @ outward.T, 0.0) * worth).sum(1)
+    return NextView(missing, focus + away * ways[int(gains.argmax())])
+
+
+def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
+    """Returns midpoints (E, 3) of boundary edges, outward unit vectors (E, 3) and edge lengths (E,)."""
+    faces = mesh.faces.astype(np.int64)
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    across = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
+    alone = ~np.isin(key, back)
+    ends, third = mesh.vertices[sides[alone]], mesh.vertices[across[alone]]
+    middles, along = ends.mean(1), ends[:, 1] - ends[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    out = middles - third
+    unit = along / np.maximum(lengths, 1e-12)[:, None]
+    out -= (out * unit).sum(1)[:, None] * unit
+    return middles, out / np.maximum(np.linalg.norm(out, axis=1), 1e-12)[:, None], lengths
+
+
+def _ways(up: Float) -> Float:
+    """Returns (W, 3) unit vectors from the object to possible camera positions."""
+    upright = rotation.to_matrix(rotation.swing(np.array([0.0, 1.0, 0.0]), up))
+    directions = [
+        [math.cos(high) * math.sin(a), math.sin(high), math.cos(high) * math.cos(a)]
+        for high in _ELEVATIONS
+        for a in np.arange(_DIRECTIONS) * (2 * math.pi / _DIRECTIONS)
+    ]
+    return np.asarray(directions @ upright.T)

@@ -1,0 +1,78 @@
+"""Messages about the objects in a scan: which one was taken, which others exist, and where it was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.errors import InputError
+from enliven.meshes import Mesh
+from enliven.scanning import Scanner, find_ground, focus_of, levelled, parts_about, surface_of
+from enliven.scanning.objects import MovedScanner
+
+_NOT_SEEN_TO_TURN = (
+    "It was not seen to move: the mesh shows it as it stood. Let the floor about it and some of the room be "
+    "in view, and turn it once in ten seconds or more."
+)
+"""Message if an object should have been tracked while it turned, but did not turn."""
+_COARSE_VOLUME = 1
+"""Index of the volume with voxels of 16 mm, which is used to count objects: this takes a tenth of a
+second."""
+
+
+def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
+    """Returns sentences about a scan's objects: which of several was taken, and where it was found."""
+    first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
+    # If motion selected the object, it is the part that moved, even if the camera looked more at another
+    # object.
+    told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
+    sentences = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
+    if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
+        turned = scanner.settings.moved.followed
+        sentences[-1] = (
+            _NOT_SEEN_TO_TURN if turned else f"{sentences[-1]} Without --moved this scan is quicker."
+        )
+    return sentences
+
+
+def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
+    """Returns sentences about the places in which a moved object was found, and about failed searches."""
+    if not isinstance(scanner, MovedScanner):
+        return []
+    sentences: list[str] = []
+    if scanner.unplaced:
+        lost = sum(rest.count for rest in scanner.unplaced)
+        where = f"{lost} images may show the object, but it was not found in them; they are not in the mesh."
+        sentences.append(
+            f"{where} Show more of the sides that were seen before, and hold still once the object stands."
+        )
+    if scanner.followed:
+        sentences.append(
+            f"The moving object was tracked separately from the room in {scanner.followed} images."
+        )
+    if len(scanner.rests) == 1 and scanner.followed:
+        return sentences
+    if len(scanner.rests) == 1:
+        sentences.append("The object did not move: the mesh shows it where it stood.")
+    else:
+        sentences.append(f"It was found in {len(scanner.rests)} places, and all of them are in the mesh.")
+    return sentences
+
+
+def _of_several(scanner: Scanner) -> list[str]:
+    """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
+    mesh, cut = surface_of(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
+    try:
+        ground = find_ground(mesh, settings=cut)
+    except InputError:
+        return []
+    parts = parts_about(mesh, ground, focus_of([pose for _, pose in scanner.poses]), cut)
+    if len(parts) < 2:
+        return []
+    sizes = [_size(levelled(part, ground)) for part in parts]
+    listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
+    return [f"{len(parts)} objects stand there ({listed} cm); number {cut.number} was taken, see --thing."]
+
+
+def _size(mesh: Mesh) -> str:
+    """Returns width, height and depth in centimetres."""
+    return " x ".join(f"{100 * side:.0f}" for side in np.ptp(mesh.bounds, axis=0))

@@ -1,0 +1,100 @@
+"""Scan log: length of the camera path, lost frames, and advice for a better scan."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.scanning import Scanner, ScanState, ScanStep
+from enliven.scanning.objects import MovedScanner
+from enliven_edge.scanning.person import PersonScanner
+
+_MIN_PATH_M = 0.05
+"""Shortest camera path that shows an object from more than one side, in metres."""
+_MIN_PROBLEM_FRACTION = 0.2
+"""Minimum fraction of frames with a problem before the user is notified."""
+_MAX_CAMERA_SPEED = 1.0
+"""Maximum camera speed, in metres per second: a brisk walk. Faster cameras blur images and lose tracking."""
+
+
+class ScanLog:
+    """Counts the frames of a scan by tracking result."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[ScanState] = Counter()
+        self.way = 0.0
+        self.full = False
+        self._quick = 0
+        self._last: tuple[int, Float] | None = None
+
+    @property
+    def frames(self) -> int:
+        """Total number of frames."""
+        return sum(self.counts.values())
+
+    def add(self, step: ScanStep, time_ns: int) -> None:
+        """Adds the result of one frame."""
+        self.counts[step.state] += 1
+        self.full = self.full or not step.room
+        if step.state is not ScanState.SCANNING:
+            self._last = None
+            return
+        place = step.world_from_camera[:3, 3]
+        if self._last is not None:
+            moved = float(np.linalg.norm(place - self._last[1]))
+            self.way += moved
+            self._quick += moved > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
+        self._last = time_ns, place
+
+    @property
+    def now(self) -> str:
+        """One line for a progress bar."""
+        lost = self.counts[ScanState.LOST]
+        return f"{self.way:.1f} m of way" + (f", lost in {lost}" if lost else "")
+
+    def refuse(self, where: str, scanner: Scanner | MovedScanner | None = None) -> None:
+        """Raises an error that says why no mesh can be made.
+
+        Raises:
+            InputError: if no frame could be used, or the camera hardly moved. A scan of a person needs no
+                camera motion.
+        """
+        if isinstance(scanner, PersonScanner):
+            scanner.refuse(where)
+            return
+        if not self.counts[ScanState.SCANNING]:
+            problem = "no frame shows enough depth"
+            raise InputError(problem, where=where, mend="Go nearer, or scan something that does not reflect.")
+        unsure, lost = self.counts[ScanState.UNSURE], self.counts[ScanState.LOST]
+        if self.way < _MIN_PATH_M and 2 * unsure > self.frames:
+            problem = "only a blank surface was seen, which does not tell where the camera is"
+            raise InputError(problem, where=where, mend="Keep corners, edges and objects in view, too.")
+        if self.way < _MIN_PATH_M and 2 * lost > self.frames:
+            problem = f"the camera was lost in {lost} of {self.frames} frames, from the first ones on"
+            mend = "Carry it more slowly, half a metre a second at most; let nothing large pass before it."
+            raise InputError(problem, where=where, mend=mend)
+        if self.way < _MIN_PATH_M:
+            problem = f"the camera moved {100 * self.way:.0f} cm only"
+            raise InputError(problem, where=where, mend="Carry it round the object.")
+
+    def advice(self, scanner: Scanner | MovedScanner | None = None) -> list[str]:
+        """Returns one sentence for each problem that can be avoided in the next scan."""
+        if isinstance(scanner, PersonScanner):
+            return scanner.advice(self.frames)
+        total, sentences = max(self.frames, 1), []
+        if self.counts[ScanState.LOST] > _MIN_PROBLEM_FRACTION * total:
+            lost = (
+                f"{self.counts[ScanState.LOST]} of {total} frames are not in the mesh: the camera was lost."
+            )
+            sentences.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
+        if self.counts[ScanState.UNSURE] > _MIN_PROBLEM_FRACTION * total:
+            sentences.append("Often only a blank surface was seen, so the camera could not be located.")
+        if self._quick > _MIN_PROBLEM_FRACTION * total:
+            sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
+        if self.full or (scanner is not None and scanner.full):
+            full = "The memory for voxels was full: nothing more was added, and all until then was kept."
+            sentences.append(f"{full} Take larger voxels (--voxel), or more memory (--memory).")
+        return sentences

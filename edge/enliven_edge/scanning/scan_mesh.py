@@ -1,0 +1,215 @@
+"""Finishes a scan: cuts out the wanted part, decimates it, writes it to a file, and puts it on an edge's
+stage."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import typer
+
+from enliven.arrays import Float
+from enliven.errors import InputError, ResourceError
+from enliven.meshes import WRITABLE, Mesh, save_mesh
+from enliven.scanning import (
+    CutBox,
+    CutOut,
+    Ground,
+    KnownImage,
+    Scanner,
+    cut_by_box,
+    cut_what_is_new,
+    decimated,
+    find_ground,
+    focus_of,
+    largest_part,
+    upright_frame,
+)
+from enliven.scanning.objects import MovedScanner
+from enliven_edge.scanning.person import PersonScanner, ScannedPerson
+
+PROJECT = ".enliven"
+"""File suffix of a project. The scan is a character of it that can be possessed."""
+ENDINGS = (*WRITABLE, PROJECT)
+"""File suffixes that a scan can be written to."""
+_MAX_EMPTY_IMAGES = 120
+"""Maximum number of images of the empty place. Images of a path around it are then 3 degrees apart."""
+
+_NO_FLOOR_NOTE = "; no floor was found, so the box lay as the first camera did"
+"""Note added to a cut by a box if no floor was found that defines the upright direction."""
+
+
+_MOVED_OBJECT_NOTE = "the whole room, before the object was moved"
+"""Note added to a whole-room scan with a moved object: only the room before the move is kept."""
+
+
+@dataclass(frozen=True)
+class Keep:
+    """The part of a scan that is kept.
+
+    Attributes:
+        what: "thing": what stands on the floor. "alone": the largest part, for scans without a visible floor.
+            "all". "box": the content of a box. "new": what is missing in the first images.
+        low, high: (3,) metres, the corners of the box in the scan's upright frame.
+        upright_from_world: (4, 4) pose of that frame. None: that of the finished scan.
+        before: for "new": images with a smaller number show the place without the object.
+    """
+
+    what: Literal["thing", "alone", "all", "box", "new"] = "thing"
+    low: Float | None = None
+    high: Float | None = None
+    upright_from_world: Float | None = None
+    before: int = 0
+
+
+@dataclass(frozen=True)
+class ScannedMesh:
+    """A scan as a mesh.
+
+    Attributes:
+        mesh: upright, on y = 0, metres.
+        most: metres, maximum distance to the full scan. 0 if it was not decimated.
+        said: describes the cut for users. Empty if there is nothing to describe.
+        person: the scanned person, if a person was scanned.
+    """
+
+    mesh: Mesh
+    most: float
+    said: str = ""
+    person: ScannedPerson | None = None
+
+
+def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> ScannedMesh:
+    """Returns the kept part of a scan, decimated to ``triangles`` triangles. 0 keeps all triangles.
+
+    Raises:
+        InputError: if nothing is left.
+    """
+    scanner.close_loops()
+    person = scanner.person() if isinstance(scanner, PersonScanner) else None
+    mesh, note = _meant(scanner, keep) if person is None else (person.mesh, "")
+    decimation = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
+    return ScannedMesh(decimation.mesh, decimation.most, note, person)
+
+
+def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
+    """Returns the kept part with all triangles, and its description for users."""
+    cut = scanner.settings.cut_out
+    if keep.what == "thing":
+        try:
+            return scanner.thing(), ""
+        except InputError as error:
+            mend = f"{error.mend} Or add --whole to keep all that was scanned."
+            raise InputError(error.what, where=error.where, mend=mend) from None
+    several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
+    if isinstance(scanner, MovedScanner) and keep.what == "box":
+        mesh = scanner.joined() if several else scanner.surface()
+    else:
+        mesh = scanner.surface(keep.before)
+    if not len(mesh.faces):
+        mend = "Scan for longer, and nearer."
+        raise InputError("no surface was seen often enough", where="scan", mend=mend)
+    if keep.what == "alone":
+        return largest_part(mesh), ""
+    ground: Ground | None = None
+    with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
+        ground = find_ground(mesh, settings=cut)
+    if keep.what == "new":
+        out = cut_what_is_new(mesh, list(_known(scanner, keep.before)), ground, cut)
+        return out.mesh, _parts(out, mesh, "new")
+    frame = np.eye(4) if ground is None else upright_frame(ground, focus_of([p for _, p in scanner.poses]))
+    if keep.what == "box" and keep.low is not None and keep.high is not None:
+        own = frame if keep.upright_from_world is None else keep.upright_from_world
+        out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
+        lies = "" if ground or keep.upright_from_world is not None else _NO_FLOOR_NOTE
+        return out.mesh, _parts(out, mesh, "in the box") + lies
+    note = _MOVED_OBJECT_NOTE if several else ""
+    return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
+
+
+def _parts(out: CutOut, whole: Mesh, where: str) -> str:
+    """Returns a description of the cut-out part for users."""
+    parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
+    return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
+
+
+def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
+    """Yields images of the empty place, as many as needed."""
+    numbers = [number for number in scanner.history.numbers if number < before]
+    chosen = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
+    for number, frame in scanner.history.frames(chosen):
+        depth = np.asarray(frame.depth, np.float32)
+        yield KnownImage(depth, frame.intrinsics, scanner.poses[number][1])
+
+
+def write_scan(made: ScannedMesh, path: Path) -> None:
+    """Writes a scan as a mesh, or as a project with one character.
+
+    Falls back to another folder if that fails.
+
+    Raises:
+        ResourceError: if the path cannot be written. The message names the folder that was used instead.
+    """
+    try:
+        _write(made, path)
+    except ResourceError as error:
+        other = _elsewhere(made, path)
+        if other is None:
+            raise
+        problem, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
+        raise ResourceError(problem, where=str(path), mend=mend) from None
+
+
+def _elsewhere(made: ScannedMesh, path: Path) -> Path | None:
+    """Writes a mesh into a folder on another disk. Returns the file, or None if no folder can be written."""
+    for folder in (Path.home(), Path(tempfile.gettempdir())):
+        other = folder / f"{path.stem}.saved{path.suffix}"
+        with contextlib.suppress(ResourceError):
+            _write(made, other)
+            return other
+    return None
+
+
+def _write(made: ScannedMesh, path: Path) -> None:
+    if path.suffix.lower() != PROJECT:
+        save_mesh(made.mesh, path)
+        return
+    from enliven.formats.project import project_of_mesh, write_project
+
+    project = project_of_mesh(made.mesh, path.stem)
+    if made.person is not None:
+        # Store the known ends and joints. Then each limb of the performer drives its own limb, and no person
+        # has to be found in the mesh.
+        (character,) = project.characters.values()
+        character_with_joints = character.with_changes(ends=made.person.ends, joints=made.person.bones)
+        project = project.with_characters(character_with_joints)
+    write_project(path, project)
+
+
+def stage_command() -> EntryPoint:
+    """Returns the command that puts characters on the stage of a running edge.
+
+    Raises:
+        ResourceError: if the viewer, which contains the command, is not installed.
+    """
+    entries = list(entry_points(group="enliven.commands", name="stage"))
+    if not entries:
+        mend = "Install the viewer's package, or put the mesh there from the viewer's machine."
+        raise ResourceError("the viewer is not installed here", where="--edge", mend=mend)
+    return entries[0]
+
+
+def put_on_stage(path: Path, edge: str) -> None:
+    """Puts a written scan on the stage of a running edge, as ``enliven stage put`` does.
+
+    Raises:
+        EnlivenError: if no edge answers, or the edge refuses.
+    """
+    command = typer.main.get_command(stage_command().load())
+    command.main(["put", str(path), "--edge", edge], standalone_mode=False)

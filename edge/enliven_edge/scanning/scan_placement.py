@@ -1,0 +1,88 @@
+"""Placement of a growing scan on the stage: its floor at y = 0, its centre above the origin."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.scanning import Ground, find_ground, focus_of, surface_of, upright_frame
+from enliven_edge.scanning.next_best_view import next_view
+from enliven_edge.scanning.scan_view import ScanView
+
+_SEARCH_INTERVAL_S = 1.0
+"""Seconds between two searches in the whole scan. Each takes 0.15 s."""
+_DEFAULT_CAMERA_HEIGHT_M = 1.2
+"""Assumed camera height above the floor until the floor is seen, in metres."""
+_MIN_MOTION_M = 0.03
+"""Minimum motion of the floor or the centre that moves the placement, in metres. Without it, the view would
+jitter."""
+_SETTLING_IMAGES = 30
+"""Number of images until the centre is fixed. Before that the camera may still approach the object."""
+
+
+class ScanPlacement:
+    """Floor, centre and missing part of a scan, updated periodically.
+
+    Attributes:
+        stage_from_scan: (4, 4) from the current room, which contains the camera, to the stage.
+        missing: fraction of the surface near the centre that was not seen.
+        view: six metres on the stage: camera position and target of the next best view. Empty if none.
+    """
+
+    def __init__(self) -> None:
+        self.stage_from_scan = np.eye(4)
+        self.stage_from_scan[1, 3] = _DEFAULT_CAMERA_HEIGHT_M
+        self.missing, self.view = 1.0, list[float]()
+        self._looked, self._found, self._places = 0.0, False, 1
+        self._room_from_shown: Float = np.eye(4)
+
+    def look(self, shown: ScanView) -> None:
+        """Updates floor, centre and next best view if the last update is old."""
+        now, scanner = time.monotonic(), shown.room
+        another = shown.places != self._places
+        if scanner is None or not scanner.poses or (now - self._looked < _SEARCH_INTERVAL_S and not another):
+            return
+        self._looked = now
+        if another:
+            self._places, self._found = shown.places, False
+        mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
+        focus, ground = focus_of(poses), shown.ground
+        try:
+            ground = ground or find_ground(mesh, settings=scanner.settings.cut_out)
+        except InputError:
+            ground = Ground(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
+        if shown.alone:
+            mesh = shown.mesh()
+            focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
+        self._room_from_shown = np.asarray(np.linalg.inv(shown.shown_from_room), np.float64)
+        self._follow(ground, focus, len(poses))
+        away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
+        best_view = next_view(mesh, ground, focus, away)
+        self.missing, self.view = min(best_view.missing, 1.0), []
+        if best_view.eye is not None:
+            self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
+
+    def rows(self, pose: Float | None = None) -> list[float]:
+        """Returns twelve numbers: the pose (4, 4) of the room, or of the shown surface if None, on the
+        stage."""
+        whole = self.stage_from_scan @ (self._room_from_shown if pose is None else pose)
+        return [float(x) for x in whole[:3].ravel()]
+
+    def _on_stage(self, point: Float) -> list[float]:
+        return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
+
+    def _follow(self, ground: Ground, focus: Float, images: int) -> None:
+        """Moves the floor to y = 0 and the centre above the origin, if they moved."""
+        wanted = upright_frame(ground, focus)
+        turn = wanted[:3, :3]
+        if self._found and images > _SETTLING_IMAGES:
+            # Keep the centre fixed, and follow only the floor.
+            kept = np.linalg.inv(self.stage_from_scan) @ [0.0, 0.0, 0.0, 1.0]
+            wanted[[0, 2], 3] = -(turn @ kept[:3])[[0, 2]]
+        corners = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]], float)
+        moved = corners @ (wanted - self.stage_from_scan).T
+        if not self._found or np.linalg.norm(moved, axis=1).max() > _MIN_MOTION_M:
+            self.stage_from_scan, self._found = wanted, True

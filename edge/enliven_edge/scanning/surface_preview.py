@@ -1,0 +1,84 @@
+"""Live preview of a scan: sends the surface pieces that changed, limited to the network's bandwidth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.scanning import PIECE_STEPS, DistanceVolume, PieceSums, ScanPiece, piece_of, piece_sums
+from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
+
+_MIN_CHANGE = 0.25
+"""Minimum change before a piece is sent again: its weights grew by a fifth, or a quarter of it is new."""
+_MAX_PIECES = 2000
+"""Maximum number of pieces that are shown: a hall at 1 cm. A viewer that connects late gets all of them at
+once."""
+
+Place = tuple[int, int, int]
+
+
+class SurfacePreview:
+    """The state of the preview surface that viewers have received of one scan.
+
+    Args:
+        number: the scan's number.
+    """
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._sent: dict[Place, tuple[int, float]] = {}
+
+    def anew(self) -> None:
+        """Sends every piece again, because another surface replaces the current one."""
+        self._sent = dict.fromkeys(self._sent, (0, 0.0))
+
+    def changes(self, volume: DistanceVolume, most: int) -> list[ScanPieceMessage]:
+        """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
+        total."""
+        sums = piece_sums(volume)
+        places = [_place(row) for row in sums.places]
+        messages = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(places)]
+        amounts = self._much(places, sums)
+        for k in np.argsort(-amounts, kind="stable"):
+            place = places[k]
+            if most <= 0 or amounts[k] < _MIN_CHANGE:
+                break
+            if place not in self._sent and len(self._sent) >= _MAX_PIECES:
+                continue
+            self._sent[place] = int(sums.counts[k]), float(sums.weights[k])
+            message = as_message(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)
+            most -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
+            messages.append(message)
+        return messages
+
+    def _much(self, places: list[Place], sums: PieceSums) -> Float:
+        """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""
+        before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
+        grown = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
+        return np.asarray(grown + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0]))
+
+    def _gone(self, place: Place, voxel: float) -> ScanPieceMessage:
+        """Returns the message that removes a piece without a surface."""
+        del self._sent[place]
+        return ScanPieceMessage(self._number, place, PIECE_STEPS, voxel)
+
+
+def _place(row: Int) -> Place:
+    """Returns a row of block indices as Python integers for a message."""
+    return int(row[0]), int(row[1]), int(row[2])
+
+
+def as_message(piece: ScanPiece, number: int) -> ScanPieceMessage:
+    """Returns a piece as a message. A piece beyond the message limits is truncated to its first faces."""
+    faces = piece.faces[(piece.faces < MAX_PIECE_VERTICES).all(1)][:MAX_PIECE_FACES]
+    kept = slice(0, MAX_PIECE_VERTICES)
+    return ScanPieceMessage(
+        number,
+        piece.place,
+        PIECE_STEPS,
+        piece.step,
+        piece.places[kept].astype("<u2").tobytes(),
+        piece.seen[kept].tobytes(),
+        faces.astype("<u2").tobytes(),
+        b"" if piece.colours is None else piece.colours[kept].tobytes(),
+    )

@@ -1,0 +1,172 @@
+"""The event log of a live sensor in a recording: its conditions and losses, in addition to its frames.
+
+Two topics hold it as JSON. :data:`CONDITION_TOPIC` precedes the first frame to which a condition applies.
+:data:`EVENTS_TOPIC` follows the last frame before an event. Both carry the time of that frame.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, BinaryIO, Literal, TypeVar
+
+import msgspec
+
+from enliven.errors import EnlivenError, InputError
+from enliven.frames import Frame
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_of
+from enliven_edge.sensors.base import Condition, SensorFault
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+CONDITION_TOPIC = "/sensor/condition"
+"""Topic of the messages :class:`~enliven_edge.sensors.base.Condition`."""
+EVENTS_TOPIC = "/sensor/events"
+"""Topic of the messages :class:`SensorEvent`."""
+_MAX_EARLY_EVENTS = 100
+"""Maximum number of kept events before the first frame, the newest: bounds the memory if a camera sends no
+frame."""
+
+
+@dataclass(frozen=True)
+class SensorEvent:
+    """An event that occurred instead of a frame.
+
+    Attributes:
+        kind: the sensor was lost, is back with the frame of this time, or sent a frame that cannot be used.
+        after: seconds since the previous frame, by the wall clock.
+        what, where, mend: text of the error. Empty if the sensor is back.
+    """
+
+    kind: Literal["lost", "back", "bad frame"]
+    after: float = 0.0
+    what: str = ""
+    where: str = ""
+    mend: str = ""
+
+    @property
+    def error(self) -> SensorFault | InputError | None:
+        """The error that the sensor raised. None if it raised none."""
+        if self.kind == "back":
+            return None
+        error_type = SensorFault if self.kind == "lost" else InputError
+        return error_type(self.what, where=self.where, mend=self.mend)
+
+
+class EventLog:
+    """Writes a live sensor's frames into a recording, with its conditions and events.
+
+    Args:
+        recorder: a :class:`~enliven.recording.Recorder`, or a recorder in parts.
+    """
+
+    def __init__(self, recorder: Any) -> None:
+        self._recorder = recorder
+        self._condition: Condition | None = None
+        self._held: deque[SensorEvent] = deque(maxlen=_MAX_EARLY_EVENTS)
+        self._last: Frame | None = None
+        self._heard = 0.0
+        self._lost = False
+
+    def frame(self, frame: Frame, condition: Condition | None) -> None:
+        """Writes one frame, and the device's condition if it has changed.
+
+        Raises:
+            InputError: for a frame that a recording cannot hold. No part of it is written.
+            ResourceError: if it cannot be written.
+        """
+        for event in self._held:
+            self._write(EVENTS_TOPIC, event, frame)
+        self._held.clear()
+        if self._lost:
+            after = 0.0 if self._last is None else time.monotonic() - self._heard
+            self._write(EVENTS_TOPIC, SensorEvent("back", after), frame)
+        if condition is not None and condition != self._condition:
+            self._write(CONDITION_TOPIC, condition, frame)
+            self._condition = condition
+        self._recorder.write_frame(frame)
+        self._last, self._heard, self._lost = frame, time.monotonic(), False
+
+    def failed(self, error: EnlivenError) -> None:
+        """Writes an error that the sensor raised instead of a frame.
+
+        Raises:
+            ResourceError: if it cannot be written.
+        """
+        bad = isinstance(error, InputError)
+        after = 0.0 if self._last is None else time.monotonic() - self._heard
+        event = SensorEvent("bad frame" if bad else "lost", after, error.what, error.where, error.mend)
+        self._lost = self._lost or not bad
+        if self._last is None:
+            self._held.append(event)
+        else:
+            self._write(EVENTS_TOPIC, event, self._last)
+
+    def _write(self, topic: str, message: Condition | SensorEvent, at: Frame) -> None:
+        kind: Any = type(message)
+        schema = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "json")
+        self._recorder.write(topic, *schema, msgspec.json.encode(message), at.time_ns, at.sensor)
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One entry of a sensor's event log: a frame or an error, with the device's condition.
+
+    Attributes:
+        time_ns: the sensor's clock. For an error, the last frame's time plus the elapsed wall-clock time.
+        said: the frame, or the error.
+        condition: the device's condition. None if it has reported none.
+    """
+
+    time_ns: int
+    said: Frame | SensorFault | InputError
+    condition: Condition | None
+
+
+class LogReader:
+    """Iterates over the log entries of a recording, in order. An older recording has only frames.
+
+    ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
+
+    Args:
+        file: the open file of the recording. None opens it.
+    """
+
+    def __init__(self, recording: Recording, file: BinaryIO | None = None) -> None:
+        topics = {DEPTH_TOPIC, BODIES_TOPIC, CONDITION_TOPIC, EVENTS_TOPIC}
+        self._messages = recording.in_order(topics, file)
+        self._condition: Condition | None = None
+
+    def __iter__(self) -> Iterator[LogEntry]:
+        return self
+
+    def __next__(self) -> LogEntry:
+        for topic, time_ns, data in self._messages:
+            if topic == CONDITION_TOPIC:
+                self._condition = _understood(Condition, data) or self._condition
+            elif topic == EVENTS_TOPIC:
+                event = _understood(SensorEvent, data)
+                if event is not None and (error := event.error) is not None:
+                    return LogEntry(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
+            else:
+                return LogEntry(time_ns, frame_of(topic, data), self._condition)
+        raise StopIteration
+
+
+def _understood(kind: type[T], data: bytes) -> T | None:
+    """Returns the message, or None if it is damaged: a damaged log must not cost a frame."""
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        log.warning("the sensor information in a recording cannot be read: %s", error)
+        return None
+
+
+@functools.cache
+def _schema(kind: Any) -> str:
+    return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -1,0 +1,51 @@
+"""Python's traceback of a crashed process, through a pipe: a process that ends normally leaves no file."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import os
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
+
+_MAX_BYTES = 1 << 16
+"""Maximum bytes of a report: a pipe holds this much without a reader."""
+
+
+class CrashTraceback:
+    """The edge's end of the pipe. On systems without such pipes there is never a report."""
+
+    def __init__(self, context: SpawnContext) -> None:
+        self._near: Connection | None = None
+        self.far: Connection | None = None
+        if os.name == "posix":
+            self._near, self.far = context.Pipe(duplex=False)
+            os.set_blocking(self._near.fileno(), False)
+
+    def started(self) -> None:
+        """Closes the process's end in the edge, since the process has its own now."""
+        if self.far is not None:
+            self.far.close()
+
+    def read(self) -> str:
+        """Returns the report, empty without a crash. Call once, after the process has ended."""
+        if self._near is None:
+            return ""
+        report = b""
+        with contextlib.suppress(OSError), self._near:
+            while len(report) < _MAX_BYTES and (more := os.read(self._near.fileno(), _MAX_BYTES)):
+                report += more
+        return report.decode(errors="replace")
+
+    def close(self) -> None:
+        """Closes the pipe. A second call does nothing."""
+        if self._near is not None:
+            self._near.close()
+
+
+def speak_into(far: Connection | None) -> None:
+    """Sends the report of a crash of this process through the pipe, which must be kept open."""
+    if far is not None:
+        # Do not block on writing, because the reader of a crashing process may be missing.
+        os.set_blocking(far.fileno(), False)
+        faulthandler.enable(file=far.fileno())

@@ -1,0 +1,192 @@
+"""Selects image pairs for a stereo calibration, rates its quality, and gives advice if it is poor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, UInt8
+from enliven_edge.sensors.stereo.board import CalibrationBoard
+from enliven_edge.sensors.stereo.calibration import StereoCalibration
+from enliven_edge.sensors.stereo.stereo_solver import LEAST_PAIRS, BoardSighting, StereoSolution
+
+_MAX_STILL_MOTION = 0.01
+"""Maximum motion of the corners since the previous pair for which the board counts as still, as a fraction of
+the image's width."""
+_MIN_NEW_MOTION = 0.06
+"""Minimum distance of the corners from those of each kept pair, as a fraction of the image's width."""
+_MIN_SHARED_CORNERS = 8
+"""Minimum number of shared corners to compare two sightings."""
+
+
+class PairSelector:
+    """Keeps pairs in which both cameras see the board, held still in a new place or at a new angle.
+
+    Attributes:
+        kept: the sightings.
+    """
+
+    def __init__(self, board: CalibrationBoard) -> None:
+        self._board = board
+        self._before: BoardSighting | None = None
+        self.kept: list[BoardSighting] = []
+
+    def offer(self, left: UInt8, right: UInt8) -> str:
+        """Tries a pair. Returns an empty string if it was kept, else advice."""
+        seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
+        before, self._before = self._before, seen
+        for side in ("left", "right"):
+            if len(getattr(seen, side)) < _MIN_SHARED_CORNERS:
+                return f"the {side} camera does not see enough of the board"
+        width = left.shape[1]
+        if before is None or _moved(before, seen) > _MAX_STILL_MOTION * width:
+            return "hold the board still"
+        if any(_moved(each, seen) < _MIN_NEW_MOTION * width for each in self.kept):
+            return "move or tilt the board"
+        self.kept.append(seen)
+        return ""
+
+
+def _moved(one: BoardSighting, other: BoardSighting) -> float:
+    """Returns the mean pixels between shared corners, the larger of both cameras'.
+
+    Infinite if too few are shared.
+    """
+    moved = []
+    for side in ("left", "right"):
+        a, b = getattr(one, side), getattr(other, side)
+        shared = a.keys() & b.keys()
+        if len(shared) < _MIN_SHARED_CORNERS:
+            return float("inf")
+        moved.append(float(np.mean([np.linalg.norm(a[n] - b[n]) for n in shared])))
+    return max(moved)
+
+
+_GOOD_REPROJECTION_PX = 0.35
+"""Maximum reprojection error that still counts as good, in pixels. A sharp image gives corners to 0.1 to 0.3
+px."""
+_MAX_REPROJECTION_PX = 1.0
+"""Maximum pixels of reprojection error: beyond it, the lens model does not fit."""
+_GOOD_EPIPOLAR_PX = 0.3
+"""Maximum distance between matching rows that still counts as good, in pixels. The matcher searches only
+along one row."""
+_MAX_EPIPOLAR_PX = 0.6
+"""Maximum pixels between matching rows: half a pixel off its row the matcher loses fine texture."""
+_REPORT_DISTANCE_M = 2.0
+"""Distance in metres for which the expected error is reported."""
+_GOOD_ERROR = 0.01
+"""Expected relative depth error that still counts as good: 20 mm at 2 m, similar to a depth camera's."""
+_MAX_ERROR = 0.03
+"""Maximum expected relative depth error: beyond it, limbs are hardly thicker than the error."""
+_MATCHER_ERROR_PX = 0.12
+"""Median disparity error of the matcher on rendered people, in pixels (benchmark sensors.stereo_error_mm)."""
+_MIN_COVERED = 0.6
+"""Minimum fraction of the image's fields with corners. In the other fields the lens distortion is only
+extrapolated."""
+_MIN_TILT_DEG = 20.0
+"""Minimum degrees between two boards: parallel boards do not separate focal length from distance."""
+_ROWS, _COLUMNS = ("upper", "middle", "lower"), ("left", "centre left", "centre right", "right")
+"""Names of the fields of an image."""
+
+
+@dataclass(frozen=True)
+class CalibrationQuality:
+    """The rating of a calibration.
+
+    Attributes:
+        verdict: "good", "fair" or "not good enough".
+        facts: lines of name and value.
+        advice: one sentence per remedy. Empty if it is good.
+    """
+
+    verdict: str
+    facts: list[tuple[str, str]]
+    advice: list[str]
+
+    @property
+    def usable(self) -> bool:
+        """True if it may be used without doubt."""
+        return self.verdict != "not good enough"
+
+
+def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuality:
+    """Returns the rating of a solution."""
+    facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
+    facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
+    c = solution.calibration
+    if c is None:
+        lacking = f"Take {LEAST_PAIRS} pairs or more in which both cameras see most of the board, held still."
+        return CalibrationQuality("not good enough", facts, [lacking])
+    error = expected_error(c, solution.disparity_error, _REPORT_DISTANCE_M)
+    covered = {side: _covered(c, solution, side) for side in ("left", "right")}
+    facts += [
+        ("baseline", f"{1e3 * c.baseline:.1f} mm"),
+        ("lenses", ", ".join(f"{side} {_view(c, side):.0f} degrees wide" for side in ("left", "right"))),
+        ("corners", f"{c.reprojection:.2f} px off (good below {_GOOD_REPROJECTION_PX})"),
+        ("rows", f"{c.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR_PX})"),
+        (
+            "depth at 2 m",
+            f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _REPORT_DISTANCE_M:.0f})",
+        ),
+        (
+            "seen",
+            ", ".join(f"{side} {100 * seen.mean():.0f} % of the image" for side, seen in covered.items()),
+        ),
+    ]
+    advice, bad = _advice(c, solution, error, covered)
+    return CalibrationQuality("not good enough" if bad else "fair" if advice else "good", facts, advice)
+
+
+def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
+    """Returns the expected depth error in metres at a distance in metres."""
+    off = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
+    return distance**2 * off / (calibration.left.fx * calibration.baseline)
+
+
+def _advice(
+    c: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
+) -> tuple[list[str], bool]:
+    """Returns the advice, and whether the calibration is unusable until it is followed."""
+    advice, bad = [], False
+    if c.translation[0] > 0:
+        advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
+        bad = True
+    if c.reprojection > _GOOD_REPROJECTION_PX:
+        advice.append(
+            "Corners are off: glue the board to glass or a flat panel, hold it still, light it well."
+        )
+        bad |= c.reprojection > _MAX_REPROJECTION_PX
+    if c.epipolar > _GOOD_EPIPOLAR_PX:
+        advice.append(
+            "Rows do not agree: screw both cameras to one stiff bar, and take the pairs at one moment."
+        )
+        bad |= c.epipolar > _MAX_EPIPOLAR_PX
+    if error > _GOOD_ERROR * _REPORT_DISTANCE_M:
+        advice.append("Depth will be coarse: take pairs farther away too, use a longer bar or more pixels.")
+        bad |= error > _MAX_ERROR * _REPORT_DISTANCE_M
+    if solution.tilt < _MIN_TILT_DEG:
+        advice.append("Tilt the board: some pairs by 30 degrees to each side, some up and down.")
+        bad = True
+    for side, seen in covered.items():
+        if seen.mean() < _MIN_COVERED:
+            empty = ", ".join(f"{_ROWS[i]} {_COLUMNS[j]}" for i, j in np.argwhere(seen == 0)[:4])
+            advice.append(f"The {side} camera has not seen the board at the {empty}: hold it there too.")
+            bad = True
+    return advice, bad
+
+
+def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float:
+    """Returns (3, 4) flags: 1 for each field of an image with corners in it, 0 for the others."""
+    rows, columns = len(_ROWS), len(_COLUMNS)
+    seen = np.zeros((rows, columns))
+    for each in solution.used:
+        for x, y in getattr(each, side).values():
+            row, column = int(y * rows / c.height), int(x * columns / c.width)
+            seen[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
+    return seen
+
+
+def _view(c: StereoCalibration, side: str) -> float:
+    """Returns the horizontal field of view of a camera in degrees, from its focal length."""
+    return float(2 * np.degrees(np.arctan(0.5 * c.width / getattr(c, side).fx)))

@@ -1,0 +1,195 @@
+"""Calibrates two cameras, intrinsics and relative pose, from sightings of a board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven_edge.sensors.stereo.board import CalibrationBoard
+from enliven_edge.sensors.stereo.calibration import StereoCalibration, StereoLens
+from enliven_edge.sensors.stereo.rectification import Rectification, opencv
+
+_MIN_CORNERS = 8
+"""Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
+errors."""
+LEAST_PAIRS = 8
+"""Minimum number of image pairs: two lenses and a pose have 24 unknowns, and each pair adds another pose."""
+_OUTLIER_RATIO = 3.0
+"""Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
+was bent."""
+_INLIER_ERROR_PX = 0.3
+"""Error, in pixels, below which no pair is dropped."""
+
+
+@dataclass(frozen=True)
+class BoardSighting:
+    """One pair of images: the board's corners in each, pixels by number."""
+
+    name: str
+    left: dict[int, Float]
+    right: dict[int, Float]
+
+    def common(self, board: CalibrationBoard) -> tuple[Float, Float, Float]:
+        """Returns the corners that both cameras see: (N, 3) on the board, (N, 2) and (N, 2) in the images."""
+        numbers = sorted(self.left.keys() & self.right.keys())
+        left, right = ([side[n] for n in numbers] for side in (self.left, self.right))
+        return board.points[numbers], np.reshape(left, (-1, 2)), np.reshape(right, (-1, 2))
+
+
+@dataclass(frozen=True)
+class StereoSolution:
+    """The calibration from a set of sightings.
+
+    Attributes:
+        calibration: None if there were too few sightings.
+        used: the sightings that were used.
+        left_out: names of dropped pairs, each with the reason.
+        disparity_error: root mean square pixels between measured and expected disparities of the boards. It
+            is cross-validated: each half of the pairs is tested with a calibration from the other half.
+        tilt: the largest angle between two boards' normals, degrees.
+    """
+
+    calibration: StereoCalibration | None
+    used: list[BoardSighting]
+    left_out: dict[str, str] = field(default_factory=dict)
+    disparity_error: float = 0.0
+    tilt: float = 0.0
+
+
+def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[int, int]) -> StereoSolution:
+    """Returns the calibration that fits the sightings best. Pairs that do not fit are dropped.
+
+    Args:
+        size: (width, height) of the images.
+    """
+    left_out: dict[str, str] = {}
+    used = []
+    for each in sightings:
+        lacking = _lacking(each)
+        if lacking:
+            left_out[each.name] = lacking
+        else:
+            used.append(each)
+    while len(used) >= LEAST_PAIRS:
+        calibration, errors = _fitted(board, used, size)
+        worst = int(np.argmax(errors))
+        if errors[worst] <= max(_OUTLIER_RATIO * float(np.median(errors)), _INLIER_ERROR_PX):
+            tilt = _widest_tilt(board, used, calibration)
+            return StereoSolution(calibration, used, left_out, _held_out(board, used, size), tilt)
+        left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
+        used = [each for each in used if each is not used[worst]]
+    return StereoSolution(None, used, left_out)
+
+
+def disparity_offset(
+    board: CalibrationBoard,
+    sighting: BoardSighting,
+    rectification: Rectification,
+    calibration: StereoCalibration,
+) -> float:
+    """Returns the mean difference in pixels between a board's disparities and the expected ones.
+
+    The distance comes from the left image alone, by the board's size in it.
+    """
+    cv, lens = opencv(), calibration.left
+    points, left, right = sighting.common(board)
+    columns = [each[:, 0] for each in _flat(rectification, calibration, left, right)]
+    _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
+    depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
+    expected = rectification.intrinsics.fx * rectification.baseline / depth
+    return float(np.mean(columns[0] - columns[1] - expected))
+
+
+def _lacking(sighting: BoardSighting) -> str:
+    """Returns why a pair cannot be used. Empty if it can."""
+    for side in ("left", "right"):
+        if not getattr(sighting, side):
+            return f"the {side} camera does not see the board"
+    common = len(sighting.left.keys() & sighting.right.keys())
+    return "" if common >= _MIN_CORNERS else f"the cameras see only {common} corners both"
+
+
+def _fitted(
+    board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
+) -> tuple[StereoCalibration, Float]:
+    """Returns the calibration from all these sightings, and the error of each, (N,) pixels."""
+    cv = opencv()
+    lenses = []
+    for side in ("left", "right"):
+        side_corners = [getattr(each, side) for each in used]
+        points = [board.points[sorted(corners)].astype(np.float32) for corners in side_corners]
+        pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in side_corners]
+        _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
+        lenses += [matrix, np.ravel(distortion)[:5]]
+    common = [[part.astype(np.float32)[:, None] for part in each.common(board)] for each in used]
+    error, *lenses, turn, shift, _, _, _, _, errors = cv.stereoCalibrateExtended(
+        *zip(*common, strict=True),
+        *lenses,
+        size,
+        np.eye(3),
+        np.zeros((3, 1)),
+        flags=cv.CALIB_USE_INTRINSIC_GUESS,
+    )
+    calibration = StereoCalibration(
+        width=size[0],
+        height=size[1],
+        left=_lens(lenses[0], lenses[1]),
+        right=_lens(lenses[2], lenses[3]),
+        right_from_left=tuple(tuple(float(v) for v in row) for row in turn),  # type: ignore[arg-type]
+        translation=tuple(float(v) for v in np.ravel(shift)),  # type: ignore[arg-type]
+        baseline=float(np.linalg.norm(shift)),
+        reprojection=float(error),
+        epipolar=0.0,
+    )
+    rectification = Rectification(calibration)
+    flat = [_flat(rectification, calibration, *each.common(board)[1:]) for each in used]
+    off = np.concatenate([left[:, 1] - right[:, 1] for left, right in flat])
+    epipolar = float(np.sqrt(np.mean(off**2)))
+    return replace(calibration, epipolar=epipolar), np.asarray(errors).reshape(len(used), -1).max(1)
+
+
+def _lens(matrix: Float, distortion: Float) -> StereoLens:
+    k1, k2, p1, p2, k3 = (float(v) for v in np.ravel(distortion)[:5])
+    fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+
+
+def _flat(
+    rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
+) -> tuple[Float, Float]:
+    """Returns (N, 2) and (N, 2), the given pixels of both cameras in the rectified images."""
+    camera = rectification.intrinsics
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+    sides = zip((left, right), (calibration.left, calibration.right), rectification.rotations, strict=True)
+    undistort = opencv().undistortPoints
+    flat_left, flat_right = (
+        undistort(pixels[:, None], lens.matrix(), np.array(lens.distortion), R=turn, P=matrix)[:, 0]
+        for pixels, lens, turn in sides
+    )
+    return flat_left, flat_right
+
+
+def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
+    """Returns the cross-validated disparity error, root mean square pixels: each half is tested with the
+    other."""
+    off = []
+    for half in (0, 1):
+        calibration, _ = _fitted(board, used[half::2], size)
+        rectification = Rectification(calibration)
+        off += [disparity_offset(board, each, rectification, calibration) for each in used[1 - half :: 2]]
+    return float(np.sqrt(np.mean(np.square(off))))
+
+
+def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration: StereoCalibration) -> float:
+    """Returns the largest angle between two boards' normals, degrees."""
+    cv = opencv()
+    lens = calibration.left
+    normals = []
+    for each in used:
+        points, left, _ = each.common(board)
+        _, turn, _ = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
+        normals.append(cv.Rodrigues(turn)[0][:, 2])
+    least = float(np.min(np.array(normals) @ np.array(normals).T))
+    return float(np.degrees(np.arccos(np.clip(least, -1, 1))))

@@ -1,0 +1,125 @@
+"""Runs the mapping of the key poses at a constant rate, independent of the sensor's frame rate.
+
+A performer's poses arrive unevenly, and some are missing. They are resampled to a constant rate. The mapping
+answers ``lag`` samples later, and the shown state is interpolated between the last two answers. It is always
+``lag + 1`` samples behind the pose.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.examples import ExampleMap, LiveExamples, State
+from enliven_edge.stage.puppet.locomotion import Footing, Locomotion
+
+_NS = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class PerformerInput:
+    """The performers' input at one moment.
+
+    Attributes:
+        pose: (P, 3) metres, the paired joints in the body frame.
+        yaw: radians about +Y, the direction that the puppet should face.
+        footing: foot contacts and jump height of the performer.
+        size: metres that the puppet rises for a lift of 1.
+        way: the performer's path on the floor as x + iz, metres, in the puppet's strides and axes.
+    """
+
+    pose: Float
+    yaw: float
+    footing: Footing
+    size: float
+    way: complex
+
+
+class LivePuppet:
+    """A puppet's control points and its root in the world while performers move it.
+
+    Args:
+        rate: samples per second.
+        lag: samples from a pose to the answer.
+
+    Attributes:
+        loose: indices of the control points that no performer moves. They stay at ``rest``.
+        rest: (P, 3) metres, all control points at rest.
+    """
+
+    def __init__(self, mapping: ExampleMap, locomotion: Locomotion, rate: float, lag: int) -> None:
+        self._mapping, self._locomotion, self._lag = mapping, locomotion, lag
+        self._step_ns = round(_NS / rate)
+        self._live: LiveExamples | None = None
+        self._waiting: deque[PerformerInput] = deque()
+        self._last: tuple[int, PerformerInput] | None = None
+        self._due_ns = 0
+        self._before = self._after = State(np.zeros((0, 3)), 0.0, np.zeros(3))
+        self.loose: Int = np.zeros(0, np.int64)
+        self.rest: Float = np.zeros((0, 3))
+
+    def begin(self, time_ns: int, sample: PerformerInput, state: State) -> State:
+        """Starts from a first sample, as if the performer had always had this pose.
+
+        Returns the state to show.
+
+        Args:
+            state: the puppet's state until now. The puppet keeps its place.
+        """
+        self._live = LiveExamples(self._mapping, self._step_ns / _NS, self._lag)
+        self._waiting.clear()
+        self._locomotion.begin(state.root, sample.way)
+        self._after = State(np.zeros((0, 3)), 0.0, state.root)
+        self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
+        for _ in range(self._lag + 2):
+            self._push(sample)
+        if self._locomotion.goes:
+            by = self._locomotion.stands(state) - self._locomotion.stands(self._after)
+            by = by * np.array([1.0, 0.0, 1.0])
+            self._locomotion.shift(by)
+            self._after = replace(self._after, root=self._after.root + by)
+        self._before = self._after
+        return self._after
+
+    def go_on(self, time_ns: int, sample: PerformerInput) -> State:
+        """Adds the next sample and returns the current state to show."""
+        assert self._last is not None
+        before_ns, before = self._last
+        while self._due_ns <= time_ns:
+            share = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
+            self._push(_between(before, sample, share))
+            self._due_ns += self._step_ns
+        self._last = time_ns, sample
+        share = 1.0 - (self._due_ns - time_ns) / self._step_ns
+        a, b = self._before, self._after
+        return State(
+            a.places + share * (b.places - a.places),
+            a.yaw + share * (b.yaw - a.yaw),
+            a.root + share * (b.root - a.root),
+        )
+
+    def _push(self, sample: PerformerInput) -> None:
+        assert self._live is not None
+        places = self._live.push(sample.pose)
+        self._waiting.append(sample)
+        if places is None:
+            return
+        places[self.loose] = self.rest[self.loose]
+        out = self._waiting.popleft()
+        places, root = self._locomotion.go(places, out.yaw, out.footing, out.size, out.way)
+        self._before, self._after = self._after, State(places, out.yaw, root)
+
+
+def _between(a: PerformerInput, b: PerformerInput, share: float) -> PerformerInput:
+    lift = a.footing.lift + share * (b.footing.lift - a.footing.lift)
+    return PerformerInput(
+        a.pose + share * (b.pose - a.pose),
+        a.yaw + share * (b.yaw - a.yaw),
+        replace((a if share < 0.5 else b).footing, lift=lift),
+        b.size,
+        a.way + share * (b.way - a.way),
+    )

@@ -1,0 +1,146 @@
+"""Encodes an image for a terminal: kitty's graphics, iTerm2's images, sixels, half blocks.
+
+An image moves the cursor only by the line feeds at its end, so that text continues below it.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import itertools
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import UInt8
+
+ImageProtocol = Literal["kitty", "iterm", "sixel", "blocks", "blocks256"]
+IMAGE_PROTOCOLS = get_args(ImageProtocol)
+_CHUNK_CHARACTERS = 4096
+"""Characters of a piece of kitty's graphics, by its protocol."""
+_SIXEL_COLOURS = 256
+"""Number of colours of a sixel image: the minimum of VT340 emulators."""
+_SIXEL_ROWS = 6
+"""Pixel rows of one row of sixels."""
+_MAX_WIDTH_PX = 480
+"""Maximum width in pixels of an image that the terminal draws itself."""
+
+
+def encoded_picture(picture: UInt8, way: ImageProtocol, columns: int = 80) -> str:
+    """Returns an image encoded for a terminal.
+
+    Args:
+        picture: (H, W, 3) sRGB.
+        columns: width of the terminal. An image is never wider.
+    """
+    makers: dict[ImageProtocol, Callable[[UInt8], str]] = {
+        "kitty": kitty,
+        "iterm": iterm,
+        "sixel": sixel,
+        "blocks": half_blocks,
+        "blocks256": lambda each: half_blocks(each, exact=False),
+    }
+    return makers[way](_fitting(picture, columns if way.startswith("blocks") else _MAX_WIDTH_PX))
+
+
+def kitty(picture: UInt8) -> str:
+    """Encodes in kitty's graphics protocol: a PNG in base64, in pieces."""
+    data = base64.standard_b64encode(_png(picture)).decode()
+    pieces = [data[at : at + _CHUNK_CHARACTERS] for at in range(0, len(data), _CHUNK_CHARACTERS)]
+    codes = []
+    for number, piece in enumerate(pieces):
+        # The options are a=T (transmit and show), f=100 (PNG) and q=2 (send no answer, because it would
+        # appear at the user's prompt).
+        head = "a=T,f=100,q=2," if number == 0 else ""
+        codes.append(f"\x1b_G{head}m={int(number + 1 < len(pieces))};{piece}\x1b\\")
+    return "".join(codes) + "\n"
+
+
+def iterm(picture: UInt8) -> str:
+    """Encodes as iTerm2's inline image, which WezTerm and others draw, too."""
+    data = _png(picture)
+    encoded = base64.standard_b64encode(data).decode()
+    return f"\x1b]1337;File=inline=1;size={len(data)};width={picture.shape[1]}px:{encoded}\x07\n"
+
+
+def sixel(picture: UInt8) -> str:
+    """Encodes as sixels of at most 256 colours: six rows at a time, each colour over the same band."""
+    image = Image.fromarray(picture).quantize(_SIXEL_COLOURS, dither=Image.Dither.NONE)
+    indices = np.asarray(image)
+    height, width = indices.shape
+    palette = np.asarray(image.getpalette(), np.float64).reshape(-1, 3)
+    used = np.unique(indices)
+    codes = [f'\x1bP0;1;0q"1;1;{width};{height}']
+    for colour in used:
+        red, green, blue = np.rint(palette[colour] * 100 / 255).astype(int)
+        codes.append(f"#{colour};2;{red};{green};{blue}")
+    for top in range(0, height, _SIXEL_ROWS):
+        codes.append(_sixel_band(indices[top : top + _SIXEL_ROWS]))
+    return "".join(codes) + "\x1b\\\n"
+
+
+def half_blocks(picture: UInt8, exact: bool = True) -> str:
+    """Encodes two pixels in each character: the upper one as foreground colour, the lower one as background.
+
+    Args:
+        exact: 24-bit colours. If False, the 240 fixed colours of an older terminal.
+    """
+    if picture.shape[0] % 2:
+        picture = np.vstack([picture, picture[-1:]])
+    colour = _exact if exact else _nearest
+    lines = []
+    for upper, lower in zip(picture[::2].tolist(), picture[1::2].tolist(), strict=True):
+        cells = [f"\x1b[38;{colour(*u)};48;{colour(*v)}m" for u, v in zip(upper, lower, strict=True)]
+        line = "".join(cell + "▀" * sum(1 for _ in same) for cell, same in itertools.groupby(cells))
+        lines.append(line + "\x1b[0m\n")
+    return "".join(lines)
+
+
+def _exact(red: int, green: int, blue: int) -> str:
+    return f"2;{red};{green};{blue}"
+
+
+def _nearest(red: int, green: int, blue: int) -> str:
+    """Returns the nearest of 24 greys (232 and up) or of a cube of 6 x 6 x 6 colours (16 and up)."""
+    if max(red, green, blue) - min(red, green, blue) < 16:
+        return f"5;{232 + min(23, max(0, (green - 3) // 10))}"
+    r, g, b = ((each + 25) // 51 for each in (red, green, blue))
+    return f"5;{16 + 36 * r + 6 * g + b}"
+
+
+def _sixel_band(rows: UInt8) -> str:
+    """Encodes one row of sixels from (up to 6, W) colour indices."""
+    weights = 1 << np.arange(len(rows))
+    drawn = []
+    for colour in np.unique(rows):
+        bits = (rows == colour).T @ weights
+        drawn.append(f"#{colour}" + "".join(_repeated(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
+    return "$".join(drawn) + "-"
+
+
+def _runs(values: list[int]) -> list[tuple[int, int]]:
+    """Returns (value, length) of each run. A last run of 0 is left out, since it draws nothing."""
+    runs = [(value, sum(1 for _ in same)) for value, same in itertools.groupby(values)]
+    return runs[:-1] if runs and runs[-1][0] == 0 else runs
+
+
+def _repeated(character: str, count: int) -> str:
+    """Returns a sixel ``count`` times, in the fewest characters."""
+    return character * count if count < 4 else f"!{count}{character}"
+
+
+def _fitting(picture: UInt8, width: int) -> UInt8:
+    """Returns the image, downscaled if it is too wide. Nearest-neighbour sampling keeps holes in depth."""
+    height, across = picture.shape[:2]
+    if across <= width:
+        return picture
+    size = (width, max(1, round(height * width / across)))
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.NEAREST))
+
+
+def _png(picture: UInt8) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "PNG")
+    return file.getvalue()

@@ -1,0 +1,105 @@
+"""Detects the image protocol of a terminal, from environment variables or by a query."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import time
+from collections.abc import Iterator, Mapping
+from typing import TextIO
+
+from enliven_edge.terminal.image_encoding import ImageProtocol
+
+PATIENCE = 1.0
+"""Seconds to wait for a terminal's answer, also behind a slow network line. Nearly all answer immediately."""
+_QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
+"""Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
+the answers come in this order."""
+_ERASE = b"\r\x1b[K"
+"""Erases the query if an old terminal printed it."""
+_PRINTS_QUERY = ("linux", "Apple_Terminal")
+"""Terminals that would print the first query. They cannot draw images."""
+_ATTRIBUTES = re.compile(rb"\x1b\[\?([\d;]*)c")
+_SIXEL = b"4"
+"""The attribute of a terminal that draws sixels."""
+_MAX_ANSWER_BYTES = 4096
+"""Maximum bytes of an answer: more is a user's typing, which is not waited for."""
+
+
+def image_protocol(
+    out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = PATIENCE
+) -> ImageProtocol | None:
+    """Returns the image protocol of ``out``. None if it is not a terminal, or cannot draw images.
+
+    Args:
+        keys: the stream of the terminal's answers.
+        patience: seconds to wait for an answer. 0: no query.
+    """
+    if not out.isatty() or environment.get("TERM", "dumb") == "dumb":
+        return None
+    if named := _named(environment):
+        return named
+    named_so = {environment.get("TERM"), environment.get("TERM_PROGRAM")}
+    able = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUERY)
+    if able and (answer := _asked(out.fileno(), keys.fileno(), patience)):
+        if b"_Gi=31;OK" in answer:
+            return "kitty"
+        attributes = _ATTRIBUTES.search(answer)
+        if attributes and _SIXEL in attributes[1].split(b";"):
+            return "sixel"
+    if "utf" not in (out.encoding or "").lower():
+        return None
+    return "blocks" if environment.get("COLORTERM") in ("truecolor", "24bit") else "blocks256"
+
+
+def _named(environment: Mapping[str, str]) -> ImageProtocol | None:
+    """Returns the protocol that the environment names. None in a multiplexer, which may not pass it on."""
+    if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
+        return None
+    program = environment.get("TERM_PROGRAM") or environment.get("LC_TERMINAL", "")
+    if environment.get("KITTY_WINDOW_ID") or environment.get("TERM") in ("xterm-kitty", "xterm-ghostty"):
+        return "kitty"
+    return "iterm" if program in ("iTerm.app", "iTerm2", "WezTerm") else None
+
+
+def _asked(out: int, keys: int, patience: float) -> bytes:
+    """Returns the terminal's answer in time. Empty if it cannot be queried."""
+    with _unechoed(keys) as able:
+        if not able:
+            return b""
+        os.write(out, _QUERY)
+        answer, until = b"", time.monotonic() + patience
+        while not _ATTRIBUTES.search(answer) and len(answer) < _MAX_ANSWER_BYTES:
+            if not select.select([keys], [], [], max(0.0, until - time.monotonic()))[0]:
+                break
+            if not (more := os.read(keys, _MAX_ANSWER_BYTES)):
+                break
+            answer += more
+        os.write(out, _ERASE)
+        return answer
+
+
+@contextlib.contextmanager
+def _unechoed(keys: int) -> Iterator[bool]:
+    """Turns off echo and line buffering temporarily. Yields False if that is not possible."""
+    try:
+        import termios
+        import tty
+
+        before = termios.tcgetattr(keys)
+        # If a background program reads from the terminal, the system stops it. So do not read in that case.
+        able = os.tcgetpgrp(keys) == os.getpgrp()
+    except (ImportError, OSError, termios.error):
+        yield False
+        return
+    if not able:
+        yield False
+        return
+    tty.setcbreak(keys, termios.TCSANOW)
+    try:
+        yield True
+    finally:
+        # Discard the rest of a late answer, so that it does not appear at the user's prompt.
+        termios.tcsetattr(keys, termios.TCSAFLUSH, before)

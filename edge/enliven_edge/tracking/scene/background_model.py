@@ -1,0 +1,162 @@
+"""The background model: the depth of the room without people at every working pixel.
+
+It is updated with each frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Bool, Float, UInt8
+from enliven_edge.tracking.frame import FrameView, known_pixels
+from enliven_edge.tracking.scene.background_fill import background_fill
+from enliven_edge.tracking.scene.background_kernels import (
+    LearningRate,
+    classified,
+    empty_room,
+    guard,
+    learn_frame,
+    widened,
+)
+from enliven_edge.tracking.settings import BackgroundSettings
+
+_FILL_INTERVAL_NS = 300_000_000
+"""Nanoseconds between two checks of how much background is known. Check and fill pass over the whole
+image."""
+_FILL_CHANGE = 0.002
+"""Change of the known part, as a fraction of the image, that triggers a new background fill."""
+_FILL_CHECKS = 6
+"""Checks after which a new fill is computed without such a change, because known depths change too."""
+_MIN_FILL_FRACTION = 0.05
+"""Minimum fraction of known background pixels before unseen pixels are filled in. Below it the visible
+background may be only the outline of a person in front of a hall too deep for the sensor. The person would
+then be taken for background."""
+_STARTUP_S = 0.1
+"""Seconds at the start in which everything is learnt at once, because the whole background is new."""
+_CONSTANT_FOR_S = 0.25
+"""Time for which a depth must stay constant before it is learnt at a pixel without known background, in
+seconds. If the fit has lost an arm, in front of a hall too deep for the sensor, the arm moves on sooner."""
+_FORGET_AFTER_S = 2.0
+"""Seconds without a measurement after which the background is forgotten at a pixel. Flicker is shorter."""
+_MIN_MEASURED = 0.5
+"""Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
+_FURNITURE_AFTER_S = 0.5
+"""Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
+_MAX_TIME_STEP_S = 0.5
+"""Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """The agreement of a frame with the background model before the frame was learnt.
+
+    Attributes:
+        compared: number of pixels that are known in both and do not belong to a person.
+        nearer, farther: the fractions of them that are clearly nearer or farther than the background.
+    """
+
+    compared: int
+    nearer: float
+    farther: float
+
+
+class BackgroundModel:
+    """The background model, learnt from pixels that do not belong to a person.
+
+    A pixel's depth follows small changes slowly. Farther depth that stays for ``clear_after`` seconds
+    replaces it: an object was removed. (A flickering edge never stays.) Nearer depth that stays for
+    ``absorb_after`` seconds is absorbed: an object was added. The last place of a person is guarded against
+    this, because the person may still stand there. The guard ends when the person is seen elsewhere or the
+    background is visible again. Depth that is no longer measured is forgotten after a while.
+    """
+
+    def __init__(self, shape: tuple[int, int], settings: BackgroundSettings | None = None) -> None:
+        self.settings = settings or BackgroundSettings()
+        self.age = 0.0
+        self._state = empty_room(shape)
+        self._fill_z = np.zeros(shape)
+        self._learnt_ns: int | None = None
+        self._filled_ns: int | None = None
+        self._known = self._stale = 0
+
+    @property
+    def z(self) -> Float:
+        """Returns (h, w) the background's depth in metres. 0 where it was never seen."""
+        return self._state.z
+
+    def classify(self, view: FrameView, near: float, far: float, floor_band: float) -> UInt8:
+        """Returns (h, w) the class of every pixel: BACKGROUND, FOREGROUND, UNSEEN or UNLIKELY."""
+        self._fill(view, floor_band)
+        return np.asarray(classified(view.z, view.points, self.z, self._fill_z, near, far, floor_band))
+
+    def learn(
+        self, z: Float, person: Bool, time_ns: int | None = None, hold: Bool | None = None
+    ) -> Agreement:
+        """Learns from a frame without its ``person`` pixels and a border of two pixels around them.
+
+        Args:
+            z: (h, w) metres.
+            person: (h, w) the pixels that are not learnt.
+            time_ns: the frame's time; None: 1/30 s after the previous frame.
+            hold: (h, w) pixels of possible people. Never-seen background is not learnt at once there.
+        """
+        step = 1 / 30 if time_ns is None or self._learnt_ns is None else (time_ns - self._learnt_ns) * 1e-9
+        step = min(max(step, 0.0), _MAX_TIME_STEP_S)
+        self._learnt_ns = time_ns
+        self.age += step
+        hold = np.zeros(z.shape, bool) if hold is None else hold
+        seen_for = _CONSTANT_FOR_S if self.age > _STARTUP_S else 0.0
+        measured = known_pixels(z) > _MIN_MEASURED * known_pixels(self.z)
+        rate = LearningRate(
+            step,
+            self.settings.absorb_after,
+            self.settings.clear_after,
+            seen_for,
+            _FORGET_AFTER_S if measured else np.inf,
+        )
+        compared, nearer, farther = learn_frame(z, widened(person, 2), hold, self._state, rate)
+        return Agreement(compared, nearer / max(1, compared), farther / max(1, compared))
+
+    def guard(self, owner: AnyArray, ids: AnyArray, z: Float) -> None:
+        """Remembers the last place of each person.
+
+        Args:
+            owner: (h, w) the person of each pixel as an index into ``ids``, or -1.
+            ids: (K,) the people's ids.
+            z: (h, w) metres.
+        """
+        guard(owner, ids, z, self._state.guarded, self._state.guard_z)
+
+    @property
+    def still(self) -> Bool:
+        """Returns (h, w) the pixels without known background that kept their depth longer than people can."""
+        return np.asarray((self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S))
+
+    def absorb(self, where: Bool) -> None:
+        """Learns the recent constant depth as background at the (h, w) pixels ``where``."""
+        self.z[where] = self._state.still_z[where]
+
+    def forget(self, where: Bool) -> None:
+        """Forgets the background at the (h, w) pixels ``where``, so that it is learnt again."""
+        self.z[where] = 0.0
+        self._state.waited[where] = self._state.away[where] = 0.0
+
+    def release(self, identity: int) -> None:
+        """Ends the guard of a person's last place, because the person is seen elsewhere or gone for good."""
+        self._state.guarded[self._state.guarded == identity] = -1
+
+    def _fill(self, view: FrameView, floor_band: float) -> None:
+        """Fills in never-seen background, again when enough has changed."""
+        time_ns = view.time_ns
+        if self._filled_ns is None or not 0 <= time_ns - self._filled_ns < _FILL_INTERVAL_NS:
+            known_count = int(np.count_nonzero(self.z))
+            if abs(known_count - self._known) > _FILL_CHANGE * self.z.size or self._stale > _FILL_CHECKS:
+                self._fill_z = np.zeros_like(self.z)
+                if known_count >= _MIN_FILL_FRACTION * self.z.size:
+                    ray, pose = view.camera.ray, view.world_from_camera
+                    self._fill_z = background_fill(self.z, ray, pose, floor_band)
+                self._known, self._stale = known_count, 0
+            self._stale += 1
+            self._filled_ns = time_ns if known_count else None

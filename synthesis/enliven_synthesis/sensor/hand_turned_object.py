@@ -1,0 +1,88 @@
+"""An object that is picked up, turned round in two hands and held. The hands regrip as it turns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float
+from enliven.meshes import Mesh
+from enliven_synthesis.sensor.moved_object import arm_mesh
+
+_LIFT_TIME_S = 1.5
+"""Time in which the object is picked up before it turns, seconds."""
+_TREMOR = 0.01
+"""Amplitude of the hands' tremor, metres."""
+_ARM_LENGTH_M = 0.6
+"""Visible length of an arm from the hand, metres."""
+_SWAY = 0.03
+"""Sway amplitude of the person holding the object, metres."""
+_TRUNK_THICKNESS = 4.0
+"""Thickness of the trunk relative to an arm: 28 cm."""
+
+
+@dataclass(frozen=True)
+class HandTurnedPath:
+    """The path of an object that stands, is picked up by two hands, and is turned once round in front of the
+    camera.
+
+    Attributes:
+        begins: time for which it stands at first, seconds.
+        period: duration of a full turn, seconds.
+        lift: height of the held object above its resting position, metres.
+        tilt: amplitude of its tilt back and forth as it turns, radians.
+        grips: number of times that each hand regrips in a turn.
+        reach: position of the grip: metres from the object's axis, and above its lowest point.
+        behind: distance of the person behind the object, metres; 0: only the arms are in view.
+    """
+
+    begins: float = 1.5
+    period: float = 12.0
+    lift: float = 0.25
+    tilt: float = 0.15
+    grips: int = 4
+    reach: tuple[float, float] = (0.12, 0.22)
+    behind: float = 0.0
+
+    def world_from_thing(self, time: float) -> Float:
+        """Returns the (4, 4) pose of the object at a time in seconds."""
+        share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        angle, shake = self._angle(time), share * _TREMOR
+        lean = share * self.tilt * math.sin(2.0 * angle)
+        turns = ([lean, 0.0, 0.0], [0.0, angle, 0.0])
+        first, second = (
+            rotation.to_matrix(rotation.from_rotation_vector(np.array(vector))) for vector in turns
+        )
+        pose = np.eye(4)
+        pose[:3, :3] = first @ second
+        wave = [math.sin(2.3 * time), math.sin(3.1 * time), math.sin(1.7 * time)]
+        pose[:3, 3] = [0.0, share * self.lift, 0.0] + shake * np.array(wave)
+        return pose
+
+    def _angle(self, time: float) -> float:
+        """Returns the object's rotation angle, radians."""
+        passed = max(time - self.begins - _LIFT_TIME_S, 0.0)
+        return 2.0 * math.pi * min(passed, self.period) / self.period
+
+    def arms(self, time: float) -> list[Mesh]:
+        """Returns the meshes of trunk and arms, world. Each hand stays on its grip until it regrips."""
+        arms = list[Mesh]()
+        if self.behind:
+            feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
+            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS))
+        if time < self.begins - 0.4:
+            return arms
+        pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
+        for side in (0, 1):
+            # The hands regrip alternately, each on its own side of the object.
+            turned = step * math.floor(angle / step + 0.5 * side)
+            at = math.pi * side - turned
+            grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]
+            hand = pose[:3, :3] @ np.array(grip) + pose[:3, 3]
+            away = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
+            arms.append(arm_mesh(hand, hand + _ARM_LENGTH_M * away))
+        return arms
