@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.possession.placement import turn_about_y, yaw_between
 
-_STEEPEST = 1.5 * np.pi / 2
+_MAX_SLOPE = 1.5 * np.pi / 2
 """Maximum slope of the cubic easing (1.5, at its middle) times pi / 2, the ratio of arc to chord of a half
 turn."""
 
@@ -90,7 +90,7 @@ class Easing:
         """Returns the state to show for a computed state: (N, 3, 3) linear parts and (N, 3) positions."""
         if self._restarts and self.shown is not None and self.seconds > 0:
             self._gap, self._start_ns = _gap(self.shown, (linear, positions)), self._time_ns
-            self._closing = max(self.seconds, _STEEPEST * _width(self.shown[1], positions) / self.pace)
+            self._closing = max(self.seconds, _MAX_SLOPE * _width(self.shown[1], positions) / self.pace)
         self._restarts, self._time_ns = False, time_ns
         share = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
         if self._gap is None or not 0.0 <= share < 1.0:

@@ -16,7 +16,7 @@ _FREQUENCY = 2.0 * np.pi * 2.0
 of the body to and fro faster."""
 _DAMPING = 0.25
 """Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
-_FARTHEST = 0.35
+_MAX_OFFSET_M = 0.35
 """Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
 then do not tear the mesh."""
 
@@ -86,7 +86,9 @@ class FollowThrough:
             self._places, self._time_ns = np.array(positions), time_ns
         shown = self._exaggeration * self._softness * self._offset
         length = np.linalg.norm(shown, axis=1, keepdims=True)
-        return np.asarray(positions + shown * np.minimum(1.0, _FARTHEST / np.maximum(length, _FARTHEST)))
+        return np.asarray(
+            positions + shown * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
+        )
 
 
 def _swung(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:

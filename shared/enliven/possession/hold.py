@@ -16,7 +16,7 @@ _SETTLING = 0.12
 """Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
 would shake."""
 
-_FARTHEST = 1e4
+_MAX_TARGET_M = 1e4
 """Distance from the rest origin, metres, beyond which a target is not a measurement. It is far beyond any
 room."""
 
@@ -107,7 +107,7 @@ class EmbeddedHold:
             grip.carrying.at(time_ns)
         self._targets = np.concatenate([grip.targets(body) for grip in self.grips])
         pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.grips])
-        lost = ~(np.abs(self._targets) < _FARTHEST).all(1)
+        lost = ~(np.abs(self._targets) < _MAX_TARGET_M).all(1)
         pulls[lost] = 0.0
         if self._pulls is None or before is None or len(self._pulls) != len(pulls):
             self._pulls = pulls

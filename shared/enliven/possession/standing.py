@@ -56,7 +56,7 @@ _MASS_FIRST = 0.03
 chair looks over its seat. It is far smaller than the gain for a head."""
 _AS_MODELLED = 0.004
 """Relative gain in score of the modelled yaw over a quarter turn. It only breaks ties."""
-_HIGHEST = 0.85
+_HEAD_HEIGHT_FRACTION = 0.85
 """Fraction of the mesh's height above which the surface counts as the head."""
 _NO_HEAD = 0.15
 """Distance ahead or behind, metres, within which the highest part does not indicate the front."""
@@ -116,7 +116,7 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     floor = np.insert(shifts, 1, 0.0, axis=1)
     pieces = points[::27]
     own_nearness = float(near.over(pieces, np.zeros((1, 3))).mean())
-    head = points[points[:, 1] >= low[1] + _HIGHEST * (high[1] - low[1])].mean(0)[[0, 2]]
+    head = points[points[:, 1] >= low[1] + _HEAD_HEIGHT_FRACTION * (high[1] - low[1])].mean(0)[[0, 2]]
     best, stand = -np.inf, (0.0, np.zeros(3), 0.0)
     # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
     # the bones, and symmetry.

@@ -39,7 +39,7 @@ _FRAME = 1.0 / 30.0
 _MANY = 120
 """Minimum number of images that are fused again. If twice as many are stored, every second one is left
 out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
-_ROUGHLY = 3
+_COARSE_FUSION_INTERVAL = 3
 """If there are very many images, only every third goes into the coarse volumes, which only guide the
 tracking. If there are few, all do, because each may show something that no other image shows."""
 _STAYED = 0.25
@@ -234,7 +234,7 @@ class Scanner:
         for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
-            for volume in volumes if every == 1 or count % _ROUGHLY == 0 else volumes[:1]:
+            for volume in volumes if every == 1 or count % _COARSE_FUSION_INTERVAL == 0 else volumes[:1]:
                 volume.integrate(view, poses[number])
             if count % _CLEANED == _CLEANED - 1:
                 for volume in volumes:

@@ -44,7 +44,7 @@ from enliven.takes.recorded import TakeSettings, clips_of_frames
 from enliven.takes.rigged import rigged_of
 from enliven.wire import HoldMessage
 
-_FEWEST = 2
+_MIN_POSES = 2
 """Minimum number of poses of a character that counts as performed."""
 _FEWEST_EXAMPLES = 2
 """Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
@@ -99,7 +99,7 @@ class Performed:
     @property
     def moved(self) -> list[Key]:
         """The characters that moved."""
-        return [key for key, poses in self.poses.items() if len(poses) >= _FEWEST and _moves(poses)]
+        return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _moves(poses)]
 
 
 def with_performed(

@@ -15,7 +15,7 @@ visible, and no beat of a performance is lost."""
 _STANDS = 1e-9
 """Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
 cannot be 0."""
-_SHORTEST = 1e-3
+_MIN_CLIP_S = 1e-3
 """Minimum length of a clip, seconds. In a shorter one, no frame of a take is visible."""
 _Layer = TypeVar("_Layer", bound=Playing)
 
@@ -66,17 +66,17 @@ class Punch:
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()
         for clip in self._clips(layer, project.length_of(layer), ease):
-            if min(clip.end, low) - clip.begin > _SHORTEST:
+            if min(clip.end, low) - clip.begin > _MIN_CLIP_S:
                 before.append(replace(clip, end=min(clip.end, low)))
             start = max(clip.begin, high)
-            if clip.end - start > _SHORTEST:
+            if clip.end - start > _MIN_CLIP_S:
                 after.append(replace(clip, begin=start, first=clip.second(start)))
         # Keep the earlier motion only if some of it lies outside the fades.
-        first = min(self.begin, self.until) - _SHORTEST
-        heard = any(clip.begin < first and clip.end > _SHORTEST for clip in before) and first > 0.0
+        first = min(self.begin, self.until) - _MIN_CLIP_S
+        heard = any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
         remaining = before if heard else []
-        last = self.end + _SHORTEST
-        heard = any(clip.end > last and clip.begin < self.until - _SHORTEST for clip in after)
+        last = self.end + _MIN_CLIP_S
+        heard = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
         remaining = [*remaining, *(after if heard and self.until > last else [])]
         if not remaining:
             return None
@@ -102,7 +102,7 @@ class Punch:
         clips = list(layer.clips(length))
         if layer.loop:
             lasts = layer.lasting(length)
-            start, ease = clips[0].begin, ease + _SHORTEST
+            start, ease = clips[0].begin, ease + _MIN_CLIP_S
             first = math.floor((-ease - start) / lasts) if layer.hold and lasts > 0.0 else 0
             rounds = range(first, math.ceil((self.until + ease - start) / lasts)) if lasts > 0.0 else (0,)
             clips = [
@@ -112,11 +112,13 @@ class Punch:
             ]
         if layer.loop or not layer.hold:
             return clips
-        before = Segment(min(0.0, clips[0].begin) - ease - _SHORTEST, clips[0].begin, clips[0].first, _STANDS)
+        before = Segment(
+            min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _STANDS
+        )
         extended = [before]
         for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
             extended.append(clip)
-            if end > clip.end + _SHORTEST:
+            if end > clip.end + _MIN_CLIP_S:
                 extended.append(Segment(clip.end, end, clip.last, _STANDS))
         return extended
 
@@ -128,9 +130,9 @@ def _in_order(clips: Sequence[Segment]) -> list[Segment]:
     ordered = list[Segment]()
     for clip in clips:
         if ordered and clip.end <= ordered[-1].end:
-            clip = replace(clip, end=ordered[-1].end + _SHORTEST)
+            clip = replace(clip, end=ordered[-1].end + _MIN_CLIP_S)
         if ordered and clip.begin <= ordered[-1].begin:
-            start = ordered[-1].begin + _SHORTEST
+            start = ordered[-1].begin + _MIN_CLIP_S
             clip = replace(clip, begin=start, first=clip.second(start))
         ordered.append(clip)
     return ordered

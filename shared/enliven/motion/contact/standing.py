@@ -22,7 +22,7 @@ from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _RATE = 60.0
 """Samples per second at which feet are analysed."""
-_LONGEST = 120.0
+_MAX_LOOPED_ANALYSIS_S = 120.0
 """Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
 pinned."""
 _STRETCH = 0.998
@@ -60,7 +60,7 @@ def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream])
     looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]
     if len(looped) == len(layers) and np.ptp(looped) < 1e-9:
         return Window(start, start + looped[0], True)
-    return Window(start, max(end, start + _LONGEST) if looped else end, False)
+    return Window(start, max(end, start + _MAX_LOOPED_ANALYSIS_S) if looped else end, False)
 
 
 @dataclass(frozen=True, eq=False)

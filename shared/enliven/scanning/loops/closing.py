@@ -28,7 +28,7 @@ _GRID = 8
 """Points across and down an image that are projected into another image to measure the shared view."""
 _ASIDE = 0.5
 """Cosine (60 degrees) between two optical axes below which the cameras see different sides of objects."""
-_NEAREST = 0.1
+_MIN_PROJECTION_DISTANCE_M = 0.1
 """Distance from a camera, metres, below which no point is projected into its image."""
 _BELIEVED = 0.25
 """Minimum trust in a loop. Below it, the loop counts as false."""
@@ -189,7 +189,7 @@ def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
     some = some[some[:, 2] > 0]
     other_from_piece = inverse(other.pose) @ piece.pose
     local = some @ other_from_piece[:3, :3].T + other_from_piece[:3, 3]
-    ahead = local[:, 2] > _NEAREST
+    ahead = local[:, 2] > _MIN_PROJECTION_DISTANCE_M
     if not ahead.any():
         return 0.0
     lens = other.view.intrinsics

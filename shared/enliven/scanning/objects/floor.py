@@ -17,7 +17,7 @@ _ALONG = 0.96
 """Minimum cosine (16 degrees) between a floor point's normal and the floor's."""
 _AROUND = 1.2
 """Radius around the object, metres, in which the floor is examined. Depth is noisy farther away."""
-_FEWEST = 200
+_MIN_FLOOR_POINTS = 200
 """Minimum number of floor points for estimating the floor."""
 _STRIDE = 2
 """Half-size pixels from one used point to the next."""
@@ -47,7 +47,7 @@ def floor_plane(
         & (view.normals[some] @ turn.T @ ground.normal > _ALONG)
         & (np.square(level).sum(-1) < _AROUND**2)
     )
-    if np.count_nonzero(floor) < _FEWEST:
+    if np.count_nonzero(floor) < _MIN_FLOOR_POINTS:
         return None
     tangent = rotation.unit(np.cross(ground.normal, np.eye(3)[np.abs(ground.normal).argmin()]))
     columns = np.stack(

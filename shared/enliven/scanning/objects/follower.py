@@ -49,7 +49,7 @@ known."""
 _FRESH = 10
 """Number of images after which the model of an object that never stood still is good enough to estimate
 its pose uncertainty. With fewer observations, noise looks like slopes that rotate."""
-_FEWEST = 150
+_MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _TURNED = 0.5
 """Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
@@ -197,7 +197,7 @@ class ObjectFollower:
             _ABOUT if coarsest < _FAR else _ABOUT_FAR
         )
         near &= self._above(view, room_from_camera)
-        if np.count_nonzero(near) < _FEWEST:
+        if np.count_nonzero(near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
         return tracker.align(only(view, near), start, coarsest=coarsest)
