@@ -56,7 +56,7 @@ from .keys import (
 from .project import (
     CameraMark as CameraMark,
     FREE as FREE,
-    Handling as Handling,
+    DisplayState as DisplayState,
     Marker as Marker,
     Project as Project,
     same as same,
@@ -80,7 +80,7 @@ from .time_map import (
     FASTEST as FASTEST,
     SLOWEST as SLOWEST,
     Moment as Moment,
-    Playing as Playing,
+    LayerBase as LayerBase,
     Segment as Segment,
     TimeMap as TimeMap,
     closing_time as closing_time,

@@ -297,7 +297,7 @@ class TimeMap:
         return replace(self, **{field.name: field.default for field in fields(TimeMap)})
 
 
-class Playing(TimeMap):
+class LayerBase(TimeMap):
     """A layer of any rig: the take that it plays, its timing, and whether it is muted.
 
     Attributes:

@@ -18,13 +18,13 @@ BUDGET = 5e-4
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
+def served() -> Iterator[QueuePeer]:
     near, far = socket.socketpair()
     with near, far:
-        yield Served(near)
+        yield QueuePeer(near)
 
 
-class Served:
+class QueuePeer:
     """The command queue of an edge with one viewer, and the commands that were executed."""
 
     def __init__(self, near: socket.socket) -> None:
@@ -45,7 +45,7 @@ class Served:
         self.done.append(name)
 
 
-def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served: Served) -> None:
+def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served: QueuePeer) -> None:
     served.add("slow")
     served.work()
     served.add("next")
@@ -57,7 +57,7 @@ def test_after_a_slow_order_the_next_is_carried_out_within_half_a_second(served:
     assert calls > 1, "the slow one is made up for a little"
 
 
-def test_an_edge_with_few_frames_a_second_answers_as_soon(served: Served) -> None:
+def test_an_edge_with_few_frames_a_second_answers_as_soon(served: QueuePeer) -> None:
     served.add("slow")
     served.work()
     served.add("next")

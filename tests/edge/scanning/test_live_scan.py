@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import take_of
+from handheld_takes import take_of
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.errors import InputError

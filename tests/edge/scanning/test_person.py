@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import run, write
+from handheld_takes import run, write
 from turning import TurningPerson
 
 from enliven.errors import InputError

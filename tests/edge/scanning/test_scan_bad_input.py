@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import NOTHING, PATH, recorded, run, take_of, with_depth, write
+from handheld_takes import NOTHING, PATH, recorded, run, take_of, with_depth, write
 
 from enliven import files
 from enliven.errors import InputError, ResourceError

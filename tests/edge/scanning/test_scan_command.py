@@ -17,7 +17,7 @@ from enliven.scanning import Alignment, ScanState, ScanStep
 from enliven_edge.scanning import ScanDiary, sheet_of
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import THING, recorded, run
+from handheld_takes import THING, recorded, run
 
 
 @pytest.fixture(scope="module")

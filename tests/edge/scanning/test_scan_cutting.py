@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from carrying import NOTHING, THING, recorded, run
+from handheld_takes import NOTHING, THING, recorded, run
 
 from enliven.errors import InputError
 from enliven.formats.project import read_project

@@ -14,7 +14,7 @@ from enliven.document.graph.layers import GraphLayer, GraphPart
 from enliven.document.graph.stream import PoseStream
 from enliven.document.layers import RootLayer
 from enliven.document.rig import RigBase
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
@@ -65,7 +65,7 @@ class GraphShape(RigBase):
     drawn_by = ("mesh", "skin", "positions")
 
     @property
-    def playing(self) -> tuple[Playing, ...]:
+    def playing(self) -> tuple[LayerBase, ...]:
         """Its parts, the layers on top of them, and the root layers."""
         return (*self.parts, *self.over, *self.root_layers)
 
@@ -74,7 +74,7 @@ class GraphShape(RigBase):
         """The number of nodes."""
         return len(self.positions)
 
-    def with_playing(self, *layers: Playing) -> GraphShape:
+    def with_playing(self, *layers: LayerBase) -> GraphShape:
         """Returns the shape with other parts and layers."""
         parts = tuple(layer for layer in layers if isinstance(layer, GraphPart))
         over = tuple(layer for layer in layers if isinstance(layer, GraphLayer))

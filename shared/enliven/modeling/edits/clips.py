@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from enliven.document import Playing, Project, RigBase, Segment
+from enliven.document import LayerBase, Project, RigBase, Segment
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
@@ -247,7 +247,7 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
 
 
-def _layer(character: RigBase, number: int) -> Playing:
+def _layer(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
         mend = f"It has {len(playing)}."

@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
-from enliven.modeling.edits.rooted import set_down, taken_up
+from enliven.modeling.edits.root_motion_rig import set_down, taken_up
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 

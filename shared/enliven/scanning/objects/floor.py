@@ -9,7 +9,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.ground import Ground
+from enliven.scanning.ground_plane import GroundPlane
 
 _BAND = 0.05
 """Height range about the floor, metres, in which points count as floor if an image is misaligned."""
@@ -24,7 +24,7 @@ _STRIDE = 2
 
 
 def floor_plane(
-    view: DepthView, world_from_camera: Float, ground: Ground, middle: Float, own: Bool
+    view: DepthView, world_from_camera: Float, ground: GroundPlane, middle: Float, own: Bool
 ) -> Float | None:
     """Returns (3,) the floor in an image relative to the ground: metres above it at a point, and two slopes.
 

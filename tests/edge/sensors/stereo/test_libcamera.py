@@ -4,15 +4,15 @@ import os
 import re
 import signal
 
+import body_sensor
 import numpy as np
 import pytest
-import telling
+from body_sensor import BodySensor
 from contract import helpers, next_frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from isolated_sensors import none_left  # noqa: F401 (a fixture)
 from PIL import Image
-from telling import Telling
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
 from stereo_rig import calibration_of, rectified_left, rig
@@ -95,12 +95,12 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
 
 def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
     """Like those of a single camera with landmarks that become bodies in the driver."""
-    with IsolatedOpener("telling", Telling, {})() as sensor:
-        for number in range(telling.FRAMES):
+    with IsolatedOpener("telling", BodySensor, {})() as sensor:
+        for number in range(body_sensor.FRAMES):
             frame = next_frame(sensor)
             assert isinstance(frame, BodyFrame) and frame.sensor == "telling"
-            assert frame.time_ns == number * telling.STEP
-            for body, true in zip(frame.bodies, telling.bodies(number), strict=True):
+            assert frame.time_ns == number * body_sensor.STEP
+            for body, true in zip(frame.bodies, body_sensor.bodies(number), strict=True):
                 assert (body.id, body.stature) == (true.id, true.stature)
                 np.testing.assert_array_equal(body.joints, true.joints)
                 np.testing.assert_array_equal(body.confidence, true.confidence)

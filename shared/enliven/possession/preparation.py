@@ -15,7 +15,7 @@ from enliven.person import Body, Joint
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
 from enliven.possession.placement import turn_about_y
-from enliven.possession.standing import fit_standing_person, standing_figure
+from enliven.possession.standing_placement import fit_standing_person, standing_figure
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ _LONGEST_EDGE = 0.04
 bend with it."""
 
 
-class Prepared(NamedTuple):
+class PreparedMesh(NamedTuple):
     """A mesh ready for the stage, and the values for its actor.
 
     Attributes:
@@ -51,7 +51,7 @@ def prepared_as(
     fit: bool = True,
     ends: Float | None = None,
     joints: Float | None = None,
-) -> Prepared:
+) -> PreparedMesh:
     """Returns a mesh and its settings in the form that an actor takes.
 
     Args:
@@ -73,7 +73,7 @@ def prepared_as(
         # Compute the person's height from the joints. If only a part of the person was in view, the mesh is
         # lower than the person.
         height = Body(0, joints, np.ones(len(joints))).height
-    return Prepared(mesh, settings, size, height)
+    return PreparedMesh(mesh, settings, size, height)
 
 
 def prepared(

@@ -1,8 +1,8 @@
 """Computes when the pinned feet of a shape stand, and applies the foot lock.
 
     window_of(layers, takes) -> Window                       # the time that is analysed
-    standing_of(pins, window, free) -> Standing              # contacts, and how far the root is lowered
-    standing.hold(times, on, tree, turns, joints)        # pins the feet of a pose, in place
+    foot_lock_of(pins, window, free) -> FootLock             # contacts, and how far the root is lowered
+    foot_lock.hold(times, on, tree, turns, joints)           # pins the feet of a pose, in place
 
 The whole motion is played once with free feet and analysed.
 """
@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.document import Clip, Playing, PoseStream
+from enliven.document import Clip, LayerBase, PoseStream
 from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
@@ -50,7 +50,7 @@ class Window:
         return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
 
 
-def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream]) -> Window:
+def window_of(layers: Sequence[LayerBase], takes: Mapping[str, Clip | PoseStream]) -> Window:
     """Returns the window of layers that are played together; an empty window without layers."""
     if not layers:
         return Window(0.0, 0.0, False)
@@ -64,7 +64,7 @@ def window_of(layers: Sequence[Playing], takes: Mapping[str, Clip | PoseStream])
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class FootLock:
     """The contacts of a shape's feet, and the lowering of its root.
 
     Attributes:
@@ -101,12 +101,12 @@ class Standing:
             _lift(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
 
 
-def standing_of(
+def foot_lock_of(
     pins: Sequence[HeldPin],
     window: Window,
     free: Callable[[Float], tuple[Float, Float]],
     modes: Callable[[Float], Int] | None = None,
-) -> Standing:
+) -> FootLock:
     """Returns the contacts of the pinned feet, found by playing the whole window once.
 
     Args:
@@ -136,7 +136,7 @@ def standing_of(
         contacts.append((pin, foot_contacts))
         drops = np.maximum(drops, _needed(pin, joints, *_held(pin, foot_contacts, times), most))
     wide = max((pin.settings.blend for pin in pins), default=0.0)
-    return Standing(
+    return FootLock(
         tuple(contacts),
         window,
         times,

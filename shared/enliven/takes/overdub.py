@@ -25,7 +25,7 @@ from enliven.document import (
 )
 from enliven.modeling.possessed import between, even_times, over_base
 from enliven.takes.body_takes import RecordedHolds
-from enliven.takes.punching import Punch
+from enliven.takes.punch_in import PunchIn
 from enliven.takes.shared_motion import shared_motion
 
 _NEAR = 2e-3
@@ -37,7 +37,7 @@ def plays(project: Project, shape: GraphShape) -> bool:
     return any(project.streams[layer.take].duration > 0.0 for layer in (*shape.parts, *shape.over))
 
 
-class OverNodes:
+class OverdubTransfer:
     """A transfer of poses from a mesh on a stage to the nodes of a shape of a project, in its rest space.
 
     Args:
@@ -88,11 +88,11 @@ class OverNodes:
         return back[:, None] @ maps @ turn.T, self._same.size * offsets @ turn.T
 
 
-class LiveOver:
+class LiveOverdub:
     """A player of a project's possessed mesh with a live pose on top: a preview of the overdub."""
 
     def __init__(self, project: Project, shape_id: str, character: Character) -> None:
-        self._within = OverNodes(project.graph(shape_id), character)
+        self._within = OverdubTransfer(project.graph(shape_id), character)
         self._last: tuple[Pose, Float, Float] | None = None
 
     def pose(self, live: Pose, base: Pose) -> Pose:
@@ -119,7 +119,7 @@ def with_layer_over(
     poses: list[Pose],
     begin: int,
     holds: RecordedHolds | None,
-    punch: Punch | None,
+    punch: PunchIn | None,
 ) -> Project:
     """Returns a project in which a possessed mesh has the performance as an additional layer.
 
@@ -134,7 +134,7 @@ def with_layer_over(
     used_poses, seconds, grid = even_times(character, poses, begin)
     values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
     linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
-    maps, offsets = OverNodes(shape, character)(linear, positions)
+    maps, offsets = OverdubTransfer(shape, character)(linear, positions)
     stream = PoseStream(
         unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])
     )
@@ -142,7 +142,7 @@ def with_layer_over(
     if holds is not None and possession is not None:
         project = project.with_bodies(holds.take)
     nodes = np.arange(len(shape.positions))
-    span = punch or Punch.of(project, float(grid[0]), float(grid[-1]))
+    span = punch or PunchIn.of(project, float(grid[0]), float(grid[-1]))
     layer = GraphLayer(
         stream.id, nodes, nodes, shape.positions, possession=possession, offset=float(grid[0]), **span.played
     )

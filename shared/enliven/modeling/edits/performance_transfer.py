@@ -26,7 +26,7 @@ def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 
-def give_performance(
+def transfer_performance(
     project: Project,
     source_id: str,
     target_id: str,

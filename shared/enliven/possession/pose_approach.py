@@ -13,19 +13,19 @@ from enliven.deformation.embedded import EmbeddedSolver
 from enliven.deformation.graph import DeformationGraph
 from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.grip import gripped
-from enliven.possession.hold import EmbeddedHold, depth_of, joined
-from enliven.possession.mapped import Mapped
+from enliven.possession.attachment_reach import attach_within_reach
+from enliven.possession.limb_retargeting import LimbRetargeting
+from enliven.possession.performer_attachment import PerformerAttachment, depth_of, joined
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions in the rest space."""
 
 
-class Meeting:
+class PoseApproach:
     """A preview hold of one performer on a mesh, solved like a real hold but without travel over the floor.
 
     Args:
-        carrying: limb-to-limb retargeting, without travel.
+        rest_transform: limb-to-limb retargeting, without travel.
         start: the state to begin from; None: at rest.
     """
 
@@ -34,13 +34,13 @@ class Meeting:
         graph: DeformationGraph,
         settings: ActorSettings,
         body: Body,
-        carrying: Mapped,
+        rest_transform: LimbRetargeting,
         stiffness: Float | None,
         start: State | None = None,
     ) -> None:
-        self.carrying = carrying
-        grip = gripped(graph, settings, body, "all", carrying, None)
-        self._hold = EmbeddedHold(body.id, [grip], depth=depth_of(body))
+        self.rest_transform = rest_transform
+        grip = attach_within_reach(graph, settings, body, "all", rest_transform, None)
+        self._hold = PerformerAttachment(body.id, [grip], depth=depth_of(body))
         self._solver = EmbeddedSolver(graph, joined([self._hold]), settings.embedded, start, stiffness)
 
     @property

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.scanning.alignment import BINS, MOMENTS, SQUARES, SUMS, WIDEST, residuals
 from enliven.scanning.depth_view import DepthView
+from enliven.scanning.icp import BINS, MOMENTS, SQUARES, SUMS, WIDEST, residuals
 from enliven.scanning.rigid import cross_matrix, moved
 from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.threads import in_pieces
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _PIECE = 16
 """Rows of points that a thread processes at a time."""
@@ -73,7 +73,7 @@ class CameraTracker:
         volumes: from the finest to the coarsest.
     """
 
-    def __init__(self, volumes: Sequence[DistanceVolume], settings: TrackingSettings | None = None) -> None:
+    def __init__(self, volumes: Sequence[TsdfVolume], settings: TrackingSettings | None = None) -> None:
         self.volumes, self.settings = list(volumes), settings or TrackingSettings()
 
     def align(self, view: DepthView, start: Float, up: Float | None = None, coarsest: int = 1) -> Alignment:

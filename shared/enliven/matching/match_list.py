@@ -30,7 +30,7 @@ class MatchRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Board:
+class MatchList:
     """The best matches of a performer's pose on a character, and the state of the choice.
 
     Attributes:

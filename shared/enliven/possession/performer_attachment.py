@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.person import Body
 from enliven.possession.attachment import Attachment
-from enliven.possession.carrying import Carrying
+from enliven.possession.rest_transform import RestTransform
 
 _SETTLING = 0.12
 """Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
@@ -26,37 +26,37 @@ skeleton of a half-occluded performer drops through the floor before it is lost,
 
 
 @dataclass
-class Grip:
-    """An attachment with its transform of joints. A performer that attaches again has several grips.
+class TransformedAttachment:
+    """An attachment with its transform of joints. A performer that attaches again has several.
 
     Attributes:
         attachment: the points that the body drives.
-        carrying: transforms joints from the world into the rest space.
+        rest_transform: transforms joints from the world into the rest space.
         parts: the parts of the body that attached.
         start_turns: (19, 3, 3) the rotations of the transform when the body attached; None: the identity.
     """
 
     attachment: Attachment
-    carrying: Carrying
+    rest_transform: RestTransform
     parts: str
     start_turns: Float | None = None
 
     def targets(self, body: Body) -> Float:
         """Returns (L, 3) metres in the rest space, the current target positions of the held points."""
-        joints = self.carrying(body.joints)
-        turns = self.carrying.turns
+        joints = self.rest_transform(body.joints)
+        turns = self.rest_transform.turns
         if turns is not None and self.start_turns is not None:
             turns = turns @ np.swapaxes(self.start_turns, 1, 2)
         return self.attachment.targets(joints, turns)
 
 
 @dataclass
-class EmbeddedHold:
-    """All grips of one performer on an embedded mesh.
+class PerformerAttachment:
+    """All attachments of one performer to an embedded mesh.
 
     Attributes:
         body: the performer's id.
-        grips: one for each time that the performer attached.
+        attachments: one for each time that the performer attached.
         seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
         active: whether the performer currently drives the mesh.
         depth: metres, how far the performer was below the floor when attaching, because the floor height is
@@ -64,7 +64,7 @@ class EmbeddedHold:
     """
 
     body: int
-    grips: list[Grip]
+    attachments: list[TransformedAttachment]
     seen_ns: int | None = None
     active: bool = True
     depth: float = 0.0
@@ -72,12 +72,12 @@ class EmbeddedHold:
     _pulls: Float | None = field(default=None, repr=False)
 
     @property
-    def carrying(self) -> Carrying:
-        """The transform of the last grip, which also transforms the performer's surface."""
-        return self.grips[-1].carrying
+    def rest_transform(self) -> RestTransform:
+        """The transform of the last attachment, which also transforms the performer's surface."""
+        return self.attachments[-1].rest_transform
 
     def __len__(self) -> int:
-        return sum(len(grip.attachment) for grip in self.grips)
+        return sum(len(grip.attachment) for grip in self.attachments)
 
     def away(self, time_ns: int) -> float:
         """Returns the seconds since, or until, the performer was last in view, because the clock may go
@@ -85,16 +85,17 @@ class EmbeddedHold:
         """
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
-    def with_grip(self, grip: Grip) -> EmbeddedHold:
-        """Returns the same hold with another grip. The bones of the new grip are removed from all older
-        grips.
+    def with_attachment(self, grip: TransformedAttachment) -> PerformerAttachment:
+        """Returns the same hold with another attachment. The bones of the new one are removed from all
+        older ones.
         """
         anew = np.unique(grip.attachment.bone)
         grips = [
-            replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew))) for g in self.grips
+            replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew)))
+            for g in self.attachments
         ]
         grips = [g for g in grips if len(g.attachment)]
-        return EmbeddedHold(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
+        return PerformerAttachment(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
     def believes(self, body: Body) -> bool:
         """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
@@ -103,10 +104,10 @@ class EmbeddedHold:
     def see(self, body: Body, time_ns: int) -> None:
         """Updates the targets and their weights from a performer in view."""
         before = self._targets
-        for grip in self.grips:
-            grip.carrying.at(time_ns)
-        self._targets = np.concatenate([grip.targets(body) for grip in self.grips])
-        pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.grips])
+        for grip in self.attachments:
+            grip.rest_transform.at(time_ns)
+        self._targets = np.concatenate([grip.targets(body) for grip in self.attachments])
+        pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.attachments])
         lost = ~(np.abs(self._targets) < _MAX_TARGET_M).all(1)
         pulls[lost] = 0.0
         if self._pulls is None or before is None or len(self._pulls) != len(pulls):
@@ -129,7 +130,7 @@ class EmbeddedHold:
     def strengths(self, count: int) -> Float:
         """Returns (N,) the strength, from 0 to 1, with which each of ``count`` nodes is held."""
         firm = np.zeros(count)
-        for grip in self.grips:
+        for grip in self.attachments:
             nodes, strengths = grip.attachment.nodes
             firm[nodes] = np.maximum(firm[nodes], strengths)
         return firm
@@ -141,7 +142,7 @@ def depth_of(body: Body) -> float:
 
 
 @dataclass(frozen=True)
-class Joined:
+class ConstraintSet:
     """The points of several holds as one set of constraints, in the order of the holds."""
 
     points: Float
@@ -149,10 +150,10 @@ class Joined:
     node_weights: Float
 
 
-def joined(holds: Sequence[EmbeddedHold]) -> Joined:
+def joined(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
     """Returns the points of all holds."""
-    attachments = [grip.attachment for hold in holds for grip in hold.grips]
-    return Joined(
+    attachments = [grip.attachment for hold in holds for grip in hold.attachments]
+    return ConstraintSet(
         np.concatenate([np.empty((0, 3)), *(a.points for a in attachments)]),
         np.concatenate([np.empty((0, 4), np.int32), *(a.node_indices for a in attachments)]),
         np.concatenate([np.empty((0, 4)), *(a.node_weights for a in attachments)]),

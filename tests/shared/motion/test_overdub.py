@@ -29,9 +29,9 @@ from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import from_rotation_vector, to_matrix
-from enliven.takes.performed import Performed, with_performed
-from enliven.takes.performed_over import LiveOver, OverNodes
-from enliven.takes.punching import FADE, Punch
+from enliven.takes.overdub import LiveOverdub, OverdubTransfer
+from enliven.takes.performed import PerformedMotion, with_performed
+from enliven.takes.punch_in import FADE, PunchIn
 from enliven.takes.shared_motion import shared_motion
 
 FRAMES = 40
@@ -43,7 +43,7 @@ def chair() -> Project:
     return possessed_chair(30, nodes=24)[0]
 
 
-def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Performed:
+def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> PerformedMotion:
     """Returns an edge's messages for the chair held at its top: it swings, away from its playing position."""
     character, poses = character_of_graph(shape), []
     top = shape.positions[:, 1] > np.quantile(shape.positions[:, 1], 0.7)
@@ -57,7 +57,7 @@ def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Perfor
         turned = (places @ stands.T + [3.0, 0.0, -2.0]).astype(np.float32)
         poses.append(Pose(shape.id, BEGIN + frame * STEP, (stands @ linear).astype(np.float32), turned))
     key = (shape.id, 2)
-    return Performed("take 2", BEGIN, characters={key: character}, poses={key: poses})
+    return PerformedMotion("take 2", BEGIN, characters={key: character}, poses={key: poses})
 
 
 def test_overdub_changes_only_attached_parts(chair: Project) -> None:
@@ -78,7 +78,7 @@ def test_overdub_changes_only_attached_parts(chair: Project) -> None:
 def test_live_display_matches_later_playback(chair: Project) -> None:
     done = lifted(chair.graph("chair"))
     merged, _ = with_performed(chair, done, BEGIN)
-    live = LiveOver(chair, "chair", done.characters["chair", 2])
+    live = LiveOverdub(chair, "chair", done.characters["chair", 2])
     for frame in (5, 15, 25):
         base = pose_of_character(chair, "chair", frame * STEP * 1e-9)
         pose = live.pose(done.poses["chair", 2][frame], base)
@@ -97,8 +97,8 @@ def test_nodes_of_another_graph_of_the_same_mesh_move_as_its_surface_did(chair: 
     poses = [(pose.linear[order], pose.positions[order]) for pose in done.poses["chair", 2]]
     own = [(pose.linear, pose.positions) for pose in done.poses["chair", 2]]
     stacked = [[np.stack(each).astype(float) for each in zip(*rows, strict=True)] for rows in (own, poses)]
-    same_nodes = OverNodes(shape, character)(*stacked[0])
-    others = OverNodes(shape, other)(*stacked[1])
+    same_nodes = OverdubTransfer(shape, character)(*stacked[0])
+    others = OverdubTransfer(shape, other)(*stacked[1])
     np.testing.assert_allclose(others[1], same_nodes[1], atol=1e-4)
 
 
@@ -198,7 +198,7 @@ def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: boo
     own = waving({1: 0.7})
     project, _ = with_performed(Project().with_characters(ARM), performed(own), BEGIN - 500_000_000)
     layer = replace(project.shape("arm").layers[0], hold=hold, loop=loop)
-    length, punch = project.length_of(layer), Punch(span[0], sum(span), 3.0)
+    length, punch = project.length_of(layer), PunchIn(span[0], sum(span), 3.0)
     left = punch(project, layer)
     outside = [t for t in np.linspace(0.0, 3.0, 61) if not punch.begin - 2e-3 <= t <= punch.end + 2e-3]
     inside = np.linspace(punch.begin + FADE, punch.end - FADE, 5)[1:4]
@@ -238,7 +238,7 @@ def test_clips_that_were_blended_are_punched_too() -> None:
     project, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.7})), BEGIN)
     layer = project.shape("arm").layers[0]
     blended = replace(layer, segments=(Segment(0.0, 2.0), Segment(1.2, 3.0, 0.1)))
-    left = Punch(1.4, 2.5, 4.0)(project, blended)
+    left = PunchIn(1.4, 2.5, 4.0)(project, blended)
     assert left is not None
     for time in (0.3, 1.1, 2.6, 2.9):
         length = project.length_of(layer)

@@ -10,7 +10,7 @@ from enliven.person import PARENTS, Body, J, Joint
 from enliven.possession.bone_cylinders import bone_rotations, filled_joints
 from enliven.possession.likeness import BodyInMesh
 from enliven.possession.placement import facing, turn_about_y, wrapped
-from enliven.possession.standing import standing_figure
+from enliven.possession.standing_placement import standing_figure
 from enliven.rotation import unit
 
 _HIP = Joint.HIP_CENTER
@@ -24,7 +24,7 @@ _SWING = 1.5 * np.pi / 2
 """Maximum slope of the cubic easing (1.5) times pi / 2, the ratio of arc to chord of a half turn."""
 
 
-class Mapped:
+class LimbRetargeting:
     """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates as the performer's bone has
     rotated.
 
@@ -98,7 +98,7 @@ class Mapped:
         """
         return self.likeness.joints if self.likeness.human else None
 
-    def goes_on(self, other: Mapped) -> None:
+    def goes_on(self, other: LimbRetargeting) -> None:
         """Continues the move into the performer's pose that an earlier transform of the same performer has
         begun.
         """

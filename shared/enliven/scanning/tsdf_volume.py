@@ -27,7 +27,7 @@ _LOOKED_AT = 2
 
 
 @dataclass(frozen=True)
-class Fused:
+class FusionResult:
     """The effect of an image on a volume: blocks that it changed, new blocks, and whether there was enough
     room.
     """
@@ -37,7 +37,7 @@ class Fused:
     room: bool
 
 
-class DistanceVolume:
+class TsdfVolume:
     """A TSDF volume: averages of truncated signed distances, metres, positive in front of the surface.
 
     A voxel's distance is that to the plane of the pixel that shows it (Bylow et al., RSS 2013), weighted by
@@ -81,7 +81,7 @@ class DistanceVolume:
         )
         return sum(array.nbytes for array in arrays) * 1e-6
 
-    def integrate(self, view: DepthView, world_from_camera: Float) -> Fused:
+    def integrate(self, view: DepthView, world_from_camera: Float) -> FusionResult:
         """Averages a depth image into the volume.
 
         Args:
@@ -102,7 +102,7 @@ class DistanceVolume:
         voxels = VoxelArrays(self.distance, self.weight, self.solid, self.hue)
         in_pieces(integrate, len(jobs), _PIECE, jobs, state, blocks.places, self.band, camera, image, voxels)
         self._images += 1
-        return Fused(len(jobs), count - before, room)
+        return FusionResult(len(jobs), count - before, room)
 
     def allocate(self, view: DepthView, world_from_camera: Float) -> bool:
         """Adds the blocks that an image needs, as :meth:`integrate` does. Returns whether there was enough

@@ -11,12 +11,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.camera import project
-from enliven.scanning.camera_tracker import Alignment, CameraTracker
 from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
 from enliven.scanning.keyframes import unlikeness
-from enliven.scanning.loops.history import FrameHistory
-from enliven.scanning.loops.pose_graph import PoseLink, settled
-from enliven.scanning.loops.submaps import PlacedPiece, SubMap, piece_tracker, split_way
+from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.pose_graph import PoseLink, settled
+from enliven.scanning.loop_closure.submaps import PlacedPiece, SubMap, piece_tracker, split_way
 from enliven.scanning.rigid import apart, between, inverse
 from enliven.scanning.settings import LoopSettings, ScanSettings
 from enliven.scanning.threads import each_in_two_threads
@@ -35,7 +35,7 @@ _BELIEVED = 0.25
 
 
 @dataclass(frozen=True)
-class ClosedWay:
+class LoopClosure:
     """The result of a loop closure.
 
     Attributes:
@@ -69,13 +69,13 @@ class ClosedWay:
         return float(np.mean(shares))
 
 
-def closed_way(
+def correct_trajectory(
     history: FrameHistory,
     poses: Sequence[Float],
     ups: Sequence[Float | None],
     preparation: DepthPreparation,
     settings: ScanSettings,
-) -> ClosedWay:
+) -> LoopClosure:
     """Returns the trajectory of a camera, corrected so that surfaces seen twice coincide.
 
     Args:
@@ -94,7 +94,7 @@ def closed_way(
     opened = [gap for gap in (_gap(anchors, link, middle, s.opened) for link in true) if gap]
     bent = _bent(poses, [piece.anchor for piece in pieces], better)
     moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
-    return ClosedWay(
+    return LoopClosure(
         bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in placed]
     )
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from enliven.document import GraphPart, Playing, PoseStream, Project, RigBase, unused
+from enliven.document import GraphPart, LayerBase, PoseStream, Project, RigBase, unused
 from enliven.errors import InputError
 
 
@@ -49,7 +49,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
             f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
         )
 
-    def heard(layer: Playing) -> Playing:
+    def heard(layer: LayerBase) -> LayerBase:
         if layer.alternatives != alternatives:
             return layer
         changes: dict[str, Any] = {"muted": layer.recorded != recorded}
@@ -66,7 +66,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
 def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
     """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
 
-    def labelled(layer: Playing) -> Playing:
+    def labelled(layer: LayerBase) -> LayerBase:
         takes, earlier_takes = (getattr(each, layer.source) for each in (project, before))
         if takes[layer.take] is earlier_takes.get(layer.take):
             return layer
@@ -123,7 +123,7 @@ def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
     return choose_take(project, alternatives, recorded)
 
 
-def _is(layer: Playing, alternatives: str, recorded: str) -> bool:
+def _is(layer: LayerBase, alternatives: str, recorded: str) -> bool:
     return layer.alternatives == alternatives and layer.recorded == recorded
 
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.frames import DepthFrame
-from enliven.scanning.camera_tracker import CameraTracker
 from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.frame_to_model_tracking import CameraTracker
 from enliven.scanning.keyframes import reduced
 from enliven.scanning.rigid import apart
 from enliven.scanning.settings import ScanSettings
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _COARSER = (2.0, 8.0)
 """Voxel sizes of a submap's volumes, relative to the scan's: truncation bands of 3 and 13 cm at 4 mm, in a
@@ -92,7 +92,7 @@ class PlacedPiece:
         self.view: DepthView = replace(view, planes=empty, weights=empty)
         self.small: Float32 = reduced(view)
 
-    def fuse_into(self, volumes: Sequence[DistanceVolume]) -> None:
+    def fuse_into(self, volumes: Sequence[TsdfVolume]) -> None:
         """Clears the volumes and fuses the submap's ``looks`` into them."""
         for volume in volumes:
             volume.clear()
@@ -110,6 +110,6 @@ def piece_tracker(settings: ScanSettings) -> CameraTracker:
     # pixels is correlated.
     independent = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
-        [DistanceVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
+        [TsdfVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
         replace(t, fine_stride=_STRIDE, independent=independent),
     )

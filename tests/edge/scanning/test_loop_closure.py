@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from enliven import rotation
 from enliven.samples import load_sample
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
-from enliven.scanning.loops import FrameHistory, settled
+from enliven.scanning.loop_closure import FrameHistory, settled
 from enliven.scanning.rigid import apart, inverse, moved
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, looking_at
 from enliven_synthesis.sensor.scene import Box

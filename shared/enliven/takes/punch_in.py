@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from enliven.document import Playing, Project, Ref, Segment, unused
+from enliven.document import LayerBase, Project, Ref, Segment, unused
 
 FADE = 0.1
 """Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
@@ -17,11 +17,11 @@ _STANDS = 1e-9
 cannot be 0."""
 _MIN_CLIP_S = 1e-3
 """Minimum length of a clip, seconds. In a shorter one, no frame of a take is visible."""
-_Layer = TypeVar("_Layer", bound=Playing)
+_Layer = TypeVar("_Layer", bound=LayerBase)
 
 
 @dataclass(frozen=True)
-class Punch:
+class PunchIn:
     """The time span of a recording.
 
     Attributes:
@@ -34,7 +34,7 @@ class Punch:
     until: float
 
     @classmethod
-    def of(cls, project: Project, begin: float, end: float) -> Punch:
+    def of(cls, project: Project, begin: float, end: float) -> PunchIn:
         """Returns a span of a project, which is played to the end of all its content."""
         ends = (project.end_of(character) for character in project.characters.values())
         return cls(begin, end, max([end, *ends]))
@@ -84,7 +84,7 @@ class Punch:
         changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
         return replace(silenced, **changes)  # type: ignore[type-var]
 
-    def leaves(self, project: Project, layers: Sequence[Playing]) -> bool:
+    def leaves(self, project: Project, layers: Sequence[LayerBase]) -> bool:
         """Returns whether any motion of the layers is left outside of the span."""
         return any(not layer.muted and self(project, layer) is not None for layer in layers)
 
@@ -97,7 +97,7 @@ class Punch:
     def _half(self) -> float:
         return (self.end - self.begin) / 2.0
 
-    def _clips(self, layer: Playing, length: float, ease: float) -> list[Segment]:
+    def _clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
         """Returns the clips of a layer, including repetitions and held frames, in the order of time."""
         clips = list(layer.clips(length))
         if layer.loop:
@@ -138,7 +138,7 @@ def _in_order(clips: Sequence[Segment]) -> list[Segment]:
     return ordered
 
 
-def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Punch) -> Project:
+def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: PunchIn) -> Project:
     """Returns a project in which the layers on the bones of a chain are silenced in a span.
 
     Other bones keep them. A layer without any remaining motion is removed from the bones; its take stays.

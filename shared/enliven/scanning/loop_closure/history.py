@@ -14,7 +14,7 @@ depth."""
 
 
 @dataclass(frozen=True)
-class _Kept:
+class _StoredFrame:
     number: int
     packed: bytes
 
@@ -29,7 +29,7 @@ class FrameHistory:
 
     def __init__(self, megabytes: float) -> None:
         self._most, self._held = megabytes * 1e6, 0
-        self._kept: list[_Kept] = []
+        self._kept: list[_StoredFrame] = []
         self._every = 1
 
     def __len__(self) -> int:
@@ -51,7 +51,7 @@ class FrameHistory:
             return
         painted = number // self._every % _PAINTED == 0
         packed = pack_depth(frame if painted else replace(frame, colour=None), 1)
-        self._kept.append(_Kept(number, packed))
+        self._kept.append(_StoredFrame(number, packed))
         self._held += len(packed)
         while self._held > self._most and len(self._kept) > 1:
             self._every *= 2

@@ -11,7 +11,7 @@ from sample_meshes.chair import make_chair
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession.placement import turn_about_y
-from enliven.possession.standing import _Nearness, best_stand, fit_standing_person, standing_figure
+from enliven.possession.standing_placement import _Nearness, best_stand, fit_standing_person, standing_figure
 
 FRONT = np.array([0.0, 0.0, 1.0])
 

@@ -36,7 +36,7 @@ class _Gap:
     positions: Float
 
 
-class Easing:
+class PoseBlend:
     """A blend over a jump: keeps the gap between the shown and the computed state, and closes it over time.
 
     While a gap closes, the shown speed of a node exceeds its computed speed by at most ``pace``, and by at

@@ -12,15 +12,15 @@ from swaying import possessed_chair
 from enliven.document.project import Project, same
 from enliven.errors import InputError
 from enliven.formats.project.file import project_bytes, project_of
-from enliven.modeling.edits.alternatives import (
+from enliven.modeling.edits.characters import paste_character
+from enliven.modeling.edits.merging import merge_characters
+from enliven.modeling.edits.take_comping import (
     alternatives_of,
     choose_take,
     drop_take,
     keep_take,
     takes_beside,
 )
-from enliven.modeling.edits.characters import paste_character
-from enliven.modeling.edits.merging import merge_characters
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.motion.layers.evaluate import pose_of
 from enliven.takes.performed import with_performed

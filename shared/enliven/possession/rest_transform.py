@@ -14,7 +14,7 @@ from enliven.possession.placement import Placement
 _HIP = Joint.HIP_CENTER
 
 
-class Carrying(Protocol):
+class RestTransform(Protocol):
     """A transform of joints from the world into the rest space."""
 
     @property
@@ -51,7 +51,7 @@ class Carrying(Protocol):
 
 
 @dataclass
-class CarriedPlacement:
+class PlacementTransform:
     """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
 
     Attributes:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 
-class Seen:
+class ImageLog:
     """Writes a line for each image: shape, mean of each colour, time, and process."""
 
     def __init__(self, path: str) -> None:

@@ -12,7 +12,7 @@ from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh, shells, submesh
-from enliven.scanning.rims import close_holes, lowest_rims
+from enliven.scanning.holes import close_holes, lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
 _GUESSES = 100
@@ -35,7 +35,7 @@ _AGAIN = 3
 
 
 @dataclass(frozen=True)
-class Ground:
+class GroundPlane:
     """The ground plane that objects stand on: normal . x = offset, world.
 
     Attributes:
@@ -53,7 +53,7 @@ class Ground:
         return np.asarray(points @ self.normal - self.offset)
 
 
-def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | None = None) -> Ground:
+def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | None = None) -> GroundPlane:
     """Returns the lowest of the large level planes of a scan.
 
     Args:
@@ -86,7 +86,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
 
 def _fitted(
     normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
-) -> Ground:
+) -> GroundPlane:
     """Returns the plane fitted to the inlier faces of a guessed plane."""
     inside = _lying(normal, offset, normals, middles, s)
     for _ in range(_AGAIN):
@@ -99,7 +99,7 @@ def _fitted(
         normal = fitted if fitted @ normal > 0 else -fitted
         offset = float(normal @ middle)
         inside = _lying(normal, offset, normals, middles, s)
-    return Ground(normal, offset, float(areas[inside].sum()))
+    return GroundPlane(normal, offset, float(areas[inside].sum()))
 
 
 def _lying(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
@@ -122,7 +122,7 @@ def focus_of(poses: list[Float]) -> Float:
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
 
 
-def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
+def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
     """Returns the object that stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred
     on x and z.
 
@@ -152,7 +152,7 @@ def cut_out(mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings |
     return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
-def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = None) -> Mesh:
+def whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
     """Returns the largest connected part of an object that was also seen from below, upright, on y = 0.
 
     Holes with short rims are closed.
@@ -163,7 +163,7 @@ def whole_part(mesh: Mesh, ground: Ground, settings: CutOutSettings | None = Non
 
 
 def parts_about(
-    mesh: Mesh, ground: Ground, focus: Float, settings: CutOutSettings | None = None
+    mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None
 ) -> list[Mesh]:
     """Returns the connected parts that stand on the ground about a point (3,), the most likely object first.
 
@@ -194,10 +194,10 @@ def largest_part(mesh: Mesh) -> Mesh:
     """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
     part = largest(mesh)
     up = np.array([0.0, 1.0, 0.0])
-    return levelled(part, Ground(up, float(part.vertices[:, 1].min()), 0.0))
+    return levelled(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
 
 
-def levelled(mesh: Mesh, ground: Ground) -> Mesh:
+def levelled(mesh: Mesh, ground: GroundPlane) -> Mesh:
     """Returns the mesh rotated upright and moved so that the ground is y = 0, its box centred on x and z."""
     turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
     vertices = mesh.vertices @ turn.T

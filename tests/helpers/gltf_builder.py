@@ -17,7 +17,7 @@ KIND = {
 TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
-class Made:
+class GltfBuilder:
     """A glTF document under construction. Its only buffer is embedded in the text."""
 
     def __init__(self) -> None:
@@ -117,7 +117,7 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
     axis.
     """
     random = np.random.default_rng(seed)
-    gltf = Made()
+    gltf = GltfBuilder()
     top = gltf.node(name="world", scale=[0.5, 0.5, 0.5])
     armature = gltf.node(top, name="armature", scale=[40.0] * 3, rotation=unit(random).tolist())
     base = trs([0, 0, 0], [0, 0, 0, 1], 0.5) @ trs([0, 0, 0], gltf.json["nodes"][armature]["rotation"], 40.0)
@@ -144,7 +144,7 @@ def random_rig(seed: int, path, joints: int = 7, stretched: float | None = None)
     return gltf.write(path)
 
 
-def _meshes(made: Made, random, nodes, bind) -> None:
+def _meshes(made: GltfBuilder, random, nodes, bind) -> None:
     """Adds two meshes with two skins over the same joints, in different orders, spaces and encodings."""
     for number in range(2):
         order = random.permutation(len(nodes)) if number else np.arange(len(nodes))
@@ -201,7 +201,7 @@ def _primitive(made, random, number, half, local, chosen, weights):
     return primitive
 
 
-def _animation(made: Made, random, nodes) -> None:
+def _animation(made: GltfBuilder, random, nodes) -> None:
     channels, samplers = [], []
     times = made.accessor((np.arange(7) * 0.125).astype(np.float32))
     for j, node in enumerate(nodes):
@@ -223,7 +223,7 @@ def _animation(made: Made, random, nodes) -> None:
     made.add("animations", {"name": "odd", "channels": channels, "samplers": samplers})
 
 
-def _stretches(made: Made, random, nodes, offsets, uneven: float) -> None:
+def _stretches(made: GltfBuilder, random, nodes, offsets, uneven: float) -> None:
     """Adds translation and scale tracks in addition to the rotations."""
     (animation,) = made.json["animations"]
     times = made.accessor((np.arange(7) * 0.125).astype(np.float32))

@@ -16,12 +16,12 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Character, GraphShape, MotionKey, PoseStream, Project
 from enliven.modeling.edits.root_layers import RigidMotion, root_motion, root_motions
 from enliven.modeling.mesh import CutSurface
-from enliven.modeling.rig import Merge, Player, Posed, RigEdits
+from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged import Axes
 from enliven.rotation import multiply, normalized, rotate, to_matrix
 
 
-class RootedRig(RigEdits):
+class RootMotionRig(RigEdits):
     """The edits of a rig, for characters with root layers.
 
     Args:
@@ -51,11 +51,11 @@ class RootedRig(RigEdits):
         """Returns a function that gives poses and handles, moved by the root layers."""
         own = self.own.player(project, character)
 
-        def at(time: float) -> Posed:
+        def at(time: float) -> CharacterState:
             (pose, handles), motion = own(time), root_motion(project, character, time)
             linear, positions = _moved(motion, pose.linear, pose.positions)
             moved = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
-            return Posed(moved, motion(handles))
+            return CharacterState(moved, motion(handles))
 
         return at
 

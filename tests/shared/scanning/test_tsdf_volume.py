@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.scanning import DistanceVolume, VolumeSettings, surface_of
+from enliven.scanning import TsdfVolume, VolumeSettings, surface_of
 from enliven.scanning.blocks import SIDE, VOXELS, BlockTable
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -37,7 +37,7 @@ def slow_distance(volume, view, pose, voxel):
 
 
 def test_the_compiled_fusion_is_the_slow_one():
-    volume, poses = DistanceVolume(SETTINGS), [looking(0.0), looking(0.5), looking(-0.4, 1.2, 0.3)]
+    volume, poses = TsdfVolume(SETTINGS), [looking(0.0), looking(0.5), looking(-0.4, 1.2, 0.3)]
     views = [prepared(sphere_depth((0.02, 0, 0.05), 0.3, pose)) for pose in poses]
     for view, pose in zip(views, poses, strict=True):
         volume.allocate(view, pose)
@@ -66,7 +66,7 @@ def test_the_compiled_fusion_is_the_slow_one():
 def test_the_order_of_images_does_not_matter(order):
     poses = [looking(0.2 * k, 1.0 + 0.05 * k) for k in range(5)]
     views = [prepared(sphere_depth((0, 0, 0), 0.3, pose)) for pose in poses]
-    volumes = [DistanceVolume(SETTINGS), DistanceVolume(SETTINGS)]
+    volumes = [TsdfVolume(SETTINGS), TsdfVolume(SETTINGS)]
     for volume, turn in zip(volumes, (range(5), order), strict=True):
         for k in range(5):
             volume.allocate(views[k], poses[k])
@@ -90,7 +90,7 @@ def test_the_surface_of_a_plane_is_the_plane(tilt, turn, distance, roll):
         pose[:3, :3] @ rotation.to_matrix(rotation.from_rotation_vector([tilt, turn, 0.0])) @ [0, 0, -1.0]
     )
     offset = normal @ (pose[:3, 3] + distance * pose[:3, 2])
-    volume = DistanceVolume(SETTINGS)
+    volume = TsdfVolume(SETTINGS)
     view = prepared(plane_depth(normal, offset, pose))
     volume.allocate(view, pose)
     volume.integrate(view, pose)
@@ -103,7 +103,7 @@ def test_the_surface_of_a_plane_is_the_plane(tilt, turn, distance, roll):
 @settings(max_examples=6)
 @given(sigma=st.floats(0.005, 0.02), seed=st.integers(0, 1000))
 def test_noise_does_not_move_a_surface(sigma, seed):
-    volume, pose, random = DistanceVolume(SETTINGS), looking(0.0), np.random.default_rng(seed)
+    volume, pose, random = TsdfVolume(SETTINGS), looking(0.0), np.random.default_rng(seed)
     true = plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose)
     for _ in range(40):
         # The noise of a whole image, up to a third of the band behind: planes through it stay planes.
@@ -112,7 +112,7 @@ def test_noise_does_not_move_a_surface(sigma, seed):
     assert abs(np.median(surface_of(volume).vertices[:, 2])) < 4 * sigma / np.sqrt(40)
     bias = []
     for side in (-1, 1):
-        both = DistanceVolume(SETTINGS)
+        both = TsdfVolume(SETTINGS)
         for off in (sigma, -sigma)[::side]:
             both.integrate(prepared(true + off), pose)
         bias.append(np.median(surface_of(both).vertices[:, 2]))
@@ -142,7 +142,7 @@ def test_a_moved_world_gives_a_moved_surface(vector):
 
 
 def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
-    volume, pose = DistanceVolume(SETTINGS), looking(0.0, 1.5)
+    volume, pose = TsdfVolume(SETTINGS), looking(0.0, 1.5)
     wall = plane_depth(np.array([0.0, 0.0, -1.0]), -0.3, pose)
     hand = np.minimum(wall, sphere_depth((0, 0, -0.5), 0.1, pose))
     for depth in (hand, hand):
@@ -161,7 +161,7 @@ def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
 def test_a_volume_that_forgot_is_as_a_new_one():
     poses = [looking(0.2 * k) for k in range(4)]
     views = [prepared(sphere_depth((0, 0, 0), 0.3, pose)) for pose in poses]
-    again, new = DistanceVolume(SETTINGS), DistanceVolume(SETTINGS)
+    again, new = TsdfVolume(SETTINGS), TsdfVolume(SETTINGS)
     for view, pose in zip(views[:2], poses[:2], strict=True):
         again.integrate(view, pose)
     again.clear()
@@ -179,7 +179,7 @@ def test_memory_follows_the_surface_and_keeps_to_its_limit():
     fine = fused_sphere(settings=replace(SETTINGS, voxel=0.01)).blocks.count
     finer = fused_sphere(settings=replace(SETTINGS, voxel=0.005)).blocks.count
     assert 3.0 < finer / fine < 5.5  # four times the blocks of a quarter of the area, not eight times
-    small = DistanceVolume(replace(SETTINGS, voxel=0.004, memory=16))
+    small = TsdfVolume(replace(SETTINGS, voxel=0.004, memory=16))
     pose = looking(0.0, 1.5)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose))
     results = [small.integrate(view, pose) for _ in range(4)]
@@ -188,7 +188,7 @@ def test_memory_follows_the_surface_and_keeps_to_its_limit():
 
 
 def test_thin_parts_stay_whole_from_both_sides():
-    volume = DistanceVolume(VolumeSettings(voxel=0.005, noise=EVEN, reach=5.0))
+    volume = TsdfVolume(VolumeSettings(voxel=0.005, noise=EVEN, reach=5.0))
     normal = np.array([0.0, 0.0, 1.0])
     for angle in (0.0, np.pi, 0.4, np.pi + 0.4, -0.4, np.pi - 0.4):
         pose = looking(angle)
@@ -201,7 +201,7 @@ def test_thin_parts_stay_whole_from_both_sides():
 
 
 def test_colours_are_those_of_the_image():
-    volume, pose = DistanceVolume(SETTINGS), looking(0.0)
+    volume, pose = TsdfVolume(SETTINGS), looking(0.0)
     colour = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
     colour[:, : CAMERA.width // 2], colour[:, CAMERA.width // 2 :] = (200, 10, 30), (20, 220, 60)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose), colour=colour)
@@ -214,7 +214,7 @@ def test_colours_are_those_of_the_image():
 
 
 def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
-    volume, pose = DistanceVolume(SETTINGS), looking(0.0)
+    volume, pose = TsdfVolume(SETTINGS), looking(0.0)
     wall = plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose)
     for _ in range(5):
         volume.integrate(prepared(wall), pose)

@@ -20,10 +20,10 @@ from enliven.meshes import Mesh
 from enliven.modeling.edits import (
     change_layers,
     foot_of,
-    give_performance,
     move_character,
     paste_character,
     shift_character,
+    transfer_performance,
     vertices_of,
 )
 from enliven.modeling.possessed import possess_another, solve_again, stale
@@ -54,7 +54,7 @@ def with_stool(size: float = 1.0, place=(2.0, 0.0, 1.0)) -> Project:
 def test_transferred_performance_keeps_position_and_size():
     before = with_stool(0.5)
     stood = vertices_of(before, "stool", 0.0)
-    project, name = give_performance(before, SOURCE, "stool", nodes=NODES)
+    project, name = transfer_performance(before, SOURCE, "stool", nodes=NODES)
     assert name == "stool" and set(project.characters) == set(before.characters)
     seen = vertices_of(project, name, 0.0)
     np.testing.assert_allclose(foot_of(seen), foot_of(stood), atol=1e-6)
@@ -70,8 +70,8 @@ def test_transferred_performance_keeps_position_and_size():
 @settings(deadline=None, max_examples=4)
 @given(size=st.floats(0.05, 20.0), x=st.floats(-9, 9), z=st.floats(-9, 9))
 def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size, x, z):
-    usual, name = give_performance(with_stool(), SOURCE, "stool", nodes=NODES)
-    other, _ = give_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)
+    usual, name = transfer_performance(with_stool(), SOURCE, "stool", nodes=NODES)
+    other, _ = transfer_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)
     height = np.ptp(STOOL.vertices[:, 1])
     for time in (0.0, 0.5, LAST):
         here, there = (vertices_of(project, name, time) for project in (usual, other))
@@ -90,7 +90,7 @@ def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size,
 
 def test_transferred_performance_keeps_timing():
     project = change_layers(shift_character(with_stool(), SOURCE, 1.5), SOURCE, [0], speed=0.5, loop=True)
-    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    transferred, name = transfer_performance(project, SOURCE, "stool", nodes=NODES)
     part, source = transferred.graph(name).parts[0], transferred.graph(SOURCE).parts[0]
     assert (
         (part.offset, part.speed, part.loop) == (source.offset, source.speed, source.loop) == (1.5, 0.5, True)
@@ -101,11 +101,11 @@ def test_transferred_performance_keeps_timing():
 def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
     source, other = world()
     project, name = paste_character(WORLD, source, other)
-    transferred, copy = give_performance(project, SOURCE, name, time=0.2, nodes=NODES)
+    transferred, copy = transfer_performance(project, SOURCE, name, time=0.2, nodes=NODES)
     assert copy == f"{name} performed" and same(transferred.characters[name], project.characters[name])
     height = np.ptp(vertices_of(project, name, 0.2)[:, 1])
     assert np.ptp(vertices_of(transferred, copy, 0.0)[:, 1]) == pytest.approx(height, rel=0.25)
-    transferred_twice, second = give_performance(transferred, SOURCE, name, nodes=NODES)
+    transferred_twice, second = transfer_performance(transferred, SOURCE, name, nodes=NODES)
     assert second == f"{name} performed 2" and set(transferred_twice.characters) == {
         *transferred.characters,
         second,
@@ -114,32 +114,32 @@ def test_of_any_other_character_a_copy_performs_and_the_character_stays(world):
 
 def test_unedited_mesh_receives_the_motion_itself():
     project = make_puppet(WORLD, replace(STOOL, vertices=2.0 * STOOL.vertices), "stool")
-    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    transferred, name = transfer_performance(project, SOURCE, "stool", nodes=NODES)
     assert name == "stool" and set(transferred.characters) == set(project.characters)
     assert transferred.graph("stool").parts[0].possession is not None
 
 
 def test_animated_target_is_copied():
     project, copied = paste_character(WORLD, WORLD, SOURCE)
-    transferred, name = give_performance(project, SOURCE, copied, nodes=NODES)
+    transferred, name = transfer_performance(project, SOURCE, copied, nodes=NODES)
     assert name == f"{copied} performed" and same(transferred.graph(copied), project.graph(copied))
 
 
 def test_impossible_transfer_is_reported():
     project = with_stool()
     with pytest.raises(InputError, match="performers moved no part"):
-        give_performance(project, "stool", SOURCE)
+        transfer_performance(project, "stool", SOURCE)
     with pytest.raises(InputError, match="already performed this way"):
-        give_performance(project, SOURCE, SOURCE)
+        transfer_performance(project, SOURCE, SOURCE)
     bare = project.graph("stool")
     flat = bare.with_changes(mesh=Mesh(bare.mesh.vertices, bare.mesh.faces[:0], "stool"))
     with pytest.raises(InputError, match="no surface"):
-        give_performance(project.with_characters(flat), SOURCE, "stool")
+        transfer_performance(project.with_characters(flat), SOURCE, "stool")
     nobody = project.graph(SOURCE).parts[0]
     away = replace(nobody.possession, holds=(HoldChange(0.1, performer=9),))
     shape = project.graph(SOURCE).with_changes(parts=(replace(nobody, possession=away),))
     with pytest.raises(InputError, match="not in view"):
-        give_performance(project.with_characters(shape), SOURCE, "stool", nodes=NODES)
+        transfer_performance(project.with_characters(shape), SOURCE, "stool", nodes=NODES)
 
 
 def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
@@ -147,7 +147,7 @@ def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
     stool = project.graph("stool")
     ends = stool.mesh.vertices[[0, 40, 80, 120, 160]]
     project = project.with_characters(stool.with_changes(ends=ends))
-    transferred, name = give_performance(project, SOURCE, "stool", nodes=NODES)
+    transferred, name = transfer_performance(project, SOURCE, "stool", nodes=NODES)
     graph = transferred.graph(name)
     np.testing.assert_allclose(graph.ends, graph.mesh.vertices[[0, 40, 80, 120, 160]], atol=1e-9)
 
