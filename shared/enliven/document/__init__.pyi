@@ -77,8 +77,8 @@ from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
 from .smoothing import smoothed as smoothed
 from .time_map import (
-    FASTEST as FASTEST,
-    SLOWEST as SLOWEST,
+    MAX_SPEED as MAX_SPEED,
+    MIN_SPEED as MIN_SPEED,
     Moment as Moment,
     LayerBase as LayerBase,
     Segment as Segment,

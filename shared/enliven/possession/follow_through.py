@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph import painted_stiffness, stiffness_at
 from enliven.document import Character
 
-SOFTEST = 1.0 / 16.0
+FULL_SWING_STIFFNESS = 1.0 / 16.0
 """Stiffness factor at which a part swings in full. Between this factor and 1, softness follows the
 logarithm."""
 _FREQUENCY = 2.0 * np.pi * 2.0
@@ -48,7 +48,7 @@ class FollowThrough:
     def __init__(self, stiffness: Float | None, exaggeration: float) -> None:
         self._softness: Float = np.zeros((0, 1))
         if stiffness is not None:
-            self._softness = np.clip(np.log(stiffness) / np.log(SOFTEST), 0.0, 1.0)[:, None]
+            self._softness = np.clip(np.log(stiffness) / np.log(FULL_SWING_STIFFNESS), 0.0, 1.0)[:, None]
         self._exaggeration = exaggeration
         self.restart()
 

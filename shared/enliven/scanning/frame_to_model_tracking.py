@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.icp import BINS, MOMENTS, SQUARES, SUMS, WIDEST, residuals
+from enliven.scanning.icp import BINS, MAX_CHORD, MOMENTS, SQUARES, SUMS, residuals
 from enliven.scanning.rigid import cross_matrix, moved
 from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.threads import in_pieces
@@ -221,5 +221,5 @@ def _noise(weights: Float) -> float:
     total = np.concatenate([[0.0], np.cumsum(weights)])
     if total[-1] <= 0.0:
         return 0.0
-    edges = (WIDEST * np.square(np.arange(BINS + 1) / BINS)) ** 2
+    edges = (MAX_CHORD * np.square(np.arange(BINS + 1) / BINS)) ** 2
     return float(np.interp(0.5 * total[-1], total, edges) / (2.0 * np.log(2.0)))

@@ -24,7 +24,7 @@ products (6, the upper half, row by row). After these comes a histogram of the w
 the two normals."""
 _OPPOSED = 0.5
 """Cosine between a point's normal and the surface's below which they belong to two different sides."""
-WIDEST = 1.0
+MAX_CHORD = 1.0
 """Twice the sine of half the angle of ``_OPPOSED``: the upper edge of the last bin of angles."""
 
 
@@ -152,7 +152,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             sums[r, MOMENTS + 8] += w * qz * qz
             # Add to the histogram of the angle between the normal of the image and the gradient of the
             # surface.
-            chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / WIDEST
+            chord = np.sqrt(2.0 - 2.0 * min(along / max(slope, 1e-12), 1.0)) / MAX_CHORD
             sums[r, MOMENTS + 9 + min(int(BINS * np.sqrt(chord)), BINS - 1)] += w
             # Add the symmetrised products of surface gradients and image normals. The noise of the two is
             # independent, so it averages out in these products.

@@ -111,7 +111,7 @@ class GraphShape(RigBase):
         return tuple(np.cumsum([0, *(len(part.nodes) for part in self.parts)]).tolist())
 
 
-_REST = "rest"
+_REST_STREAM_ID = "rest"
 """The id of the stream of a possessed mesh at rest."""
 
 
@@ -122,8 +122,8 @@ def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tu
     skin = SkinWeights(
         np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
     )
-    stream = PoseStream(_REST, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
-    part = GraphPart(_REST, np.arange(len(nodes)))
+    stream = PoseStream(_REST_STREAM_ID, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
+    part = GraphPart(_REST_STREAM_ID, np.arange(len(nodes)))
     return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
 
 
