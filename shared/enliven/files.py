@@ -2,8 +2,9 @@
 
 :func:`read_file` reads a file completely. :func:`write_file` or :func:`replace_file` write a file of our own
 completely or not at all. Every file that a file names (buffers and images of a glTF, materials and textures
-of an OBJ) is opened by :class:`Beside`: regular files in that file's own folder or below it, of a bounded
-size. Pipes, devices, links to other places and paths that leave the folder are refused with a sentence.
+of an OBJ) is opened by :class:`ReferencedFiles`: regular files in that file's own folder or below it, of a
+bounded size. Pipes, devices, links to other places and paths that leave the folder are refused with a
+sentence.
 """
 
 from __future__ import annotations
@@ -509,7 +510,7 @@ def _write_over(part: Path, target: Path) -> None:
     part.unlink()
 
 
-class Beside:
+class ReferencedFiles:
     """Opens the files that one file names: only those in its own folder or below.
 
     Args:

@@ -30,11 +30,11 @@ def njit(*, cache: bool = False, **options: Any) -> Any:
 
 
 @structref.register
-class HeldType(types.StructRef):  # type: ignore[misc]
+class HeldArgumentsType(types.StructRef):  # type: ignore[misc]
     """The type of held arguments in a kernel. Its one field ``values`` contains them; see :func:`hold`."""
 
 
-class Held(structref.StructRefProxy):  # type: ignore[misc]
+class HeldArguments(structref.StructRefProxy):  # type: ignore[misc]
     """A pointer to arguments that stay the same over many calls, made by :func:`hold`.
 
     A kernel reads its ``values``.
@@ -43,7 +43,7 @@ class Held(structref.StructRefProxy):  # type: ignore[misc]
     __slots__ = ()
 
 
-structref.define_boxing(HeldType, Held)
+structref.define_boxing(HeldArgumentsType, HeldArguments)
 
 
 def _held(values: tuple[Any, ...]) -> SimpleNamespace:
@@ -54,7 +54,7 @@ def _held(values: tuple[Any, ...]) -> SimpleNamespace:
 @overload(_held)
 def _held_in_kernels(values):
     """Returns the function with which a kernel makes a structure of values of these types."""
-    kind = HeldType((("values", types.unliteral(values)),))
+    kind = HeldArgumentsType((("values", types.unliteral(values)),))
 
     def make(values):
         held = structref.new(kind)
@@ -66,7 +66,7 @@ def _held_in_kernels(values):
 
 @njit(cache=True)
 def hold(values):
-    """Returns a :class:`Held` of arrays, numbers, and tuples and named tuples of them.
+    """Returns a :class:`HeldArguments` of arrays, numbers, and tuples and named tuples of them.
 
     Numba inspects every array argument of a call, which takes 0.15 microseconds each. The kernels of a
     deformation graph take 53 arrays in each frame. A pointer to all of them takes the time of one. The arrays

@@ -21,7 +21,7 @@ _VECTOR = vector_of(EIGHT)
 _NONE = ir.Constant(_VECTOR, ir.Undefined)
 _ZERO = ir.Constant(_VECTOR, [0.0] * 8)
 _SHORT = ir.VectorType(ir.IntType(16), 8)
-_WIDEST = 32767.0
+_MAX_INT16 = 32767.0
 """The largest int16."""
 _LEAST = 1e-30
 """Minimum of a block's largest number, so that a block of zeros also has a scale."""
@@ -190,13 +190,13 @@ def shorten6(typing, block, index, short, to):
             other = _shuffled(builder, most, _NONE, [(i + step) % 8 for i in range(8)])
             most = _called(builder, "llvm.maxnum.v8f32", most, other)
         data = context.make_array(sig.args[2])(context, builder, args[2]).data
-        scale = builder.fdiv(_everywhere(_WIDEST), most)
+        scale = builder.fdiv(_everywhere(_MAX_INT16), most)
         for r, row in enumerate(rows):
             whole = _called(builder, "llvm.rint.v8f32", builder.fmul(scale, row))
             whole = builder.trunc(builder.fptosi(whole, ir.VectorType(I32, 8)), _SHORT)
             place = builder.gep(data, [builder.add(args[3], ir.Constant(I64, _ROWS * r))])
             builder.store(whole, builder.bitcast(place, _SHORT.as_pointer())).align = 2
-        return builder.extract_element(builder.fdiv(most, _everywhere(_WIDEST)), ir.Constant(I32, 0))
+        return builder.extract_element(builder.fdiv(most, _everywhere(_MAX_INT16)), ir.Constant(I32, 0))
 
     return signature(types.float32, block, types.intp, short, types.intp), generate
 

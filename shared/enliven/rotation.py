@@ -13,7 +13,7 @@ from enliven.kernels import njit
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """(4,) the identity rotation."""
-_FLATTEST = 1e-4
+_MIN_STRETCH = 1e-4
 """Minimum stretch of a map. Smaller values are invisible, and the logarithm of zero does not exist."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """(6,) rows and columns of the numbers xx, yy, zz, xy, xz, yz in a symmetric matrix."""
@@ -276,12 +276,12 @@ def _jacobi_turn(k, v, p, q):
 def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
     """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
-    The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_FLATTEST` are raised
-    to it, and reflections are ignored.
+    The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_MIN_STRETCH` are
+    raised to it, and reflections are ignored.
     """
     stretch = np.swapaxes(to_matrix(turns), -1, -2) @ np.asarray(linear, np.float64)
     sizes, axes = np.linalg.eigh((stretch + np.swapaxes(stretch, -1, -2)) / 2.0)
-    logs = np.log(np.maximum(np.abs(sizes), _FLATTEST))
+    logs = np.log(np.maximum(np.abs(sizes), _MIN_STRETCH))
     return np.asarray(_as_matrix(logs, axes)[..., _ROWS, _COLUMNS])
 
 

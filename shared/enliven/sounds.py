@@ -39,7 +39,7 @@ class Sound:
         return self.begin + len(self.samples) / SOUND_RATE
 
 
-_LOUDEST = 32767
+_MAX_INT16 = 32767
 """The largest sample of 16 bits."""
 
 
@@ -51,7 +51,7 @@ def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
         low, high = max(first, begin), min(first + count, begin + len(sound.samples))
         if low < high:
             heard[low - first : high - first] += sound.samples[low - begin : high - begin]
-    return np.clip(heard, -_LOUDEST - 1, _LOUDEST).astype(np.int16)
+    return np.clip(heard, -_MAX_INT16 - 1, _MAX_INT16).astype(np.int16)
 
 
 def heard_from(sounds: Iterable[Sound], second: float) -> Int16:

@@ -23,7 +23,7 @@ from enliven.possession import ActorSettings, standing_figure
 from enliven.possession.attachment import Growth, attach
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.likeness.any_mesh import body_by_extremities
-from enliven.possession.preparing import as_moved, prepared
+from enliven.possession.preparation import as_moved, prepared
 
 PEER = "extremities by height alone"
 

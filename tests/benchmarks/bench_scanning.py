@@ -26,9 +26,9 @@ from enliven.meshes import Mesh, load_mesh, save_mesh
 from enliven.samples import load_sample
 from enliven.scanning import (
     DepthPreparation,
-    DistanceVolume,
     Scanner,
     ScanSettings,
+    TsdfVolume,
     VolumeSettings,
     decimated,
     draw_mesh,
@@ -96,7 +96,7 @@ def _fusion(frames: list[DepthFrame], truth: list[np.ndarray]) -> Iterator[Figur
     alternately."""
     depths = [np.where(frame.depth < 1000 * PERSON, frame.depth, 0).astype(np.uint16) for frame in frames]
     camera, settings = frames[0].intrinsics, VolumeSettings(voxel=0.005)
-    volume = DistanceVolume(settings)
+    volume = TsdfVolume(settings)
     preparation = DepthPreparation(camera, settings.noise, settings.near, settings.far)
     peer, ours, theirs = _open3d(camera), list[float](), list[float]()
     for depth, pose in zip(depths, truth, strict=True):

@@ -71,7 +71,7 @@ def _loaded(path: Path) -> ctypes.CDLL:
     return library
 
 
-class Board:
+class MatchList:
     """An ATmega328P with the firmware. Its time advances only within :meth:`run`."""
 
     def __init__(self, firmware: Path) -> None:
@@ -146,7 +146,7 @@ class LivePanel(Pedal):
     def plug(self) -> None:
         super().plug()
         os.set_blocking(self._master, False)
-        self.board = Board(self._firmware)
+        self.board = MatchList(self._firmware)
         self._on, self._elapsed = True, 0.0
         self._thread = threading.Thread(target=self._live, daemon=True)
         self._thread.start()

@@ -12,7 +12,7 @@ from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, enco
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from panel_for_tests import BUTTONS, LAMPS, Board
+from panel_for_tests import BUTTONS, LAMPS, MatchList
 
 LIT = Lamps(attract="breathing", possess="steady", locked="off", ill="flashing")
 NO_EDGE = 0.05
@@ -21,7 +21,7 @@ NO_EDGE = 0.05
 
 @pytest.fixture
 def board(firmware):
-    opened = Board(firmware)
+    opened = MatchList(firmware)
     yield opened
     opened.close()
 
@@ -31,7 +31,7 @@ def counts(said: bytes) -> str:
     return [body for body in Decoder().feed(said) if body[0] == "P"][-1][5:]
 
 
-def lit(board: Board, milliseconds: int = 400, edge: Lamps | None = None) -> dict[str, float]:
+def lit(board: MatchList, milliseconds: int = 400, edge: Lamps | None = None) -> dict[str, float]:
     """Returns the fraction of time for which each lamp is lit, with an edge that sends five times per
     second."""
     before = {name: board.lamp(name)[0] for name in LAMPS}

@@ -1,7 +1,7 @@
 """The rule that every reader must keep.
 
-A reader returns a usable value or raises an EnlivenError (on the wire Malformed, or the ValueError that
-receivers expect for an array). Nothing else may happen, and time and memory are bounded.
+A reader returns a usable value or raises an EnlivenError (on the wire MalformedMessageError, or the
+ValueError that receivers expect for an array). Nothing else may happen, and time and memory are bounded.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from random import Random
 import numpy as np
 from fuzz_mutations import mutated
 from fuzz_seeds import character, json_anew, poses, recording
-from made_gltf import random_rig
+from gltf_builder import random_rig
 from surgery_worlds import random_project
 
 from enliven.document import graph_shape_of

@@ -30,7 +30,7 @@ from enliven.settings import load_settings
 from enliven.takes import upright_capture
 from enliven.takes.possessed import read_possessed
 from enliven.wire import characters, convert, convert_characters, envelope, streams, topics
-from enliven.wire.envelope import Malformed
+from enliven.wire.envelope import MalformedMessageError
 from enliven.wire.matches import message_to_board
 from enliven.wire.posecode import PoseCodec
 from enliven_edge.importing.bags.reader import BagReader
@@ -74,7 +74,7 @@ def _control(data: bytes, folder: Path) -> None:
     for topic in (topics.REQUEST, topics.REPLY):
         try:
             reply = envelope.unpack_control(data, topic)
-        except Malformed:
+        except MalformedMessageError:
             continue
         body = getattr(reply, "body", None)
         if isinstance(body, characters.CharacterMessage):
@@ -175,7 +175,7 @@ def targets() -> list[Target]:
     character = msgspec.msgpack.encode({"id": 1, "body": _with_type(payloads["character"])})
     head = bytes([envelope.VERSION])
     controls = [msgspec.msgpack.encode(message) for message in seeds.requests()] + [character]
-    wire = (Malformed, EnlivenError, ValueError)
+    wire = (MalformedMessageError, EnlivenError, ValueError)
     mesh_seeds = {
         ".obj": (texts.OBJ, texts.CONCAVE_OBJ, models.mesh(".obj")),
         ".ply": (texts.PLY, texts.MIXED_PLY, models.mesh(".ply")),

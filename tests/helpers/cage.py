@@ -13,11 +13,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Character, GraphPart, GraphShape, Pose, PoseStream, Project, SkinWeights, unused
 from enliven.document.rig import RigBase
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.meshes import Mesh
 from enliven.modeling.edits import RIGS
 from enliven.modeling.mesh import CutSurface, cut_by_stroke
-from enliven.modeling.rig import Merge, Player, Posed, RigEdits
+from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged import Axes
 from enliven.rotation import rotate
 
@@ -26,7 +26,7 @@ CORNERS = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
 
 
 @dataclass(frozen=True, eq=False)
-class Swing(Playing):
+class Swing(LayerBase):
     """A stream of four positions that moves the corners of a cage."""
 
     take: str
@@ -103,10 +103,12 @@ class CageRig(RigEdits):
         return Character(cage.id, vertices, cage.mesh.faces, skin, corners, edges)
 
     def player(self, project: Project, cage: Cage) -> Player:
-        def at(time: float) -> Posed:
+        def at(time: float) -> CharacterState:
             corners = self.corners_at(project, cage, time)
             linear = np.tile(cage.linear.astype(np.float32), (4, 1, 1))
-            return Posed(Pose(cage.id, round(time * 1e9), linear, corners.astype(np.float32)), corners)
+            return CharacterState(
+                Pose(cage.id, round(time * 1e9), linear, corners.astype(np.float32)), corners
+            )
 
         return at
 

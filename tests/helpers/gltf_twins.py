@@ -11,13 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from made_gltf import Made
+from gltf_builder import GltfBuilder
 
 HALF = [0.0, 0.0, float(np.sin(0.4)), float(np.cos(0.4))]
 """A rotation of 0.8 radians about z, as (x, y, z, w)."""
 
 
-class Twin(Made):
+class Twin(GltfBuilder):
     """A GLB under construction."""
 
     def accessor(self, array: np.ndarray, **entries) -> int:

@@ -10,7 +10,7 @@ from enliven.document.rigged import Shape, character_of
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import from_rotation_vector, multiply, rotate
-from enliven.takes.performed import Performed
+from enliven.takes.performed import PerformedMotion
 
 STEP = 33_333_333
 FRAMES = 12
@@ -30,7 +30,7 @@ ARM = arm()
 BONES = len(ARM.skeleton)
 
 
-def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Performed:
+def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> PerformedMotion:
     """Returns an edge's performance of the arm: ``own`` (F, N, 4) rotations of the bones, with the root moved
     sideways."""
     parents = ARM.skeleton.parents
@@ -46,7 +46,7 @@ def performed(own: np.ndarray, name: str = "take 1", root: float = 0.0) -> Perfo
         seen = pose_from(ARM, ShapePose(turns, joints), 0.0)
         poses.append(Pose("arm", BEGIN + frame * STEP, seen.linear, seen.positions))
     key = ("arm", 3)
-    return Performed(name, BEGIN, characters={key: character_of(ARM)}, poses={key: poses})
+    return PerformedMotion(name, BEGIN, characters={key: character_of(ARM)}, poses={key: poses})
 
 
 def waving(bones: dict[int, float]) -> np.ndarray:

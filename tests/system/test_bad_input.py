@@ -27,7 +27,7 @@ AS_PROCESS = {"foreign.obj", "foreign.mcap"}
 
 
 @dataclass
-class Said:
+class CommandResult:
     """The exit code of a command line, and its standard error."""
 
     returncode: int
@@ -43,10 +43,10 @@ def started(*arguments: str) -> subprocess.CompletedProcess:
 def enliven(capsys, caplog):
     """Runs a command line in this process."""
 
-    def run(*arguments: str) -> Said:
+    def run(*arguments: str) -> CommandResult:
         with caplog.at_level(logging.INFO):
             code = cli.run(list(arguments))
-        return Said(code, capsys.readouterr().err + caplog.text)
+        return CommandResult(code, capsys.readouterr().err + caplog.text)
 
     return run
 

@@ -87,7 +87,7 @@ class House:
 
     @property
     def holders(self) -> dict[int, list[str]]:
-        return {hold.body: [grip.parts for grip in hold.grips] for hold in self.actor.holds}
+        return {hold.body: [grip.parts for grip in hold.attachments] for hold in self.actor.holds}
 
 
 @pytest.fixture

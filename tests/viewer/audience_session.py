@@ -28,7 +28,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 
 PATIENCE = 60.0
 """Timeout in seconds."""
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 pictures: dict[str, np.ndarray] = {}
 
@@ -39,7 +39,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -
     perform = workspace.perform
 
     def until(done: Callable[[], object], what: str) -> None:
-        said["waits for"], end = what, time.monotonic() + PATIENCE
+        report["waits for"], end = what, time.monotonic() + PATIENCE
         while not done():
             if time.monotonic() > end:
                 raise TimeoutError(what)
@@ -54,35 +54,35 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, feed: Feed) -
     shot("before")
     feed.empty = False
     until(lambda: perform.performers and not loop.loss, "somebody who performs")
-    said["live"] = [loop.loss, perform.live.playhead.live]
+    report["live"] = [loop.loss, perform.live.playhead.live]
     until(lambda: len(perform.live.document.timeline) > 40, "some seconds")
     shot("performing")
-    said["widgets"] = sorted(workspace.widgets)
-    said["area"] = [list(window.places.viewport)[:2], bool(window.places.viewport.width > 640)]
+    report["widgets"] = sorted(workspace.widgets)
+    report["area"] = [list(window.places.viewport)[:2], bool(window.places.viewport.width > 640)]
     feed.empty = True
     until(lambda: loop.loss == "away", "that it is noticed")
-    said["words"] = loop.words
+    report["words"] = loop.words
     ctx.yield_(3)
     shot("away")
     began, seen = perform.live.playhead.time_ns, set[int]()
     until(lambda: seen.add(perform.live.playhead.time_ns) or len(seen) > 5, "a replay that goes on")
     shot("away later")
-    said["moves"] = float(np.abs(pictures["away"].astype(int) - pictures["away later"]).mean())
-    said["replays"] = [not perform.live.playhead.live, bool(began)]
+    report["moves"] = float(np.abs(pictures["away"].astype(int) - pictures["away later"]).mean())
+    report["replays"] = [not perform.live.playhead.live, bool(began)]
     feed.empty = False
     until(lambda: not loop.loss, "the edge again")
     ctx.yield_(3)
-    said["back"] = [loop.words, perform.live.playhead.live]
+    report["back"] = [loop.words, perform.live.playhead.live]
     ctx.key_press(int(imgui.Key.f11))
     ctx.yield_(4)
-    said["windowed"] = [window.audience, "room Play" in workspace.widgets]
+    report["windowed"] = [window.audience, "room Play" in workspace.widgets]
     shot("windowed")
     ctx.key_press(int(imgui.Key.f11))
     ctx.yield_(4)
     workspace.widgets.clear()
     ctx.yield_(3)
-    said["again"] = [window.audience, "room Play" in workspace.widgets]
-    said["done"] = True
+    report["again"] = [window.audience, "room Play" in workspace.widgets]
+    report["done"] = True
     ctx.key_press(int(imgui.Key.escape))
 
 
@@ -105,7 +105,7 @@ def main() -> None:
 
     with coarse_pixels(lambda: large, every=1):
         window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window, feed)))
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ AGAIN = 5.0
 """Seconds until an artist tries again: an edge that compiles is silent, and refuses."""
 PAUSE = 0.02
 """Seconds between two polls, so that the edge gets processor time."""
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
@@ -73,20 +73,20 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     editor, perform = workspace.editor, workspace.perform
 
     def until(done: Callable[[], object], what: str, ask: Callable[[], object] = lambda: None) -> None:
-        said["waits for"] = what
+        report["waits for"] = what
         end, asked = time.monotonic() + PATIENCE, -AGAIN
         while not done():
             if time.monotonic() - asked > AGAIN and perform.connected:
                 ask()
                 asked = time.monotonic()
-                said["asked"] = [what, workspace.actions.recent[:2]]
+                report["asked"] = [what, workspace.actions.recent[:2]]
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
                 state = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
                 state += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
                 state.append(imgui.get_io().want_text_input)
-                said["missing"] = [what, perform.sender.states, toasts, state]
+                report["missing"] = [what, perform.sender.states, toasts, state]
                 raise TimeoutError(what)
             ctx.yield_()
             time.sleep(PAUSE)
@@ -113,7 +113,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     click("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
     until(lambda: perform.holders and perform.performers, "somebody who holds the chair")
-    said["words"] = [holder.words for holder in perform.holders]
+    report["words"] = [holder.words for holder in perform.holders]
     shot("held")
     close_by(ctx, window, until, shot)
     click("waits arm")
@@ -123,41 +123,41 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
     began = time.monotonic()
     until(lambda: np.ptp(perform.live.document.characters["arm"].vertices[:, 1]) > 1.1 * tall, "the edit")
-    said["edit_s"] = time.monotonic() - began
+    report["edit_s"] = time.monotonic() - began
     perform.recording.count_in = False
     record = lambda: click("record") if perform.recording.phase == "idle" else None  # noqa: E731
     until(lambda: perform.recording.recorder.seconds > 0.8, "a second of recording", record)
-    said["growing"] = list(perform.recording.clip)
+    report["growing"] = list(perform.recording.clip)
     shot("recording")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.r))
     ctx.yield_()
     chair = editor.project.graphs.get("chair")
-    said["recorded"] = [sorted(editor.project.characters), list(editor.project.bodies), editor.playing]
-    said["solvable"] = chair is not None and chair.parts[0].possession is not None
+    report["recorded"] = [sorted(editor.project.characters), list(editor.project.bodies), editor.playing]
+    report["solvable"] = chair is not None and chair.parts[0].possession is not None
     shot("recorded")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))
     ctx.yield_()
-    said["undone"] = [sorted(editor.project.characters), editor.history.redo_name]
+    report["undone"] = [sorted(editor.project.characters), editor.history.redo_name]
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
     ctx.yield_()
     before = [perform.recording.recorder.newest_ns, len(editor.project.takes)]
     until(lambda: recording(0.8), "a second recording")
     edge.kill()
     until(lambda: perform.recording.phase == "idle", "the end of the recording")
-    said["kept"] = [len(editor.project.takes) - before[1], [t.text for t in editor.toasts.shown]]
+    report["kept"] = [len(editor.project.takes) - before[1], [t.text for t in editor.toasts.shown]]
     shot("gone")
     edge.start()
     until(lambda: perform.connected and perform.holders and "arm" in perform.standing, "all of it again")
-    said["undone both"] = editor.history.names[-2:]
+    report["undone both"] = editor.history.names[-2:]
     until(lambda: recording(0.8), "a third recording")
     perform.recording.record()
-    said["takes"] = [name for name in editor.project.takes if name.startswith("take")]
+    report["takes"] = [name for name in editor.project.takes if name.startswith("take")]
     layered(ctx, window, until, recording)
     click("stands arm")
-    said["each"] = each_action(ctx, window, until)
+    report["each"] = each_action(ctx, window, until)
     click("room Play")
     shot("play")
-    said["done"] = True
+    report["done"] = True
     workspace.store.forget()
     window.close()
 
@@ -181,7 +181,7 @@ def close_by(
     until(lambda: perform.holders, "who holds the chair again", lambda: ctx.key_press(int(imgui.Key.p)))
     until(lambda: perform.close_up.box is None, "the view of before")
     ctx.key_press(int(imgui.Key.c))
-    said["close"] = [near[5] < 0.9 * before[5], camera.goal == before, perform.close_up.on]
+    report["close"] = [near[5] < 0.9 * before[5], camera.goal == before, perform.close_up.on]
 
 
 def layered(
@@ -210,7 +210,7 @@ def layered(
         shown.append([sorted(perform.hidden), [actor.character.id for actor in perform.scene.actors]])
         perform.recording.record()
         counts.append(len({layer.take for layer in editor.project.shapes["arm"].layers}))
-    said["layered"], said["shown once"] = counts, shown
+    report["layered"], report["shown once"] = counts, shown
 
 
 def each_action(
@@ -269,7 +269,7 @@ def main() -> None:
             name = wanted.pop()
             if len(sys.argv) > 2:
                 Image.fromarray(window.pixels()).save(Path(sys.argv[2]) / f"{name}.png")
-        if "missing" in said:
+        if "missing" in report:
             workspace.store.forget()
             window.close()
 
@@ -278,7 +278,7 @@ def main() -> None:
             window.run(seconds=600, after=after, register_tests=scripted(lambda ctx: work(ctx, window, edge)))
     finally:
         edge.kill()
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ PATIENCE = 150.0
 """Timeout in seconds: kernels may have to be compiled first."""
 PAUSE = 0.05
 """Seconds between two frames while waiting: each frame takes processor time from the edge."""
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
@@ -43,7 +43,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         while not done():
             if time.monotonic() > end:
                 state = [scan.said.phase, scan.said.note, scan.said.mend, scan.said.tracking, scan.said.fused]
-                said["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
+                report["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
             watch()
@@ -106,11 +106,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
             ctx.yield_()
             ctx.mouse_up(0)
             ctx.yield_()
-        said["dragged"] = [before.tolist(), scan.box.corners.tolist()]
-        said["view kept"] = bool((eye == editor.lens.view.camera_from_world).all())
+        report["dragged"] = [before.tolist(), scan.box.corners.tolist()]
+        report["view kept"] = bool((eye == editor.lens.view.camera_from_world).all())
         shot("dragged")
 
-    said["lacks"] = workspace.actions["scan.start"].why_not()
+    report["lacks"] = workspace.actions["scan.start"].why_not()
     workspace.actions.do("scan.open")
     shot("before")
     words = ("--recording", recording, "--loop", "--speed", "0.7")
@@ -120,20 +120,20 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     click("scan size")
     ctx.yield_(2)
     click("scan room")
-    said["size"] = scan.size
+    report["size"] = scan.size
     press("scan start", lambda: scan.active)
     until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
     shot("begun")
     first = len(scan.surface[0].faces)
     until(lambda: scan.said.fused > 16 and scan.said.view, "more of it")
-    said["grown"] = [first, len(scan.surface[0].faces)]
-    said["words"] = advice_of(scan.said).text
+    report["grown"] = [first, len(scan.surface[0].faces)]
+    report["words"] = advice_of(scan.said).text
     shot("growing")
     press("scan pause", lambda: scan.said.phase == "paused")
     shot("paused")
     before = scan.said.fused
     press("scan undo", lambda: scan.said.fused < before)
-    said["undone"] = [before, scan.said.fused]
+    report["undone"] = [before, scan.said.fused]
     drag_the_box()
     press("scan pause", lambda: scan.said.phase == "scanning")
     until(lambda: scan.said.fused > 26, "the rest")
@@ -144,8 +144,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: "scan" in perform.standing and not scan.shown, "it on the stage")
     ctx.yield_(20)
     character = editor.project.characters["scan"]
-    said["scanned"] = [len(character.mesh.faces), np.ptp(character.mesh.vertices, axis=0).round(2).tolist()]
-    said["chosen"] = [
+    report["scanned"] = [len(character.mesh.faces), np.ptp(character.mesh.vertices, axis=0).round(2).tolist()]
+    report["chosen"] = [
         editor.selection.character,
         editor.history.undo_name,
         character.mesh.colours is not None,
@@ -153,7 +153,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     shot("done")
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))
     ctx.yield_()
-    said["undone edit"] = sorted(editor.project.characters)
+    report["undone edit"] = sorted(editor.project.characters)
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
     ctx.yield_()
     fused = scan.said.fused
@@ -161,9 +161,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: scan.said.phase == "scanning" and scan.said.fused > fused + 5, "more of the same thing")
     workspace.actions.do("scan.done")
     until(lambda: editor.history.undo_name == "add to the scan scan", "the second making")
-    said["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
-    said["places"] = list(places)
-    said["done"] = True
+    report["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
+    report["places"] = list(places)
+    report["done"] = True
     workspace.store.forget()
     window.close()
 
@@ -181,14 +181,14 @@ def main() -> None:
             name = wanted.pop()
             if large:
                 Image.fromarray(window.pixels()).save(Path(sys.argv[3]) / f"{name}.png")
-        if "missing" in said:
+        if "missing" in report:
             workspace.store.forget()
             window.close()
 
     with coarse_pixels(lambda: large):
         script = scripted(lambda ctx: work(ctx, window, sys.argv[2]))
         window.run(seconds=570, after=after, register_tests=script)
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

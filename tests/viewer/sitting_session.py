@@ -32,7 +32,7 @@ FALLEN_M = 0.12
 """Minimum drop in metres of a tower's box that was knocked over: most of its height."""
 FUSED = 42 if len(sys.argv) > 4 else 8
 """Number of fused images of the chair that is enough: most of a round for pictures, otherwise a part."""
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
@@ -49,7 +49,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
             if time.monotonic() > end:
                 state = [scan.said.phase, scan.said.note, voice.status, physics.words, perform.standing]
                 state += [perform.connected, perform.holders, perform.performers]
-                said["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
+                report["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             if time.monotonic() - asked > 5.0:
                 ask()
@@ -77,10 +77,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         # A single press, with or without a person in view: the window acts as soon as it can.
         until(lambda: not perform.performers, "a moment in which nobody is in view")
         click("possess")
-        said["waits"] = perform.stepping_in.words
+        report["waits"] = perform.stepping_in.words
         shot("7 waits for somebody")
         until(lambda: "scan" in {holder.character for holder in perform.holders}, "who holds the scan")
-        said["held"] = [holder.words for holder in perform.holders]
+        report["held"] = [holder.words for holder in perform.holders]
         shot("8 possessed")
 
     def record() -> None:
@@ -94,7 +94,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
             click("record")
         until(lambda: perform.recording.phase == "idle", "the end of the recording")
         project = editor.project
-        said["recorded"] = [len(project.bodies) + len(project.takes), "scan" in project.graphs]
+        report["recorded"] = [len(project.bodies) + len(project.takes), "scan" in project.graphs]
         shot("11 recorded")
 
     def play() -> None:
@@ -105,7 +105,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         positions = [editor.posed("scan").pose.positions]
         shot("12 plays")
         positions.append(editor.posed("scan").pose.positions)
-        said["moves"] = float(np.abs(positions[1] - positions[0]).max())
+        report["moves"] = float(np.abs(positions[1] - positions[0]).max())
         ctx.key_press(int(imgui.Key.space))
         click("room Perform")
 
@@ -114,12 +114,12 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     perform.connect_nearby("--recording", depth, "--loop", "--settings", settings)
     until(lambda: perform.connected and voice.state and physics.state, "the stage")
     until(lambda: perform.performers, "a performer")
-    said["phrases"] = len(voice.phrases)
+    report["phrases"] = len(voice.phrases)
     until(lambda: voice.is_understood and voice.words, "a phrase that is understood")
-    said["heard"] = voice.words
+    report["heard"] = voice.words
     shot("2 heard")
     until(lambda: voice.words.startswith("Not understood"), "other speech")
-    said["not understood"] = voice.words
+    report["not understood"] = voice.words
     shot("3 not understood")
     click("voice phrases")
     shot("4 phrases")
@@ -139,14 +139,14 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     click("remove chair")
     until(lambda: "chair" not in perform.standing, "a stage with the scan alone")
     editor.choose("scan")
-    said["before"] = physics.words
+    report["before"] = physics.words
     possess()
     record()
     play()
     workspace.actions.do("perform.physics_towers_of_boxes")
     until(lambda: physics.state.state == "on", "the physics")
     until(lambda: perform.scene.props is not None and len(perform.scene.props.shapes), "the boxes")
-    said["boxes"] = len(perform.scene.props.shapes)
+    report["boxes"] = len(perform.scene.props.shapes)
     high = perform.scene.props.positions[:, 1].copy()
     shot("13 towers")
     until(lambda: float((high - perform.scene.props.positions[:, 1]).max()) > FALLEN_M, "boxes that fall")
@@ -156,9 +156,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     workspace.actions.do("perform.open_the_microphone_or_close_it")
     until(lambda: voice.state.state == "off", "a closed microphone")
     shot("15 microphone closed")
-    said["possess moved"] = sorted({round(place[1]) for place in places})
-    said["instances"] = perform.client.edges[0].instance is not None
-    said["done"] = True
+    report["possess moved"] = sorted({round(place[1]) for place in places})
+    report["instances"] = perform.client.edges[0].instance is not None
+    report["done"] = True
     workspace.store.forget()
     window.close()
 
@@ -175,13 +175,13 @@ def main() -> None:
             name = wanted.pop()
             if large:
                 Image.fromarray(window.pixels()).save(Path(sys.argv[4]) / f"{name}.png")
-        if "missing" in said:
+        if "missing" in report:
             workspace.store.forget()
             window.close()
 
     script = scripted(lambda ctx: work(ctx, window, sys.argv[2], sys.argv[3]))
     window.run(seconds=1200 if large else 900, after=after, register_tests=script)
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from enliven_viewer.studio.picture.viewport import Viewport
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
+report: dict[str, object] = {"done": False, "menu": [], "keys": [], "refused": {}, "complaints": []}
 wanted: list[str] = []
 SELDOM = 12
 """Window frames per redraw of the 3-D picture, while menus and keys are tried."""
@@ -51,7 +51,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     palette(ctx, window)
     keys(ctx, window)
     history(ctx, window)
-    said["done"] = True
+    report["done"] = True
     workspace.store.forget()
 
 
@@ -65,10 +65,10 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
             workspace.actions.recent.clear()
             way(ctx, action)
             if workspace.actions.recent == [action.id]:
-                said[name].append(action.id)
+                report[name].append(action.id)
             else:
-                said["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
-            said["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+                report["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
+            report["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
             if workspace.outliner.renaming:
                 workspace.outliner.renaming = ""
                 ctx.yield_(3)  # the field releases the keys
@@ -117,22 +117,22 @@ def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     press(ctx, "ctrl+k")
     ctx.key_chars("pup")
     ctx.yield_(2)
-    said["found"] = [action.id for action in workspace.finding.found][:4]
+    report["found"] = [action.id for action in workspace.finding.found][:4]
     picture(ctx, "palette")
     ctx.key_press(imgui.Key.enter)
-    said["palette does"] = workspace.input.tool.name
+    report["palette does"] = workspace.input.tool.name
     press(ctx, "ctrl+k")
     ctx.key_chars("examples")
     ctx.yield_(2)
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(2)
-    said["stays open"] = workspace.asking
+    report["stays open"] = workspace.asking
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.a))
     ctx.key_chars("bones")
     ctx.yield_(2)
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(2)
-    said["palette"] = [workspace.asking, workspace.editor.show_bones]
+    report["palette"] = [workspace.asking, workspace.editor.show_bones]
 
 
 def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
@@ -142,24 +142,24 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace.ask("preferences")
     ctx.yield_(3)
     change_key(ctx, "view.bones", "j")
-    said["free key"] = [actions.keys_of(bones), workspace.wanted_key.key]
+    report["free key"] = [actions.keys_of(bones), workspace.wanted_key.key]
     change_key(ctx, "view.bones", "f")
-    said["asked"] = [workspace.wanted_key.key, actions.keys_of(bones)]
+    report["asked"] = [workspace.wanted_key.key, actions.keys_of(bones)]
     picture(ctx, "keys")
     ctx.item_click("//###Preferences/###take")
-    said["taken"] = [actions.keys_of(bones), actions.keys_of(actions["view.all"])]
+    report["taken"] = [actions.keys_of(bones), actions.keys_of(actions["view.all"])]
     ctx.item_click("//###Preferences/###Close")
     ctx.yield_(2)
     workspace.editor.show_bones = True
     press(ctx, "f")
-    said["by the new key"] = workspace.editor.show_bones
+    report["by the new key"] = workspace.editor.show_bones
     actions.own_keys()
     workspace.ask("preferences")
     ctx.yield_(3)
     ctx.set_ref(ctx.window_info("//###Preferences/##keys").id_)
     ctx.item_click("\uf00d##no view.bones")
     ctx.set_ref("")
-    said["freed"] = actions.keys_of(bones)
+    report["freed"] = actions.keys_of(bones)
     ctx.item_click("//###Preferences/###Close")
     actions.own_keys()
     picture(ctx, "window")
@@ -186,7 +186,7 @@ def history(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(3)
     steps = len(workspace.editor.history.steps)
     ctx.item_click("//###History/###step 2")
-    said["went to"] = [workspace.editor.history.at, steps == len(workspace.editor.history.steps)]
+    report["went to"] = [workspace.editor.history.at, steps == len(workspace.editor.history.steps)]
     picture(ctx, "history")
 
 
@@ -205,15 +205,15 @@ def main() -> None:
             keep(wanted.pop(), window.pixels())
 
     window.run(seconds=380, after=after, register_tests=scripted(guarded))
-    said["all"] = [[action.id, bool(action.keys)] for action in without_stage(workspace)]
-    said["needs"] = sorted(NEEDS)
-    said["pictures"] = window.pictures
-    print(json.dumps(said))
+    report["all"] = [[action.id, bool(action.keys)] for action in without_stage(workspace)]
+    report["needs"] = sorted(NEEDS)
+    report["pictures"] = window.pictures
+    print(json.dumps(report))
 
 
 def keep(name: str, pixels: np.ndarray) -> None:
     """Writes a picture if a folder is given."""
-    said.setdefault("spread", {})[name] = float(pixels.std())
+    report.setdefault("spread", {})[name] = float(pixels.std())
     if len(sys.argv) > 2:
         from PIL import Image
 

@@ -19,7 +19,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 RADIUS, MANY = 120.0, 200
 
 
@@ -53,8 +53,8 @@ def main() -> None:
     window.run(seconds=60, before=before)
     stroke = drawn[0]
     away = np.linalg.norm(stroke - (stroke.min(0) + stroke.max(0)) / 2, axis=1)
-    said.update(done=True, places=len(stroke), roundness=float(np.ptp(away) / RADIUS))
-    print(json.dumps(said))
+    report.update(done=True, places=len(stroke), roundness=float(np.ptp(away) / RADIUS))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

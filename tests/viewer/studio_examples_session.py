@@ -34,7 +34,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {}
+report: dict[str, object] = {}
 STEP = pace.STEP = 0.12
 """Seconds per frame: a third of a film's frame rate."""
 
@@ -46,53 +46,53 @@ def work(workspace: Workspace) -> Iterator[Action]:
         return workspace.editor.project.puppets["star"]
 
     yield Wait(0.2)
-    said["chosen"] = workspace.puppets.puppet is star()
+    report["chosen"] = workspace.puppets.puppet is star()
     yield Click(Widget("takes"))
     yield Click(Widget("pick sway"))
-    said["plays"] = [layer.take for layer in star().layers]
+    report["plays"] = [layer.take for layer in star().layers]
     yield Drag((Widget("grip"), Widget("filter")), 0.2)  # more space for the points
     yield Click(Widget("point head"))
     yield Click(PerformerJoint("bone 3"))
-    said["paired"] = star().points[0].joint
+    report["paired"] = star().points[0].joint
     yield Click(Widget("foot"))
-    said["foot"] = star().points[0].foot
+    report["foot"] = star().points[0].foot
     yield Click(Widget("foot"))
     yield Click(Widget("point head"))  # its fields are collapsed
     yield Click(Widget("guess joints"))
-    said["joints"] = all(point.joint for point in star().points)
+    report["joints"] = all(point.joint for point in star().points)
     yield Key("escape")
     for number in (1, 2):
         yield Click(Widget("suggested 1"))
         yield Wait(0.3)
         hand = OnPuppet("star", point=number)
         yield Drag((hand, Near(hand, 24, -30 * number)), 0.2)
-    said["editing"] = workspace.puppets.number
+    report["editing"] = workspace.puppets.number
     yield Click(Widget("pose Done"))
     yield Wait(1.0)
     workspace.editor.solving.settle(workspace.editor.project, "star")
-    said["problem"] = str(workspace.editor.solving.problem("star"))
-    said["poses"] = len(star().poses)
+    report["problem"] = str(workspace.editor.solving.problem("star"))
+    report["poses"] = len(star().poses)
     first = min(star().poses, key=lambda pose: pose.time).time
     yield Drag((OnLane("poses", first), OnLane("poses", first + 0.2)), 0.2)
-    said["retimed"] = min(pose.time for pose in star().poses) > first
+    report["retimed"] = min(pose.time for pose in star().poses) > first
     yield Click(Widget("key pose 1"))
     yield Click(Widget("pose Duplicate"))
-    said["duplicated"] = len(star().poses)
+    report["duplicated"] = len(star().poses)
     yield Click(Widget("pose Remove"))
-    said["removed"] = len(star().poses)
+    report["removed"] = len(star().poses)
     yield Key("space")
     yield Wait(0.4)
     yield Key("space")
-    said["time"] = workspace.editor.time
+    report["time"] = workspace.editor.time
     yield Click(Widget("point left"))
     yield Click(Widget("hold still"))
-    said["held"] = len(star().layers[0].velocities)
+    report["held"] = len(star().layers[0].velocities)
     yield Click(Widget("all shapes"))
-    said["left"] = workspace.puppets.puppet is None
+    report["left"] = workspace.puppets.puppet is None
     yield Click(Widget("character star"))
-    said["again"] = workspace.puppets.puppet is star()
-    yield Do(lambda workspace: said.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
-    said["done"] = True
+    report["again"] = workspace.puppets.puppet is star()
+    yield Do(lambda workspace: report.update(bad=[t.text for t in workspace.editor.toasts.shown if t.bad]))
+    report["done"] = True
 
 
 def main() -> None:
@@ -123,11 +123,11 @@ def main() -> None:
 
     def after(window: StudioWindow) -> None:
         if window.pictures == 40:
-            said["spread"] = float(window.pixels().std())
+            report["spread"] = float(window.pixels().std())
 
     with coarse_pixels(lambda: window.pictures == 40):
         window.run(before=before, after=after)
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.studio.sound import read_sound
 from enliven_viewer.studio.window import StudioWindow
 
-said: dict[str, Any] = {"done": False}
+report: dict[str, Any] = {"done": False}
 
 
 def title() -> str:
@@ -41,36 +41,36 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Saves by Ctrl+S and Enter, changes something, saves again, drops a mesh, writes a film."""
     workspace = window.workspace
     ctx.yield_(3)
-    said["at first"] = title()
+    report["at first"] = title()
     workspace.editor.choose("limb")
     workspace.actions.do("shape.larger")
     ctx.yield_(3)
-    said["changed"] = title()
+    report["changed"] = title()
     save(ctx, int(imgui.Key.s))
-    said["saved"] = [title(), workspace.asking, Path("Untitled.enliven").is_file()]
+    report["saved"] = [title(), workspace.asking, Path("Untitled.enliven").is_file()]
     workspace.actions.do("shape.larger")
     save(ctx, int(imgui.Key.mod_shift) | int(imgui.Key.s), "squid")
-    said["saved as"] = [title(), workspace.asking]
+    report["saved as"] = [title(), workspace.asking]
     workspace.store.save(Path("other.enliven"))
     save(ctx, int(imgui.Key.mod_shift) | int(imgui.Key.s), "squid")
-    said["warns"] = [workspace.asking, bool(workspace.browser and workspace.browser.said)]
+    report["warns"] = [workspace.asking, bool(workspace.browser and workspace.browser.said)]
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(3)
-    said["replaced"] = [title(), workspace.asking]
+    report["replaced"] = [title(), workspace.asking]
     drop("limb.glb", "nothing.glb")
     ctx.yield_(3)
-    said["dropped"] = sorted(workspace.editor.project.characters)
+    report["dropped"] = sorted(workspace.editor.project.characters)
     choose_clip(ctx, window)
-    said["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
-    said["recent"] = [Path(name).name for name in workspace.preferences.recent]
+    report["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["recent"] = [Path(name).name for name in workspace.preferences.recent]
     film(ctx, window)
     ctx.menu_click(menu_path("File/Open recent/recent 1"))
     ctx.yield_(2)
-    said["recent asks"] = workspace.asking
+    report["recent asks"] = workspace.asking
     workspace.go_on(discard=True)
     ctx.yield_(3)
-    said["opened"] = [title(), [Path(name).name for name in workspace.preferences.recent]]
-    said["done"] = True
+    report["opened"] = [title(), [Path(name).name for name in workspace.preferences.recent]]
+    report["done"] = True
 
 
 def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
@@ -78,13 +78,13 @@ def choose_clip(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> Non
     editor = window.workspace.editor
     dropped = editor.chosen(Shape)
     assert dropped is not None
-    said["clip"] = [played_clip(editor.project, dropped)]
-    for name in ("no clip", str(said["clip"][0])):
+    report["clip"] = [played_clip(editor.project, dropped)]
+    for name in ("no clip", str(report["clip"][0])):
         ctx.item_click("//side/##clip")
         ctx.yield_(2)
         ctx.item_click(f"//$FOCUSED/###clip {name}")
         ctx.yield_(2)
-        said["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
+        report["clip"].append(played_clip(editor.project, editor.project.shape(dropped.id)))
 
 
 def save(ctx: imgui.test_engine.TestContext, key: int, name: str = "") -> None:
@@ -121,13 +121,13 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(2)
     while workspace.editor.beside.busy and time.monotonic() < end:
         ctx.yield_()
-    said["film"] = [path.name for path in Path().glob("*.mp4")]
-    said["film told"] = [toast.text for toast in workspace.editor.toasts.shown]
+    report["film"] = [path.name for path in Path().glob("*.mp4")]
+    report["film told"] = [toast.text for toast in workspace.editor.toasts.shown]
     heard = read_sound(Path("squid.mp4")).samples.astype(float)
-    said["heard"] = float(np.sqrt(2.0 * np.mean(heard**2)))
-    said["went on"] = window.pictures - pictures > 10
-    said["still drawn"] = None
-    while said["still drawn"] is None and time.monotonic() < end:
+    report["heard"] = float(np.sqrt(2.0 * np.mean(heard**2)))
+    report["went on"] = window.pictures - pictures > 10
+    report["still drawn"] = None
+    while report["still drawn"] is None and time.monotonic() < end:
         ctx.yield_()
 
 
@@ -148,12 +148,12 @@ def main() -> None:
 
     def after(window: StudioWindow) -> None:
         # The screen holds the picture only before the swap.
-        if "still drawn" in said and said["still drawn"] is None:
-            said["still drawn"] = float(window.pixels().std())
+        if "still drawn" in report and report["still drawn"] is None:
+            report["still drawn"] = float(window.pixels().std())
 
-    with coarse_pixels(lambda: said.get("still drawn", 0.0) is None):
+    with coarse_pixels(lambda: report.get("still drawn", 0.0) is None):
         window.run(seconds=240, after=after, register_tests=scripted(guarded))
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

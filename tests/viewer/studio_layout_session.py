@@ -35,7 +35,7 @@ SMALL = ("600x400", "1280x720 at 200 %")
 FRAMED, SETTLED = 4, 6
 """Frames until a window has its new size, and until ImGui has laid out its contents."""
 ROOMS = ("Perform", "Animate", "Model")
-said: dict[str, dict] = {}
+report: dict[str, dict] = {}
 
 
 def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
@@ -116,14 +116,14 @@ def main() -> None:
             for point in workspace.editor.lens.pixels_of(np.asarray(posed.extent, float))
         ] or [np.zeros(2)]
         low, high = np.min(character, axis=0), np.max(character, axis=0)
-        said[name] = {
+        report[name] = {
             "usual": [io.display_size.x, io.display_size.y],
             "widgets": dict(workspace.widgets),
             "picture": [area.x, area.y, area.x + area.width, area.y + area.height],
             "character": [*(low + area[:2]).tolist(), *(high + area[:2]).tolist()],
         }
         if (page := workspace.drawn.find(("start page",))) is not None:
-            said[name]["widgets"]["start page"] = page[1]
+            report[name]["widgets"]["start page"] = page[1]
         if pictures is not None:
             from PIL import Image
 
@@ -131,10 +131,10 @@ def main() -> None:
 
     window.run(seconds=300, before=before, after=after)
     for name, letters in lists.items():
-        said[name]["letters"] = sum(len(letter.places) for letter in letters)
-        said[name]["cut"] = cut_letters(letters)
-        said[name]["overlapping"] = overlapping_letters(letters)
-    print(json.dumps(said))
+        report[name]["letters"] = sum(len(letter.places) for letter in letters)
+        report[name]["cut"] = cut_letters(letters)
+        report[name]["overlapping"] = overlapping_letters(letters)
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from made_acting_stage import acting_stage
 
 from enliven_viewer.studio.window import StudioWindow
 
-said: dict[str, object] = {"done": False, "complaints": []}
+report: dict[str, object] = {"done": False, "complaints": []}
 
 
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
@@ -31,10 +31,10 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
         ctx.item_click(f"//side/##{field}")
         ctx.key_chars_replace_enter(typed)
         ctx.yield_(3)
-    said["place"], said["tall"] = float(figures.place[0]), float(figures.height)
-    said["steps"] = list(editor.history.names)
-    said["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
-    said["done"] = True
+    report["place"], report["tall"] = float(figures.place[0]), float(figures.height)
+    report["steps"] = list(editor.history.names)
+    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    report["done"] = True
     workspace.store.forget()
     window.close()
 
@@ -44,7 +44,7 @@ def main() -> None:
 
     with coarse_pixels():
         window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)))
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

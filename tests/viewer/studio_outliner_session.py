@@ -18,7 +18,7 @@ from made_acting_stage import acting_stage
 
 from enliven_viewer.studio.window import StudioWindow
 
-said: dict[str, object] = {"done": False, "complaints": []}
+report: dict[str, object] = {"done": False, "complaints": []}
 ROW = "//outliner/**/##{}"
 wanted: list[bool] = []
 pictures: list[np.ndarray] = []
@@ -42,25 +42,25 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.item_click(ROW.format("character limb"))
     ctx.key_up(imgui.Key.mod_ctrl)
     ctx.yield_(2)
-    said["several"] = list(editor.selection.characters)
+    report["several"] = list(editor.selection.characters)
     full_picture = picture(ctx, window)
     ctx.item_click("//outliner/**/" + "###eye limb")
     ctx.yield_(4)
-    said["hidden"] = sorted(name for name, flags in handling().items() if flags.hidden)
-    said["darker"] = float(np.abs(picture(ctx, window) - full_picture).mean())
+    report["hidden"] = sorted(name for name, flags in handling().items() if flags.hidden)
+    report["darker"] = float(np.abs(picture(ctx, window) - full_picture).mean())
     ctx.item_click("//outliner/**/" + "###lock post")
-    said["locked"] = [name for name, flags in handling().items() if flags.locked]
+    report["locked"] = [name for name, flags in handling().items() if flags.locked]
     editor.choose("limb")
     ctx.key_press(imgui.Key.f2)
     ctx.yield_(3)
     ctx.key_chars_replace_enter("wing")
     ctx.yield_(2)
-    said["renamed"] = editor.selection.character
+    report["renamed"] = editor.selection.character
     ctx.item_drag_and_drop(ROW.format("character star"), ROW.format("character post"))
     ctx.yield_(2)
-    said["order"] = list(editor.project.characters)
-    said["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
-    said["done"] = True
+    report["order"] = list(editor.project.characters)
+    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    report["done"] = True
     workspace.store.forget()
     window.close()
 
@@ -75,7 +75,7 @@ def main() -> None:
 
     with coarse_pixels(lambda: bool(wanted)):
         window.run(seconds=300, register_tests=scripted(lambda ctx: work(ctx, window)), after=after)
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ from enliven_viewer.studio.tools.puppet import PuppetTool
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 pictures: dict[str, np.ndarray] = {}
 
 
@@ -50,7 +50,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
         yield Click(OnPuppet("star", vertex(name)))
         yield Wait(0.1)
         yield look
-    said["points"] = len(workspace.puppets.puppet.points)
+    report["points"] = len(workspace.puppets.puppet.points)
     yield Do(lambda d: d.editor.scrub(1.0))
     yield Click(OnPuppet("star", point=0))
     yield snap("chosen")
@@ -60,7 +60,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     assert manipulator is not None
     tip = Spot(*(manipulator.place + np.array([0.0, 60.0, 0.0]) * manipulator.pixel))
     yield Drag((tip, Near(tip, 0, -50)), seconds=0.3)
-    said["pose"] = [
+    report["pose"] = [
         workspace.puppets.number,
         (workspace.puppets.places - workspace.puppets.puppet.rest)[0].tolist(),
     ]
@@ -71,19 +71,19 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     yield Do(lambda d: d.puppets.crossing.wait())
     yield Wait(0.1)
     yield snap("warned")
-    said["warning"] = tool.warning
+    report["warning"] = tool.warning
     yield Key("ctrl+z")
     yield Key("enter")
-    said["left"] = workspace.puppets.posing
+    report["left"] = workspace.puppets.posing
     yield Wait(0.1)
     yield look
-    said["steady"], said["column"] = steady, list(window.places.side)
+    report["steady"], report["column"] = steady, list(window.places.side)
     yield Key("space")
     yield Wait(0.2)
-    said["playing"] = workspace.editor.playing
+    report["playing"] = workspace.editor.playing
     yield Wait(0.1)
-    said["bad"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
-    said["done"] = True
+    report["bad"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["done"] = True
 
 
 def main() -> None:
@@ -113,13 +113,13 @@ def main() -> None:
     changed = np.abs(pictures["posed"].astype(int) - pictures["chosen"]).max(2) > 30
     red = pictures["warned"].astype(int)
     warning = (red[..., 0] > 200) & (red[..., 1] < 110) & (red[..., 2] < 110)
-    said["changed"], said["red"] = int(changed.sum()), int(warning.sum())
+    report["changed"], report["red"] = int(changed.sum()), int(warning.sum())
     if len(sys.argv) > 2:
         from PIL import Image
 
         for name, picture in pictures.items():
             Image.fromarray(picture).save(Path(sys.argv[2]) / f"star_{name}.png")
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ STEADY = (
     "count in",
 )
 """Widgets with positions that are checked."""
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
@@ -62,7 +62,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     perform, recording = workspace.perform, workspace.perform.recording
 
     def until(done: Callable[[], object], what: str) -> None:
-        said["waits for"], end = what, time.monotonic() + PATIENCE
+        report["waits for"], end = what, time.monotonic() + PATIENCE
         while not done():
             if time.monotonic() > end:
                 raise TimeoutError(what)
@@ -111,31 +111,31 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
     until(lambda: perform.holders and perform.performers and perform.standing, "somebody who holds the chair")
     before = places(())
-    said["places"] = [
+    report["places"] = [
         before,
         places(WRONG[:1]),
         places(WRONG, "Too many characters"),
         places((), nobody=True),
     ]
-    said["inside"] = list(window.places.side)
-    said["places"] += characters_come(ctx, window, until, places)
+    report["inside"] = list(window.places.side)
+    report["places"] += characters_come(ctx, window, until, places)
     press("record", HELD)
-    said["record"] = recording.phase
+    report["record"] = recording.phase
     until(lambda: recording.counted == 2, "the second beat")
     press("record", HELD)
-    said["cancel"] = recording.phase
+    report["cancel"] = recording.phase
     recording.count_in = False
     press("record", HELD)
     until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.8, "a recording")
-    said["moved"] = before[:2] == [workspace.widgets.get(name) for name in STEADY[:2]]
+    report["moved"] = before[:2] == [workspace.widgets.get(name) for name in STEADY[:2]]
     shot("recording")
     press("record", HELD)
-    said["stop"] = [recording.phase, sorted(workspace.editor.project.characters)]
+    report["stop"] = [recording.phase, sorted(workspace.editor.project.characters)]
     press("play", HELD)
-    said["play"] = workspace.editor.playing
-    said["again"] = [bool(recording.recorded), workspace.widgets.get("record") == before[1]]
+    report["play"] = workspace.editor.playing
+    report["again"] = [bool(recording.recorded), workspace.widgets.get("record") == before[1]]
     close(ctx, window, press, until, shot, folder)
-    said["done"] = True
+    report["done"] = True
 
 
 def characters_come(ctx, window, until, places) -> list[object]:
@@ -146,17 +146,17 @@ def characters_come(ctx, window, until, places) -> list[object]:
     workspace.editor.edit("sketch", lambda project: project.with_characters(arm))
     workspace.editor.choose("arm")
     seen.append(places(()))
-    said["lines"] = [workspace.widgets["waits arm"]]
+    report["lines"] = [workspace.widgets["waits arm"]]
     perform.put()
     seen.append(places(()))
     until(lambda: "arm" in perform.standing, "the arm on the stage")
     seen.append(places(()))
-    said["lines"].append(workspace.widgets["stands arm"])
+    report["lines"].append(workspace.widgets["stands arm"])
     visitor = project_of_mesh(workspace.editor.project.shapes["arm"].mesh, "visitor")
     perform.stage.put(visitor, "visitor", fit=True)
     until(lambda: "visitor" in perform.standing, "what a visitor brings")
     seen.append(places(()))
-    said["lines"].append(workspace.widgets["stands arm"])
+    report["lines"].append(workspace.widgets["stands arm"])
     for name in ("visitor", "arm"):
         perform.take_off(name)
     until(lambda: perform.standing == ("chair",), "the chair alone")
@@ -172,13 +172,13 @@ def close(ctx, window, press, until, shot, folder: Path) -> None:
     workspace.store.save(folder / "clean.enliven")
     recording.record()
     until(lambda: recording.phase == "recording" and recording.recorder.seconds > 0.5, "another recording")
-    said["title"] = workspace.store.title
+    report["title"] = workspace.store.title
     assert not window._may_close()
     ctx.yield_(3)
-    said["asks"] = [workspace.asking, recording.phase]
+    report["asks"] = [workspace.asking, recording.phase]
     shot("closing")
     press("dialog Cancel", HELD)
-    said["goes on"] = [workspace.asking, recording.phase]
+    report["goes on"] = [workspace.asking, recording.phase]
     assert not window._may_close()
     ctx.yield_(3)
     press("dialog Save", HELD)
@@ -205,7 +205,7 @@ def main() -> None:
             window.run(seconds=300, after=after, register_tests=script)
     finally:
         edge.kill()
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

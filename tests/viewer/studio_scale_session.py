@@ -24,7 +24,7 @@ from made_acting_stage import acting_stage
 
 from enliven_viewer.studio.window import StudioWindow
 
-said: dict[str, object] = {}
+report: dict[str, object] = {}
 X11 = ctypes.CDLL(ctypes.util.find_library("X11") or "libX11.so.6")
 X11.XOpenDisplay.restype = ctypes.c_void_p
 X11.XDefaultRootWindow.restype = ctypes.c_ulong
@@ -58,18 +58,18 @@ def main() -> None:
         own = glfw_window_hello_imgui()
         io = imgui.get_io()
         if window.pictures == 4:
-            said["window"] = list(glfw.get_window_size(own))
-            said["usual"] = [io.display_size.x, io.display_size.y]
-            said["scale"] = window.desktop.scale
+            report["window"] = list(glfw.get_window_size(own))
+            report["usual"] = [io.display_size.x, io.display_size.y]
+            report["scale"] = window.desktop.scale
             left, top, right, bottom = workspace.widget("tool carry")
             place = (left + right) / 2, (top + bottom) / 2
-            said["aimed"] = list(place)
+            report["aimed"] = list(place)
             warp(place[0] * window.desktop.scale, place[1] * window.desktop.scale)
         elif window.pictures == 20:
-            said["pointer"] = [io.mouse_pos.x, io.mouse_pos.y]
+            report["pointer"] = [io.mouse_pos.x, io.mouse_pos.y]
             pixels = window.pixels()
-            said["picture"] = [pixels.shape[1], pixels.shape[0]]
-            said["widgets"] = workspace.widgets
+            report["picture"] = [pixels.shape[1], pixels.shape[0]]
+            report["widgets"] = workspace.widgets
             if len(sys.argv) > 6:
                 from PIL import Image
 
@@ -79,7 +79,7 @@ def main() -> None:
 
     workspace.editor.choose("limb")
     window.run(seconds=100, after=after)
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

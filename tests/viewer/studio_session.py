@@ -27,7 +27,7 @@ from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 ROW = "//outliner/**/##{}"
-said: dict[str, object] = {"done": False, "errors": []}
+report: dict[str, object] = {"done": False, "errors": []}
 
 
 def settle(ctx: imgui.test_engine.TestContext, frames: int = 4) -> None:
@@ -48,9 +48,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
 
     # The panels are placed in the first frames, and the layout depends on them.
     settle(ctx)
-    said["size"] = list(window.places.viewport)
+    report["size"] = list(window.places.viewport)
     ctx.item_click("tools/##carry")
-    said["tool"] = workspace.input.tool.name
+    report["tool"] = workspace.input.tool.name
     ctx.mouse_move_to_pos(at(JointPlace("one", 0)))
     settle(ctx)
     ctx.mouse_down(0)
@@ -59,35 +59,35 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     settle(ctx)
     ctx.mouse_up(0)
     settle(ctx)
-    said["merged"] = sorted(editor.project.shapes)
-    said["told"] = [toast.text for toast in editor.toasts.shown]
+    report["merged"] = sorted(editor.project.shapes)
+    report["told"] = [toast.text for toast in editor.toasts.shown]
     ctx.menu_click(menu_path("Edit/Undo"))
-    said["undone"] = sorted(editor.project.shapes)
+    report["undone"] = sorted(editor.project.shapes)
     ctx.item_click(ROW.format("character post"))
     settle(ctx)
-    said["caged"] = [editor.selection.character, [bar.label for bar in workspace.timeline.layout.bars()]]
+    report["caged"] = [editor.selection.character, [bar.label for bar in workspace.timeline.layout.bars()]]
     ctx.item_click(ROW.format("character two"))
-    said["chosen"] = editor.selection.character
+    report["chosen"] = editor.selection.character
     ctx.item_input_value("side/##name", "mantle")
-    said["renamed"] = sorted(editor.project.shapes)
+    report["renamed"] = sorted(editor.project.shapes)
     ctx.item_click("side/###edit.duplicate")
-    said["copied"] = sorted(editor.project.shapes)
+    report["copied"] = sorted(editor.project.shapes)
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.z))  # Python 3.11.2 cannot combine the keys itself
-    said["after ctrl z"] = sorted(editor.project.shapes)
+    report["after ctrl z"] = sorted(editor.project.shapes)
     ctx.item_click(ROW.format("take wave"))
-    said["source"] = [workspace.input.tool.name, workspace.input.tool.source.take]
+    report["source"] = [workspace.input.tool.name, workspace.input.tool.source.take]
     ctx.key_press(imgui.Key.space)
-    said["playing"] = editor.playing
+    report["playing"] = editor.playing
     ctx.key_press(imgui.Key.f1)
     ctx.yield_()
-    said["help"] = workspace.asking
+    report["help"] = workspace.asking
     ctx.item_click("//###Keys/###Close")
     ctx.menu_click(menu_path("File/Quit"))
     ctx.yield_()
-    said["asks"] = workspace.asking
+    report["asks"] = workspace.asking
     ctx.item_click("//###Save your work?/###Cancel")
-    said["stays"] = not workspace.ended
-    said["done"] = True
+    report["stays"] = not workspace.ended
+    report["done"] = True
     ctx.menu_click(menu_path("File/Quit"))
     ctx.yield_()
     ctx.item_click("//###Save your work?/###Discard")
@@ -108,13 +108,13 @@ def main() -> None:
 
     def after(window: StudioWindow) -> None:
         if window.pictures == 2:
-            said["spread"] = float(window.pixels().std())
+            report["spread"] = float(window.pixels().std())
 
     with coarse_pixels(lambda: window.pictures < 3):
         window.run(seconds=300, after=after, register_tests=scripted(lambda ctx: work(ctx, window)))
-    said["over"] = workspace.ended
-    said["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
-    print(json.dumps(said))
+    report["over"] = workspace.ended
+    report["left"] = [path.name for path in Path(sys.argv[1]).iterdir()]
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ MADE_UP = Camera("A made-up person in front of a wall, far away", "synthetic", {
 LACKING = Camera("OAK-D Lite", "oak", {}, "depthai is not installed", "Type: pip install enliven-edge[oak]")
 NO_DRIVER = Camera("Kinect", "", {}, "no driver ships for it", "Add one, as docs/add-a-sensor.md describes.")
 LISTS = ((), (MADE_UP,), (MADE_UP, LACKING, NO_DRIVER))
-said: dict[str, object] = {}
+report: dict[str, object] = {}
 
 
 def moved(frames: list[dict[str, tuple[float, ...]]]) -> dict[str, list[tuple[float, ...]]]:
@@ -67,7 +67,7 @@ class Steps:
         self.show("no stage")
         end = time.monotonic() + PATIENCE_S
         yield lambda: search.cameras is None and time.monotonic() < end
-        said["the edge's own list"] = [list(map(str, search.cameras or ())), search.problem]
+        report["the edge's own list"] = [list(map(str, search.cameras or ())), search.problem]
         for cameras in LISTS:
             search._take(msgspec.json.encode(cameras).decode(), False)
             self.picture(f"{len(cameras)} cameras")
@@ -79,7 +79,7 @@ class Steps:
         yield lambda: self.count < 2
         self.pressed = False
         yield lambda: search.looked is None and time.monotonic() < end + PATIENCE_S
-        said["looked"] = [str(search.looked and search.looked[1]), "camera view" in workspace.widgets]
+        report["looked"] = [str(search.looked and search.looked[1]), "camera view" in workspace.widgets]
         self.picture("look")
         yield lambda: self.count < FRAMES
         search.begin()
@@ -133,9 +133,9 @@ def main() -> None:
     StudioWindow(workspace).run(seconds=200, before=going.before, after=going.after)
     for name, frames in going.frames.items():
         names = set().union(*frames)
-        said[name] = {"frames": len(frames), "widgets": sorted(names), "moved": moved(frames[SETTLED:])}
-        said[name]["seen"] = sorted(widget for widget in names if widget[-1:].isdigit())
-    print(json.dumps(said))
+        report[name] = {"frames": len(frames), "widgets": sorted(names), "moved": moved(frames[SETTLED:])}
+        report[name]["seen"] = sorted(widget for widget in names if widget[-1:].isdigit())
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ CALM = 0.02
 """Seconds of sleep per frame while waiting for the stage, which needs the processor."""
 LONG_STEP = 0.12
 """Seconds per frame if the image does not matter: ticks, hands and views need few frames then."""
-said: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
+report: dict[str, object] = {"done": False, "outlines": [], "titles": [], "texts": []}
 wanted: list[str] = []
 stages: list[WindowStage] = []
 
@@ -43,7 +43,7 @@ def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterat
     while not done():
         if time.monotonic() > end:
             tour = workspace.tour
-            said["missing"] = [
+            report["missing"] = [
                 what,
                 tour and [tour.number, tour.text, tour.ticked],
                 [toast.text for toast in workspace.editor.toasts.shown],
@@ -73,9 +73,9 @@ def meets(workspace: Workspace, name: str, *, picture: bool = False) -> Iterator
         fits = lambda: shown() and workspace.tour.target.path  # noqa: E731
         yield from until(workspace, fits, f"the way in the picture to {name}")
         there = None
-    said["outlines"].append([name, workspace.widgets["tour outline"], there])
-    said["texts"].append(workspace.tour.text)
-    yield from shot(f"{len(said['outlines']):02d} {name.replace('/', ' ')}")
+    report["outlines"].append([name, workspace.widgets["tour outline"], there])
+    report["texts"].append(workspace.tour.text)
+    yield from shot(f"{len(report['outlines']):02d} {name.replace('/', ' ')}")
 
 
 def by_hand(workspace: Workspace) -> Iterator[Action]:
@@ -92,7 +92,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield from meets(workspace, "possess")
     yield Click(Widget("possess"))
     yield from until(workspace, lambda: perform.holders, "a dancer in the chair")
-    said["into the chair in s"] = time.monotonic() - began
+    report["into the chair in s"] = time.monotonic() - began
     yield from meets(workspace, "record")
     yield Click(Widget("record"))
     yield Wait(0.8)
@@ -108,19 +108,19 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     yield Click(Widget("tool cut"))
     yield from leave_and_resume(workspace)
     yield from meets(workspace, "the leg", picture=True)
-    said["plays before"] = editor.playing
+    report["plays before"] = editor.playing
     yield from follow_the_arrow(workspace)
     yield from until(workspace, lambda: len(editor.project.graphs) == 2, "two parts")
     pieces = sorted(len(graph.mesh.vertices) for graph in editor.project.graphs.values())
-    said["pieces"] = pieces
-    said["plays after"] = editor.playing
+    report["pieces"] = pieces
+    report["plays after"] = editor.playing
     yield from meets(workspace, "tool carry")
-    said["dance on"] = [plays(editor.project, graph) for graph in editor.project.graphs.values()]
+    report["dance on"] = [plays(editor.project, graph) for graph in editor.project.graphs.values()]
     yield Click(Widget("tool carry"))
     yield from meets(workspace, "the piece", picture=True)
     yield from follow_the_arrow(workspace, shift=True)
     yield from until(workspace, lambda: len(editor.project.graphs) == 1, "one again")
-    said["plays merged"] = editor.playing
+    report["plays merged"] = editor.playing
     yield Wait(0.5)
     yield from shot("09b merged")
     if "menu all" in workspace.widgets:
@@ -164,7 +164,7 @@ def leave_and_resume(workspace: Workspace) -> Iterator[Action]:
     yield from open_menu(workspace, "menu Help")
     yield Click(Widget("menu Help/Take the tour"))
     yield from until(workspace, lambda: workspace.tour is not None, "the tour again")
-    said["resumed"] = [number, workspace.tour.number]
+    report["resumed"] = [number, workspace.tour.number]
 
 
 def open_menu(workspace: Workspace, name: str) -> Iterator[Action]:
@@ -181,7 +181,7 @@ def follow_the_arrow(workspace: Workspace, *, shift: bool = False) -> Iterator[A
     for _ in range(16):  # the view may still be moving
         yield Do(lambda _: stages[0].move(where(on_picture(workspace)[0], stages[0])))
     yield Wait(2 * STEP)
-    said["holds still"] = said.get("holds still", True) and not workspace.editor.playing
+    report["holds still"] = report.get("holds still", True) and not workspace.editor.playing
     yield Drag(on_picture(workspace), 0.8, shift=shift)
 
 
@@ -198,7 +198,7 @@ def by_showing(workspace: Workspace) -> Iterator[Action]:
         if tour.number != number and tour.ticked <= 0.0 and not tour.shows:
             number = tour.number
             yield Wait(2 * STEP)
-            said["titles"].append(tour.title)
+            report["titles"].append(tour.title)
             yield Click(Widget("tour show"))
             yield Wait(0.7)
             yield from shot(f"show {number + 1}")
@@ -218,18 +218,18 @@ def work(workspace: Workspace, how: str) -> Iterator[Action]:
     yield from until(workspace, lambda: workspace.tour and workspace.tour.step is None, "the end")
     yield Wait(0.3)
     yield from shot("12 end")
-    said["file"] = str(workspace.store.path)
-    said["dirty"] = workspace.store.dirty
+    report["file"] = str(workspace.store.path)
+    report["dirty"] = workspace.store.dirty
     yield Click(Widget("tour close"))
     yield Wait(0.2)
-    said["closed"] = [workspace.tour is None, workspace.preferences.toured, workspace.preferences.tour_step]
+    report["closed"] = [workspace.tour is None, workspace.preferences.toured, workspace.preferences.tour_step]
     yield Click(Widget("room Perform"))
     yield Wait(0.2)
     yield Click(Widget("leave"))
     yield Wait(0.2)
-    said["left the stage"] = workspace.perform.live is None
-    said["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
-    said["done"] = True
+    report["left the stage"] = workspace.perform.live is None
+    report["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["done"] = True
 
 
 def main() -> None:
@@ -270,7 +270,7 @@ def main() -> None:
 
     with coarse_pixels(lambda: bool(wanted) and pictures is not None):
         window.run(before=before, after=after, seconds=380)
-    print(json.dumps(said))
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
 
-said: dict[str, object] = {"done": False}
+report: dict[str, object] = {"done": False}
 wanted: list[str] = []
 
 
@@ -60,11 +60,11 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, path: Path) -
     press(ctx, "ctrl+s")
     asked.append(workspace.asking)
     click("Compare")
-    said["asked"], said["compared"] = asked, [difference.item for difference in workspace.compared]
+    report["asked"], report["compared"] = asked, [difference.item for difference in workspace.compared]
     shot("compared")
     click("Add what is only in the file")
     click("Save over it")
-    said["done"] = not workspace.store.dirty
+    report["done"] = not workspace.store.dirty
     window.close()
 
 
@@ -88,7 +88,7 @@ def main() -> None:
     with coarse_pixels(lambda: pictures):
         script = scripted(lambda ctx: work(ctx, window, path))
         window.run(seconds=120, after=after, register_tests=script)
-    print(json.dumps(said, default=str))
+    print(json.dumps(report, default=str))
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ from enliven.wire import (
     Answer,
     Ask,
     Hello,
-    Malformed,
+    MalformedMessageError,
     Order,
-    OtherVersion,
+    OtherVersionError,
     Ping,
     Refused,
     Rejects,
@@ -108,11 +108,11 @@ class ControlSocket:
         viewer: _Viewer = peer.state
         try:
             if len(parts) != 1:
-                raise Malformed("request", f"{len(parts)} parts instead of one")
+                raise MalformedMessageError("request", f"{len(parts)} parts instead of one")
             request: Request[Ask] = unpack_control(parts[0], REQUEST)
-        except Malformed as error:
+        except MalformedMessageError as error:
             self.rejects.add(error)
-            if isinstance(error, OtherVersion):
+            if isinstance(error, OtherVersionError):
                 peer.introduced = True
                 self._send(peer, 0, Refused(str(error)))
             return None

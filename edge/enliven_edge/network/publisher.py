@@ -28,7 +28,7 @@ from enliven.wire import (
     Endpoint,
     GetState,
     Hello,
-    Malformed,
+    MalformedMessageError,
     Ping,
     Pong,
     PoseCodec,
@@ -224,7 +224,7 @@ class Publisher(Closeable):
         topic = BY_TYPE[type(message)]
         try:
             data = pack_checked(message)
-        except Malformed as error:
+        except MalformedMessageError as error:
             self._unsent.add(error)
             return 0
         # Do not latch messages about a removed character, because they would stay for ever.

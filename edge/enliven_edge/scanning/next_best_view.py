@@ -10,7 +10,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning import Ground
+from enliven.scanning import GroundPlane
 
 _FOCUS_RADIUS_M = 0.75
 """Distance from the focus within which gaps count, in metres. Beyond it, a floor always ends somewhere."""
@@ -41,7 +41,7 @@ class NextView:
     eye: Float | None
 
 
-def next_view(mesh: Mesh, ground: Ground, focus: Float, away: float) -> NextView:
+def next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -> NextView:
     """Returns the next best view of a scan.
 
     A surface with an open boundary continues there: it bends away from the views that saw it. A camera

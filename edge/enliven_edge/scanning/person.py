@@ -16,8 +16,8 @@ from enliven.meshes import Mesh
 from enliven.person import PARENTS, Body, Joint
 from enliven.possession import standing_figure
 from enliven.scanning import (
-    Ground,
-    LeftAside,
+    ExcludedPixels,
+    GroundPlane,
     Scanner,
     ScanSettings,
     ScanState,
@@ -127,7 +127,9 @@ class PersonScanner(Scanner):
         self._joints: list[tuple[Float, Float]] = []
         self.absent = self.lost = 0
 
-    def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
+    def add(
+        self, frame: DepthFrame, up: Float | None = None, aside: ExcludedPixels | None = None
+    ) -> ScanStep:
         """Finds the person in a frame, and fuses the person's pixels. See :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
         body = self._meant(bodies)
@@ -173,7 +175,7 @@ class PersonScanner(Scanner):
         # feet that were hidden or outside the image.
         cut = replace(self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=LOW)
         # If no floor is visible, use the lowest visible point as the floor.
-        floor = Ground(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
+        floor = GroundPlane(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:
             mend = "Stand fully in view, and nearer."
@@ -181,7 +183,7 @@ class PersonScanner(Scanner):
         if self.on_floor:
             mesh = cut_out(surface, floor, focus, cut)
         else:
-            floor = Ground(_UP, float(parts[0].vertices[:, 1].min()), 0.0)
+            floor = GroundPlane(_UP, float(parts[0].vertices[:, 1].min()), 0.0)
             mesh = levelled(parts[0], floor)
         middle = parts[0].bounds.mean(0)
         return ScannedPerson(mesh, joints - np.array([middle[0], floor.offset, middle[2]]))

@@ -20,7 +20,7 @@ from enliven.meshes import WRITABLE, Mesh, save_mesh
 from enliven.scanning import (
     CutBox,
     CutOut,
-    Ground,
+    GroundPlane,
     KnownImage,
     Scanner,
     cut_by_box,
@@ -117,7 +117,7 @@ def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
         raise InputError("no surface was seen often enough", where="scan", mend=mend)
     if keep.what == "alone":
         return largest_part(mesh), ""
-    ground: Ground | None = None
+    ground: GroundPlane | None = None
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh, settings=cut)
     if keep.what == "new":

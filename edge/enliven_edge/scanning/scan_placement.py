@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.scanning import Ground, find_ground, focus_of, surface_of, upright_frame
+from enliven.scanning import GroundPlane, find_ground, focus_of, surface_of, upright_frame
 from enliven_edge.scanning.next_best_view import next_view
 from enliven_edge.scanning.scan_view import ScanView
 
@@ -53,7 +53,7 @@ class ScanPlacement:
         try:
             ground = ground or find_ground(mesh, settings=scanner.settings.cut_out)
         except InputError:
-            ground = Ground(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
+            ground = GroundPlane(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
@@ -74,7 +74,7 @@ class ScanPlacement:
     def _on_stage(self, point: Float) -> list[float]:
         return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
 
-    def _follow(self, ground: Ground, focus: Float, images: int) -> None:
+    def _follow(self, ground: GroundPlane, focus: Float, images: int) -> None:
         """Moves the floor to y = 0 and the centre above the origin, if they moved."""
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]

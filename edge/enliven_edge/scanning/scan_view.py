@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning import DistanceVolume, Ground, Scanner, surface_of
+from enliven.scanning import GroundPlane, Scanner, TsdfVolume, surface_of
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
 from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
@@ -34,13 +34,13 @@ class ScanView:
         ground: the floor in the room's frame, if it is known although the surface does not show it.
     """
 
-    volume: DistanceVolume
-    coarse: DistanceVolume
+    volume: TsdfVolume
+    coarse: TsdfVolume
     room: Scanner | None
     shown_from_room: Float
     alone: bool
     places: int
-    ground: Ground | None = None
+    ground: GroundPlane | None = None
 
     def mesh(self) -> Mesh:
         """Returns the coarse surface in the room's frame."""
@@ -52,7 +52,7 @@ def shown_of(scanner: Scanner | MovedScanner) -> ScanView:
     """Returns the visible part of a scan: the room with the object, or the object only after its first
     move."""
     if isinstance(scanner, PersonScanner):
-        floor = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.on_floor else None
+        floor = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.on_floor else None
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), True, 1, floor)
     if isinstance(scanner, Scanner):
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), False, 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.scanning import PIECE_STEPS, DistanceVolume, PieceSums, ScanPiece, piece_of, piece_sums
+from enliven.scanning import PIECE_STEPS, PieceSums, ScanPiece, TsdfVolume, piece_of, piece_sums
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _MIN_CHANGE = 0.25
@@ -32,7 +32,7 @@ class SurfacePreview:
         """Sends every piece again, because another surface replaces the current one."""
         self._sent = dict.fromkeys(self._sent, (0, 0.0))
 
-    def changes(self, volume: DistanceVolume, most: int) -> list[ScanPieceMessage]:
+    def changes(self, volume: TsdfVolume, most: int) -> list[ScanPieceMessage]:
         """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
         total."""
         sums = piece_sums(volume)

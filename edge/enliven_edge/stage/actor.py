@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enliven.matching import Board, ScreenView
+from enliven.matching import MatchList, ScreenView
 from enliven.possession import Actor
 
 
@@ -16,6 +16,6 @@ class ChosenActor(Actor):
         """Shows another match. Step 0 makes the shown match follow the pose again."""
         raise NotImplementedError
 
-    def board(self) -> Board:
+    def board(self) -> MatchList:
         """Returns the list of matches to choose from, or the driven chains, for viewers."""
         raise NotImplementedError

@@ -11,7 +11,7 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven.matching import Board, ScreenView
+from enliven.matching import MatchList, ScreenView
 from enliven.person import Body
 from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
@@ -290,7 +290,7 @@ class Stage:
         for actor in rigs:
             actor.browse(step)
 
-    def boards(self) -> list[Board]:
+    def boards(self) -> list[MatchList]:
         """Returns the matches to choose from, for each rigged character."""
         return [actor.board() for actor in self._rigs()]
 

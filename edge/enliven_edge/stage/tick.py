@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from enliven.document import Pose, Props
 from enliven.frames import Frame
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven.person import Body
 from enliven.possession import Cues
 from enliven.wire import HoldMessage
@@ -34,7 +34,7 @@ class Tick:
     poses: Sequence[Pose] = ()
     read_ns: int = 0
     cues: Mapping[str, Cues] = field(default_factory=dict)
-    boards: Sequence[Board] = ()
+    boards: Sequence[MatchList] = ()
     holders: frozenset[int] = frozenset()
     holds: Sequence[HoldMessage] = ()
     props: Props | None = None

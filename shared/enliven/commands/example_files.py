@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Opened:
+class LoadedPuppet:
     """What was read from a file: the project, the chosen puppet, and notes on what was unusual."""
 
     project: Project
@@ -38,7 +38,7 @@ class Job:
     morphs: bool
 
 
-def opened(path: Path, name: str | None) -> Opened:
+def opened(path: Path, name: str | None) -> LoadedPuppet:
     """Opens a session, or a project with the puppet of that name (the first where none is named)."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
@@ -47,9 +47,9 @@ def opened(path: Path, name: str | None) -> Opened:
         project, notes = read_project(path), ()
         if name is None and not project.puppets:
             raise InputError("it has no puppet", where=str(path), mend="Make one of a mesh first.")
-        return Opened(project, project.puppet(name or next(iter(project.puppets))), notes)
+        return LoadedPuppet(project, project.puppet(name or next(iter(project.puppets))), notes)
     session = read_session(path)
-    return Opened(session.project, session.project.puppet(name or session.puppet), session.notes)
+    return LoadedPuppet(session.project, session.project.puppet(name or session.puppet), session.notes)
 
 
 def writer(output: Path) -> Callable[[Job], str]:

@@ -14,7 +14,7 @@ from enliven.files import need_folder
 if TYPE_CHECKING:
     from enliven.document import Clip
     from enliven.formats.rig import Rig
-    from enliven.mapping import Mode, MotionQuality, Plan, Retargeted
+    from enliven.mapping import Mode, MotionQuality, Plan, RetargetedShape
 
 
 def retarget(
@@ -158,7 +158,7 @@ def retarget(
     _tell_quality(retargeted, rig, write_map)
 
 
-def _tell_quality(made: Retargeted, rig: Rig, write_map: Path | None) -> None:
+def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
     """Prints how good the motion is, and warns with a better mapping where it has faults that are seen."""
     from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
 

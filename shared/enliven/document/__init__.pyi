@@ -56,7 +56,7 @@ from .keys import (
 from .project import (
     CameraMark as CameraMark,
     FREE as FREE,
-    Handling as Handling,
+    DisplayState as DisplayState,
     Marker as Marker,
     Project as Project,
     same as same,
@@ -77,10 +77,10 @@ from .skeleton import Skeleton as Skeleton, skeleton_of as skeleton_of
 from .surface_settings import ArapSettings as ArapSettings
 from .smoothing import smoothed as smoothed
 from .time_map import (
-    FASTEST as FASTEST,
-    SLOWEST as SLOWEST,
+    MAX_SPEED as MAX_SPEED,
+    MIN_SPEED as MIN_SPEED,
     Moment as Moment,
-    Playing as Playing,
+    LayerBase as LayerBase,
     Segment as Segment,
     TimeMap as TimeMap,
     closing_time as closing_time,

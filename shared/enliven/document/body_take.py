@@ -13,7 +13,7 @@ from enliven.person import Body, Joint
 
 HoldMode = Literal["alone", "join", "extend", "release", "take over", "remove"]
 """Effect of a change on the attachments (holds) of a character."""
-_LONGEST = 1e7
+_MAX_TAKE_S = 1e7
 """Maximum duration of a take in seconds, 115 days. Later times come from a damaged clock."""
 
 
@@ -154,6 +154,6 @@ def _problem_of(take: BodyTake) -> str:
         return "something in it is not finite"
     if not ((take.confidence >= 0.0) & (take.confidence <= 1.0)).all():
         return "a confidence is not between 0 and 1"
-    if take.seconds[0] != 0.0 or (np.diff(take.seconds) <= 0.0).any() or take.seconds[-1] > _LONGEST:
+    if take.seconds[0] != 0.0 or (np.diff(take.seconds) <= 0.0).any() or take.seconds[-1] > _MAX_TAKE_S:
         return "its times do not rise from 0"
     return ""

@@ -14,7 +14,7 @@ from enliven.errors import InputError
 
 KEY_STEP = 1.0 / 30.0
 """Frame duration in seconds of takes that are made from keys. Keys lie on these frames."""
-_LATEST = 3600.0
+_MAX_KEY_S = 3600.0
 """Maximum time of a key in seconds: an hour has about 100,000 frames."""
 EASES: tuple[str, ...] = ("smooth", "linear", "step")
 """Interpolation from a key to the next: smooth (continuous speed, without overshoot), linear, or a step."""
@@ -42,7 +42,7 @@ class MotionKey:
         for name in ("degrees", "metres"):
             object.__setattr__(self, name, tuple(float(number) for number in getattr(self, name)))
         problem = ""
-        if not 0.0 <= self.second <= _LATEST or not all(map(math.isfinite, (*self.degrees, *self.metres))):
+        if not 0.0 <= self.second <= _MAX_KEY_S or not all(map(math.isfinite, (*self.degrees, *self.metres))):
             problem = f"{self.degrees} degrees, {self.metres} m at {self.second} s cannot be played"
         elif self.ease not in EASES or len(self.degrees) != 3 or len(self.metres) != 3:
             problem = f"{self.degrees} degrees, {self.metres} m, {self.ease!r} are not a key"

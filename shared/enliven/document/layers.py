@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, freeze
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
@@ -26,7 +26,7 @@ above the floor."""
 
 
 @dataclass(frozen=True, eq=False)
-class Layer(Playing):
+class Layer(LayerBase):
     """A take with the chain, basis and timing that it drives bones with.
 
     Attributes:
@@ -83,7 +83,7 @@ class Layer(Playing):
 
 
 @dataclass(frozen=True, eq=False)
-class RootLayer(Playing):
+class RootLayer(LayerBase):
     """A clip that rotates and moves a whole character in the world, on top of its other layers.
 
     Let r be the clip's rotation and d its position at a time. Then x in the world becomes R (x - about) +

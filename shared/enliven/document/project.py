@@ -17,7 +17,7 @@ from enliven.document.puppet import Puppet
 from enliven.document.rig import RigBase
 from enliven.document.rigged import Shape
 from enliven.document.smoothing import smoothed
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.sounds import Sound
 
@@ -67,7 +67,7 @@ class CameraMark:
 
 
 @dataclass(frozen=True)
-class Handling:
+class DisplayState:
     """The display state of a character in an artist's window; exports ignore it.
 
     Attributes:
@@ -91,7 +91,7 @@ class Handling:
             raise InputError(problem, where="handling", mend="Give 0 or more.")
 
 
-FREE = Handling()
+FREE = DisplayState()
 """The state of a character that is visible and editable."""
 
 
@@ -119,7 +119,7 @@ class Project:
     streams: Mapping[str, PoseStream] = field(default_factory=dict)
     bodies: Mapping[str, BodyTake] = field(default_factory=dict)
     markers: Mapping[str, Marker] = field(default_factory=dict)
-    handling: Mapping[str, Handling] = field(default_factory=dict)
+    handling: Mapping[str, DisplayState] = field(default_factory=dict)
     views: Mapping[str, CameraMark] = field(default_factory=dict)
     sounds: Mapping[str, Sound] = field(default_factory=dict)
 
@@ -217,15 +217,15 @@ class Project:
         """The ids of the layers of all shapes."""
         return dict.fromkeys(layer.id for shape in self.shapes.values() for layer in shape.layers)
 
-    def length_of(self, layer: Playing) -> float:
+    def length_of(self, layer: LayerBase) -> float:
         """Returns the duration of the take that a layer plays, in seconds."""
         return self._recorded(layer).duration
 
-    def take_of(self, layer: Playing) -> Clip | PoseStream:
+    def take_of(self, layer: LayerBase) -> Clip | PoseStream:
         """Returns the take that a layer plays, with the layer's smoothing applied."""
         return smoothed(self._recorded(layer), layer.smooth)
 
-    def _recorded(self, layer: Playing) -> Clip | PoseStream:
+    def _recorded(self, layer: LayerBase) -> Clip | PoseStream:
         held: Mapping[str, Clip | PoseStream] = self.streams if layer.source == "streams" else self.takes
         return held[layer.take]
 

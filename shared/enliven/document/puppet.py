@@ -22,7 +22,7 @@ from enliven.document.example_settings import ExampleSettings
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.document.rig import RigBase
 from enliven.document.surface_settings import ArapSettings
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.rotation import IDENTITY
@@ -74,7 +74,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class PuppetLayer(Playing):
+class PuppetLayer(LayerBase):
     """A take that the puppet plays, like an animation layer of a shape: the first is at the bottom.
 
     Attributes:

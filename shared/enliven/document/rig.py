@@ -19,7 +19,7 @@ import numpy as np
 
 from enliven.arrays import Int32
 from enliven.document.layers import RootLayer
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,11 +83,11 @@ class RigBase:
         return np.full(len(self.handles), -1, np.int32)
 
     @property
-    def playing(self) -> tuple[Playing, ...]:
+    def playing(self) -> tuple[LayerBase, ...]:
         """Its layers, each a take with a time map. The root layers come last."""
         return (*getattr(self, self.played), *self.root_layers)
 
-    def with_playing(self, *layers: Playing) -> Self:
+    def with_playing(self, *layers: LayerBase) -> Self:
         """Returns the character with other layers."""
         own_layers = tuple(layer for layer in layers if not isinstance(layer, RootLayer))
         root = tuple(layer for layer in layers if isinstance(layer, RootLayer))

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 from enliven.document.keys import CurveKey, curve_of
 from enliven.errors import InputError
 
-SLOWEST = 0.02
+MIN_SPEED = 0.02
 """Minimum speed factor of a speed key. Time must never stop or reverse."""
-FASTEST = 50.0
+MAX_SPEED = 50.0
 """Maximum speed factor of a speed key."""
 _APART = 1e-3
 """Minimum time in seconds between two keys of a weight or a speed. A shorter interval contains no frame."""
@@ -112,7 +112,9 @@ class TimeMap:
         for name in ("segments", "weights", "speeds"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if problem := _problem_of_keys(self.weights, self.speeds):
-            mend = f"Give weights from 0 to 1, speeds of at least {SLOWEST}, and each key a time of its own."
+            mend = (
+                f"Give weights from 0 to 1, speeds of at least {MIN_SPEED}, and each key a time of its own."
+            )
             raise InputError(problem, where=where, mend=mend)
         if self.speed == 0.0 or not (math.isfinite(self.offset) and math.isfinite(self.speed)):
             message = f"offset {self.offset}, speed {self.speed} cannot be played"
@@ -297,7 +299,7 @@ class TimeMap:
         return replace(self, **{field.name: field.default for field in fields(TimeMap)})
 
 
-class Playing(TimeMap):
+class LayerBase(TimeMap):
     """A layer of any rig: the take that it plays, its timing, and whether it is muted.
 
     Attributes:
@@ -362,7 +364,7 @@ def _problem_of_keys(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) ->
             return "keys of its weight or speed are at one time, or not in order"
     if any(not 0.0 <= key.value <= 1.0 for key in weights):
         return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
-    if any(not SLOWEST <= key.value <= FASTEST for key in speeds):
+    if any(not MIN_SPEED <= key.value <= MAX_SPEED for key in speeds):
         return (
             f"a key plays it {min(key.value for key in speeds)} to {max(key.value for key in speeds)} times"
         )

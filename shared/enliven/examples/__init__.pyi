@@ -28,7 +28,7 @@ from .puppet_motion import (
 )
 from .puppet_solve import check_layer as check_layer, seen_by as seen_by
 from .suggest import (
-    Suggested as Suggested,
+    SuggestedPoses as SuggestedPoses,
     distance_to as distance_to,
     further_poses as further_poses,
     suggest_poses as suggest_poses,

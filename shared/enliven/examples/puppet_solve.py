@@ -18,7 +18,7 @@ from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime import (
-    Following,
+    PathFollower,
     PlacedMotion,
     check_switches,
     conditions_of,
@@ -26,7 +26,7 @@ from enliven.examples.spacetime import (
     on_floor,
     planted,
 )
-from enliven.examples.travel import Stepping, seen_as, stepping, travel_with
+from enliven.examples.travel import PerformerFeet, seen_as, stepping, travel_with
 from enliven.mapping import facing_of, turned_about_y
 
 
@@ -149,7 +149,7 @@ class _Solve:
         # the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
-        following = Following(size, self._material.locomotion, self.took.step, len(feet))
+        following = PathFollower(size, self._material.locomotion, self.took.step, len(feet))
         how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
         if feet:
             down = self._stands | (placed.anchors[:, None] == feet)
@@ -190,7 +190,7 @@ class _Solve:
         return self._feet if self._travel.feet else []
 
     @cached_property
-    def _by(self) -> Stepping | None:
+    def _by(self) -> PerformerFeet | None:
         """The performer's feet, or None if no control point is a foot."""
         if not self._feet:
             return None

@@ -36,7 +36,7 @@ class SuggestSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Suggested:
+class SuggestedPoses:
     """Suggested key poses, the most important first.
 
     Attributes:
@@ -50,7 +50,7 @@ class Suggested:
     count: int
 
 
-def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Suggested:
+def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> SuggestedPoses:
     """Suggests key poses of a motion (F, P, 3) in the body frame by farthest point sampling.
 
     Raises:
@@ -76,10 +76,10 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
     if len(frames) < 2:
         raise InputError("the performer never moves", where="key poses", mend="Choose another part of it.")
     few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
-    return Suggested(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
+    return SuggestedPoses(tuple(frames), tuple(gaps), max(2, few[0] if few else len(frames)))
 
 
-def further_poses(poses: Float, known: Float, settings: SuggestSettings | None = None) -> Suggested:
+def further_poses(poses: Float, known: Float, settings: SuggestSettings | None = None) -> SuggestedPoses:
     """Suggests key poses in addition to existing examples (n, P, 3), all in the body frame.
 
     Returns:
@@ -100,7 +100,7 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
         away = np.minimum(away, _distance(poses, poses[frames[-1]]))
         gaps.append(float(away.max()))
     few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * alone.gaps[0]]
-    return Suggested(tuple(frames), tuple(gaps), few[0] if few else len(frames))
+    return SuggestedPoses(tuple(frames), tuple(gaps), few[0] if few else len(frames))
 
 
 def distance_to(poses: Float, known: Float) -> Float:

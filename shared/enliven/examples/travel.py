@@ -131,7 +131,7 @@ def seen_as(clip: Clip, role: Role) -> PerformerClip:
 
 
 @dataclass(frozen=True, eq=False)
-class Stepping:
+class PerformerFeet:
     """The feet of a performer in a take, and the control points that follow them.
 
     Attributes:
@@ -169,7 +169,7 @@ def stepping(
     feet: Sequence[int],
     how: LocomotionSettings,
     rows: Sequence[int] | None = None,
-) -> Stepping:
+) -> PerformerFeet:
     """Returns the feet of a performer in a take.
 
     Args:
@@ -181,7 +181,7 @@ def stepping(
     rows = list(feet if rows is None else rows)
     ways = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
     legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
-    return Stepping(took.world[:, rows], tuple(feet), legs, took.step, how)
+    return PerformerFeet(took.world[:, rows], tuple(feet), legs, took.step, how)
 
 
 @lru_cache(maxsize=_KEPT)

@@ -1,7 +1,7 @@
 from .anatomy import Anatomy as Anatomy, SkeletonLimb as SkeletonLimb, anatomy_of as anatomy_of
 from .applying import apply_plan as apply_plan
 from .automatic_mapping import (
-    Retargeted as Retargeted,
+    RetargetedShape as RetargetedShape,
     automatic as automatic,
     idle_limbs as idle_limbs,
     play_own_take as play_own_take,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from enliven.document import Shape
-from enliven.mapping.automatic_mapping import Retargeted, retarget
+from enliven.mapping.automatic_mapping import RetargetedShape, retarget
 from enliven.mapping.ground import stands
 from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, quality_of
@@ -33,7 +33,7 @@ class NextBest:
     quality: MotionQuality
 
 
-def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBest | None:
+def next_best(made: RetargetedShape, shape: Shape, quality: MotionQuality) -> NextBest | None:
     """Returns the best mapping that differs from the current one in one choice.
 
     Returns None if the current mapping is within all bounds, or if no alternative is clearly better.
@@ -50,12 +50,12 @@ def next_best(made: Retargeted, shape: Shape, quality: MotionQuality) -> NextBes
     return best if best.quality.faults < _BETTER * quality.faults else None
 
 
-def _measured(retargeted: Retargeted, shape: Shape, plan: Plan) -> MotionQuality:
+def _measured(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> MotionQuality:
     other = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
     return quality_of(other.project, other.shape_id, retargeted.clip, other.duration, other.plan)
 
 
-def _others(retargeted: Retargeted, shape: Shape) -> Iterator[tuple[str, Plan]]:
+def _others(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
     """Yields each mapping that differs from the current one in one choice, after a description of how."""
     plan, clip = retargeted.plan, retargeted.clip
     soft = softened(plan, clip, shape)

@@ -38,7 +38,7 @@ from enliven.rotation import conjugate, multiply
 
 
 @dataclass(frozen=True, eq=False)
-class Retargeted:
+class RetargetedShape:
     """A shape that a take moves: the result of retargeting.
 
     Attributes:
@@ -273,7 +273,7 @@ def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
 
-def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> Retargeted:
+def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> RetargetedShape:
     """Returns a shape that plays one of its own takes joint by joint, including travel through the world.
 
     Args:
@@ -289,7 +289,7 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
     plan = replace(automatic(clip, shape), travel=True, floor=False)
     played, _ = playing(project or Project(), shape, clip)
     theirs, ours = facings(clip, shape, plan)
-    return Retargeted(played, shape.id, clip, plan, clip.duration, ours, theirs)
+    return RetargetedShape(played, shape.id, clip, plan, clip.duration, ours, theirs)
 
 
 def retarget(
@@ -298,7 +298,7 @@ def retarget(
     plan: Plan | None = None,
     project: Project | None = None,
     clips: Sequence[Clip] = (),
-) -> Retargeted:
+) -> RetargetedShape:
     """Returns a shape that a take moves.
 
     Args:
@@ -337,4 +337,4 @@ def retarget(
         steps = step_sizes(shape, clip, based, plan)
         project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)
     theirs, ours = facings(clip, shape, plan)
-    return Retargeted(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)
+    return RetargetedShape(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)

@@ -32,9 +32,9 @@ _GROUND = 5.0
 """Percentile of the lowest joint's height over a take that is used as the height of the floor."""
 _TOUCH = 0.01
 """Points within this fraction of the height above the lowest point count as standing, too."""
-_SHORTEST = 0.1
+_MIN_STRIDE_FACTOR = 0.1
 """Smallest factor for a stride, so that a shape with shuffling legs still moves forward."""
-_LONGEST = 1.5
+_MAX_STRIDE_FACTOR = 1.5
 """Largest factor for a stride. Feet that slide ahead would give a larger one."""
 _HAND = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
@@ -206,7 +206,7 @@ def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
     wanted = wanted[used]
     order = np.argsort(wanted)
     middle = np.searchsorted(np.cumsum(far[used][order]), far[used].sum() / 2.0)
-    return float(np.clip(wanted[order][middle], _SHORTEST, _LONGEST))
+    return float(np.clip(wanted[order][middle], _MIN_STRIDE_FACTOR, _MAX_STRIDE_FACTOR))
 
 
 def levelled(clip: Clip, chest: int) -> Clip:

@@ -44,7 +44,7 @@ _SHORTEST_S = 0.05
 """Shortest contact in seconds. Those of a sprint last 80 ms."""
 _RELEASE = 1.3
 """Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
-_LOWEST = 5.0
+_STANDING_PERCENTILE = 5.0
 """Percentile of a joint's height over a take that counts as its height while the foot stands."""
 _BLEND_S = 0.1
 """Seconds over which a foot moves from the performer's path to its planted position, and back."""
@@ -136,7 +136,7 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
     stands = np.zeros(len(foot), np.bool_)
     for joint in foot.swapaxes(0, 1):
         speed = np.linalg.norm(np.gradient(joint, step, axis=0), axis=1)
-        height = joint[:, 1] - np.percentile(joint[:, 1], _LOWEST)
+        height = joint[:, 1] - np.percentile(joint[:, 1], _STANDING_PERCENTILE)
         down = np.empty(len(foot), np.bool_)
         touching(height, speed / allowed, _HEIGHT * length, 1.0, _RELEASE, down)
         stands |= down
@@ -285,7 +285,7 @@ def clearance_of(heights: Float, spans: Spans) -> Float:
         times = np.arange(len(heights))
         standing = np.stack([np.interp(times, ends, low) for low in lows.T], axis=1)
     else:
-        standing = np.percentile(heights, _LOWEST, axis=0)
+        standing = np.percentile(heights, _STANDING_PERCENTILE, axis=0)
     return np.asarray(np.maximum(heights - standing, 0.0).min(1))
 
 

@@ -1,6 +1,6 @@
 from . import views as views
 from .assignment import least_cost as least_cost
-from .board import Board as Board, MatchRow as MatchRow
+from .match_list import MatchList as MatchList, MatchRow as MatchRow
 from .body_limbs import (
     BodySource as BodySource,
     body_source as body_source,

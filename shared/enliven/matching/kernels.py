@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.kernels import njit
 from enliven.matching.assignment import all_choices, best_choices, binomials
-from enliven.matching.views import NEAREST
+from enliven.matching.views import MIN_DEPTH_M
 
 
 @njit(cache=True, nogil=True)
@@ -106,6 +106,6 @@ def _on_screen(point, axes, eye, perspective):
     x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
     depth = 1.0
     if perspective:
-        depth = max(axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z, NEAREST)
+        depth = max(axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z, MIN_DEPTH_M)
     right = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) / depth
     return right, (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z) / depth, depth

@@ -54,7 +54,7 @@ class LimbShapes:
             and abs(far[0] - far[1]) <= 2 * slack
         )
 
-    def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> Matched | None:
+    def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> JointPairing | None:
         """Pairs the joints of limbs a and b if ``linear`` maps a's joints to b's, else returns None."""
         slack = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]
@@ -73,11 +73,11 @@ class LimbShapes:
                 theirs.remove(nearest)
                 waiting.append((child, nearest))
         error = (squares / len(pairs)) ** 0.5
-        return None if error > slack else Matched(pairs, error / max(float(self.reach[a]), 1e-300))
+        return None if error > slack else JointPairing(pairs, error / max(float(self.reach[a]), 1e-300))
 
 
 @dataclass(frozen=True)
-class Matched:
+class JointPairing:
     """The pairs of joints of two equal limbs, and their distance as a fraction of the limb's reach."""
 
     pairs: list[tuple[int, int]]

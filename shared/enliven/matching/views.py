@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 
-NEAREST = 1e-3
+MIN_DEPTH_M = 1e-3
 """Near distance of the projection in metres. Points nearer than this, or behind the eye, are projected at
 this distance."""
 
@@ -71,7 +71,7 @@ class ScreenView:
         """Returns (...,) the depth of (..., 3) points in metres, or one for an orthographic view."""
         if self.eye is None:
             return np.ones(points.shape[:-1])
-        return np.asarray(np.maximum((points - self.eye) @ self.direction, NEAREST))
+        return np.asarray(np.maximum((points - self.eye) @ self.direction, MIN_DEPTH_M))
 
 
 def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:

@@ -41,7 +41,7 @@ from .materials import (
 )
 from .pictures import opened_picture as opened_picture
 from .tokens import (
-    WrongWord as WrongWord,
+    WrongWordError as WrongWordError,
     blocks as blocks,
     lines_of as lines_of,
     numbers_in as numbers_in,

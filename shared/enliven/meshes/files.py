@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError, plain_reason
-from enliven.files import Beside, need_folder, read_file, write_file
+from enliven.files import ReferencedFiles, need_folder, read_file, write_file
 from enliven.meshes.gltf import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.obj import read_obj
@@ -15,7 +15,7 @@ from enliven.meshes.repair import repair
 from enliven.meshes.scan_surface import parse_pcd, surface_through
 from enliven.meshes.stl import read_stl
 from enliven.meshes.text import read_medit, read_off
-from enliven.meshes.tokens import Damaged
+from enliven.meshes.tokens import DamagedMeshError
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
@@ -99,7 +99,7 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
-        reason = str(error) if isinstance(error, Damaged) else plain_reason(error, "it is damaged")
+        reason = str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "it is damaged")
         problem = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
         raise InputError(
             problem, where=str(path), mend="Check that it is complete and that its ending is right. " + known
@@ -112,7 +112,7 @@ def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
         vertices, faces, notes = _TABLES[suffix](data)
         return Mesh(vertices, faces, path.stem), notes
     if suffix == ".obj":
-        return read_obj(data, Beside(path), path.stem)
+        return read_obj(data, ReferencedFiles(path), path.stem)
     if suffix == ".ply":
         return read_ply(data, path.stem)
     return surface_through(*parse_pcd(data, str(path)), name=path.stem), []

@@ -13,12 +13,12 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Bool, Float, Int, UInt8
 from enliven.errors import InputError
-from enliven.files import Beside, decode_text, text_bytes
+from enliven.files import ReferencedFiles, decode_text, text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
 from enliven.meshes.tokens import (
-    Damaged,
-    WrongWord,
+    DamagedMeshError,
+    WrongWordError,
     blocks,
     lines_of,
     numbers_in,
@@ -83,7 +83,7 @@ class _Faces:
         return sum(self.vertices_in_block)
 
 
-def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, list[str]]:
+def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[Mesh, list[str]]:
     """Returns the mesh of an OBJ file and notes on omitted content.
 
     Vertices are split if corners differ in texture coordinates or normals, and at material boundaries.
@@ -92,7 +92,7 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
         beside: opens the material files that it names.
 
     Raises:
-        Damaged: with the wrong line, or if there are no faces.
+        DamagedMeshError: with the wrong line, or if there are no faces.
     """
     text = text_bytes(data)
     try:
@@ -100,10 +100,10 @@ def read_obj(data: bytes, beside: Beside, name: str = "mesh") -> tuple[Mesh, lis
         # file.
         return _read(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
-        raise Damaged(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
+        raise DamagedMeshError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
-def _read(text: bytes, beside: Beside, name: str) -> tuple[Mesh, list[str]]:
+def _read(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, list[str]]:
     faces = _read_faces(text)
     corners, sizes = _joined(faces.corners, (0, 3)), _joined(faces.sizes, (0,))
     if not (sizes > 2).any():
@@ -217,7 +217,7 @@ def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     parts = 1 + (np.add.reduceat(slashes, starts, dtype=np.int64) if len(starts) else starts)
     try:
         numbers = numbers_in(chunk.replace(b"/", b" "), np.int64)
-    except WrongWord as error:
+    except WrongWordError as error:
         raise _WrongLine(int(offsets[error.line]), error.what) from None
     first = np.cumsum(parts) - parts
     corners = np.full((len(starts), 3), -1, np.int64)
@@ -260,7 +260,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
             raise _WrongLine(int(offsets[np.argmin(counts)]), problem)
         try:
             numbers = numbers_in(chunk)
-        except WrongWord as error:
+        except WrongWordError as error:
             raise _WrongLine(int(offsets[error.line]), error.what) from None
         first = np.cumsum(counts) - counts
         vertices.append(numbers[first[:, None] + np.arange(3)])
@@ -284,7 +284,7 @@ def _bytes_of(colours: Float) -> UInt8 | None:
     return np.clip(np.rint(shown), 0, 255).astype(np.uint8)
 
 
-def _read_palette(faces: _Faces, beside: Beside, notes: list[str]) -> UInt8 | None:
+def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> UInt8 | None:
     """Returns (M + 1, 3) sRGB of each used material, grey for the last entry (no material).
 
     None if none has a colour.

@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float, UInt8
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import Damaged, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, numbers_in
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -52,7 +52,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     """Returns the mesh of a PLY file, and notes on unusual content.
 
     Raises:
-        Damaged: if it is not a PLY file, has a broken header, or is shorter than declared.
+        DamagedMeshError: if it is not a PLY file, has a broken header, or is shorter than declared.
     """
     kind, elements, body = _read_head(data)
     tables = _ascii_tables(elements, body) if kind == "ascii" else _binary_tables(elements, body, kind)
@@ -64,7 +64,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
         )
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not all(axis in vertex for axis in "xyz"):
-        raise Damaged("its header has no vertices with x, y and z")
+        raise DamagedMeshError("its header has no vertices with x, y and z")
     vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
     key = next((word for word in _CORNERS if word in face), "")
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
@@ -72,7 +72,9 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
         at = int(np.argmax((corners < 0) | (corners >= len(vertices))))
         polygon = int(np.searchsorted(np.cumsum(sizes), at, "right"))
-        raise Damaged(f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}")
+        raise DamagedMeshError(
+            f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}"
+        )
     faces, _ = triangulate(vertices, corners, sizes)
     return Mesh(vertices, faces, name, _colours(vertex)), notes
 
@@ -84,12 +86,12 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
         data = text_bytes(data)
     end = _END.search(data, 0, _MAX_HEAD_BYTES)
     if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
-        raise Damaged("it has no header of a PLY file")
+        raise DamagedMeshError("it has no header of a PLY file")
     kind, elements = "", list[_Element]()
     lines = text_bytes(data[: end.start()]).decode("utf-8", "replace").split("\n")
     count = sum(line.split()[:1] == ["property"] for line in lines)
     if count > _MAX_PROPERTIES:
-        raise Damaged(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
+        raise DamagedMeshError(f"it has {count} properties, and no more than {_MAX_PROPERTIES} are read")
     for line in lines:
         match line.split():
             case ["format", "ascii" | "binary_little_endian" | "binary_big_endian" as kind, *_]:
@@ -101,16 +103,16 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["property", of, word] if elements and of in _TYPES:
                 elements[-1].properties.append((word, _TYPES[of], ""))
             case ["property" | "element" | "format", *_]:
-                raise Damaged(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
+                raise DamagedMeshError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
             case _:
                 pass  # The line is "ply", a comment, or the object information of a scanner.
     if not kind:
-        raise Damaged("its header does not state a format")
+        raise DamagedMeshError("its header does not state a format")
     return kind, elements, data[end.end() :]
 
 
-def _short(element: _Element) -> Damaged:
-    return Damaged(f"it ends early: its header states {element.count} rows of {element.name!r}")
+def _short(element: _Element) -> DamagedMeshError:
+    return DamagedMeshError(f"it ends early: its header states {element.count} rows of {element.name!r}")
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
@@ -175,10 +177,10 @@ def _sides(count: float) -> int:
     """Returns the length of a list.
 
     Raises:
-        Damaged: if it is not an integer, negative or too large for a polygon.
+        DamagedMeshError: if it is not an integer, negative or too large for a polygon.
     """
     if not 0 <= count <= _MAX_SIDES or count != int(count):
-        raise Damaged(f"a list of it has {count:g} entries")
+        raise DamagedMeshError(f"a list of it has {count:g} entries")
     return int(count)
 
 

@@ -17,9 +17,9 @@ from enliven.arrays import Bool, Float, Int
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh, submesh
 
-_LONGEST = 4.0
+_MAX_EDGE_IN_SPACINGS = 4.0
 """Maximum edge length, as a multiple of the point spacing."""
-_STEEPEST = 0.13
+_MIN_FACING_COSINE = 0.13
 """Minimum cosine between a triangle's normal and the ray to the sensor: steeper ones are depth steps, not
 surfaces."""
 _HIDING = 4.0
@@ -30,7 +30,7 @@ _MOST_COLUMNS = 1024
 """Maximum numbers per point in a file."""
 _MOST_PIXELS = 1 << 24
 """Maximum pixels of the image of the points: 4096 x 4096, 40 m wide at one pixel per spacing."""
-_FARTHEST = 1e6
+_MAX_DISTANCE_M = 1e6
 """Metres from the sensor. Farther points are invalid."""
 
 
@@ -46,7 +46,7 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
         InputError: if there are too few points for a surface.
     """
     points = points - viewpoint
-    points = points[(np.abs(points) < _FARTHEST).all(1)]
+    points = points[(np.abs(points) < _MAX_DISTANCE_M).all(1)]
     middle = points.mean(0) if len(points) else np.zeros(3)
     depth = float(np.linalg.norm(middle))
     if len(points) < 3 or depth < 1e-6:
@@ -145,7 +145,7 @@ def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
     ray = corners.mean(1)
     product = np.linalg.norm(normal, axis=1) * np.linalg.norm(ray, axis=1)
     facing = np.abs((normal * ray).sum(1)) / np.maximum(product, 1e-30)
-    return np.asarray((edges < _LONGEST * max(near, spacing)) & (facing > _STEEPEST))
+    return np.asarray((edges < _MAX_EDGE_IN_SPACINGS * max(near, spacing)) & (facing > _MIN_FACING_COSINE))
 
 
 def _facing(seen: Float, faces: Int) -> Int:

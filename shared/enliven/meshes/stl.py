@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
-from enliven.meshes.tokens import Damaged, blocks, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, blocks, numbers_in
 
 _HEAD = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
@@ -23,7 +23,7 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     """Returns (3F, 3) corners and (F, 3) triangles of an STL file, and notes.
 
     Raises:
-        Damaged: if the file is shorter than its header declares, or is neither binary nor ASCII.
+        DamagedMeshError: if the file is shorter than its header declares, or is neither binary nor ASCII.
     """
     triangle_count = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     expected = _HEAD + triangle_count * _TRIANGLE.itemsize
@@ -32,9 +32,9 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     if text is not None:
         corners = _ascii(text)
     elif len(data) < _HEAD:
-        raise Damaged(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
+        raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
     elif len(data) < expected or triangle_count == 0:
-        raise Damaged(
+        raise DamagedMeshError(
             f"its header says {triangle_count} triangles, which are {expected} bytes; it has {len(data)}"
         )
     else:
@@ -59,9 +59,9 @@ def _ascii(text: bytes) -> Float:
     corners = np.concatenate([part for part in parts if len(part)])
     last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
-        raise Damaged("it ends early: the last line is not endsolid")
+        raise DamagedMeshError("it ends early: the last line is not endsolid")
     if len(corners) % 3:
-        raise Damaged(f"it has {len(corners)} corners, which is not a multiple of three")
+        raise DamagedMeshError(f"it has {len(corners)} corners, which is not a multiple of three")
     return corners
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import Damaged, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import DamagedMeshError, lines_of, numbers_in, without_comments, word_starts
 
 _OFF = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
@@ -36,22 +36,22 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     coordinates are skipped, and colours with a note.
 
     Raises:
-        Damaged: if the file contradicts its header.
+        DamagedMeshError: if the file contradicts its header.
     """
     text = without_comments(text_bytes(data)) + b"\n"
     head = _OFF.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
-        raise Damaged("the first word is not OFF")
+        raise DamagedMeshError("the first word is not OFF")
     if head["binary"] or b"4" in kind or b"nOFF" in head[0]:
         problem = "it is binary" if head["binary"] else "its vertices do not have three coordinates"
-        raise Damaged(f"{problem}: write it as text, with three coordinates for each vertex")
+        raise DamagedMeshError(f"{problem}: write it as text, with three coordinates for each vertex")
     if head["vertices"] is None:
-        raise Damaged("the counts of vertices and faces are missing")
+        raise DamagedMeshError("the counts of vertices and faces are missing")
     count, face_count = int(head["vertices"]), int(head["faces"] or head["lower"])
     stated = f"it says {count} vertices and {face_count} faces"
     if count < 0 or face_count < 0:
-        raise Damaged(stated)
+        raise DamagedMeshError(stated)
     body = text[head.end() :]
     problem = f"it ends early: {stated}"
     for vertices, faces_start in _off_vertices(body, count, kind):
@@ -63,7 +63,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
                 notes.append("the colours of its vertices are left out: PLY and OBJ keep them")
             return vertices, triangulate(vertices, corners, sizes)[0], notes
         problem = f"{stated}, and {walked}"
-    raise Damaged(problem)
+    raise DamagedMeshError(problem)
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
@@ -163,29 +163,29 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     Tetrahedra give their boundary.
 
     Raises:
-        Damaged: if the file is not MEDIT, or ends early.
+        DamagedMeshError: if the file is not MEDIT, or ends early.
     """
     words = decode_text(without_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
-        raise Damaged("the first word is not MeshVersionFormatted")
+        raise DamagedMeshError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}
     for i, word in enumerate(words[:-1]):
         if word in _MEDIT_COLUMNS:
             columns = _MEDIT_COLUMNS[word]
             if int(words[i + 1]) < 0:
-                raise Damaged(f"it says {words[i + 1]} {word}")
+                raise DamagedMeshError(f"it says {words[i + 1]} {word}")
             values = words[i + 2 : i + 2 + int(words[i + 1]) * columns]
             if len(values) < int(words[i + 1]) * columns:
-                raise Damaged(f"it ends early, in {word}")
+                raise DamagedMeshError(f"it ends early, in {word}")
             tables[word] = np.array(values, np.float64).reshape(-1, columns)[:, :-1]
     if "Vertices" not in tables:
-        raise Damaged("it has no Vertices")
+        raise DamagedMeshError("it has no Vertices")
     triangles = [tables[t].astype(np.int64) - 1 for t in ("Triangles",) if t in tables]
     if "Quadrilaterals" in tables:
         quads = tables["Quadrilaterals"].astype(np.int64) - 1
         vertices = tables["Vertices"]
         if len(quads) and not 0 <= quads.min() <= quads.max() < len(vertices):
-            raise Damaged(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
+            raise DamagedMeshError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
         triangles = [_boundary(tables["Tetrahedra"].astype(np.int64) - 1)]

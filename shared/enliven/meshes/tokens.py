@@ -19,11 +19,11 @@ _SHOWN_BYTES = 40
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
-class Damaged(ValueError):
+class DamagedMeshError(ValueError):
     """An error in a file, in words for the user."""
 
 
-class WrongWord(Damaged):
+class WrongWordError(DamagedMeshError):
     """A word that is not valid at its place.
 
     Attributes:
@@ -74,7 +74,7 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
         dtype: float64 or int64.
 
     Raises:
-        WrongWord: for a word that is not such a number.
+        WrongWordError: for a word that is not such a number.
     """
     with warnings.catch_warnings():
         # If the text is not a number, some versions of NumPy end the parsing with a warning, others with an
@@ -88,7 +88,7 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
         at = _first_wrong(text, dtype)
     word = text[at : at + _SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
     kind = "whole number" if np.dtype(dtype).kind == "i" else "number"
-    raise WrongWord(text.count(b"\n", 0, at), f"{word!r} is not a {kind}")
+    raise WrongWordError(text.count(b"\n", 0, at), f"{word!r} is not a {kind}")
 
 
 def _first_wrong(text: bytes, dtype: Any) -> int:

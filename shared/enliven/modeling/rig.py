@@ -16,14 +16,14 @@ from enliven.errors import InputError
 from enliven.modeling.mesh import CutSurface, SeamSettings
 
 
-class Posed(NamedTuple):
+class CharacterState(NamedTuple):
     """A character at one moment: its transforms, and its handles as (H, 3) metres in the world."""
 
     pose: Pose
     handles: Float
 
 
-Player = Callable[[float], Posed]
+Player = Callable[[float], CharacterState]
 """A character prepared for frequent evaluation: maps seconds of the project's time to its state."""
 
 

@@ -12,13 +12,13 @@ from enliven.person import BONES, PARENTS, J, Joint
 
 _PARENT = np.array(PARENTS)
 _HIP = int(Joint.HIP_CENTER)
-_CHEST = int(Joint.SHOULDER_CENTER)
+_CHEST_JOINT = int(Joint.SHOULDER_CENTER)
 # These are arrays, because numba compiles a kernel again for each distinct tuple type.
 _HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
 _SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
 _X, _Y, _Z = np.eye(3)
-_ON_CHEST = np.array([j in (_CHEST, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])
+_ON_CHEST = np.array([j in (_CHEST_JOINT, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])
 _ON_TORSO = _ON_CHEST | np.isin(_PARENT, (_HIP, *_HIPS)) | (np.arange(J) == _HIP)
 """Bones that rotate with the hips or the shoulders. Every other bone rotates with its parent bone."""
 
@@ -122,7 +122,7 @@ def _product_into(m, n, out):
 def _girdle(joints, left, right, frame):
     """Writes the axes of a girdle into the rows of ``frame`` (3, 3): left, up along the spine, forward."""
     side, up, ahead = frame[0], frame[1], frame[2]
-    spine = joints[_CHEST] - joints[_HIP]
+    spine = joints[_CHEST_JOINT] - joints[_HIP]
     _unit_into(spine[0], spine[1], spine[2], _Y, up)
     across = joints[left] - joints[right]
     lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]

@@ -15,18 +15,23 @@ from enliven.errors import EnlivenError
 from enliven.person import Body, J
 from enliven.possession.actor import Actor, Mode
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.easing import Easing
+from enliven.possession.attachment_reach import attach_within_reach, out_of_reach
 from enliven.possession.follow_through import FollowThrough, stiffness_of
-from enliven.possession.grip import gripped, out_of_reach
 from enliven.possession.highlights import Cues, cues_of
-from enliven.possession.hold import EmbeddedHold, Grip, depth_of, joined
 from enliven.possession.likeness import BodyInMesh
-from enliven.possession.mapped import Mapped
-from enliven.possession.meeting import Meeting
+from enliven.possession.limb_retargeting import LimbRetargeting
+from enliven.possession.performer_attachment import (
+    PerformerAttachment,
+    TransformedAttachment,
+    depth_of,
+    joined,
+)
 from enliven.possession.placement import AS_MODELLED, Placement, resettled
 from enliven.possession.placement_rules import PlacementRules
+from enliven.possession.pose_approach import PoseApproach
+from enliven.possession.pose_blend import PoseBlend
 from enliven.possession.soft_constraints import SoftConstraints
-from enliven.possession.standing import standing_figure
+from enliven.possession.standing_placement import standing_figure
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of the warm-up run."""
@@ -58,16 +63,16 @@ class EmbeddedActor(Actor):
     ) -> None:
         self.character, self.graph = character, graph
         self.settings = settings or ActorSettings()
-        self.holds: list[EmbeddedHold] = []
+        self.holds: list[PerformerAttachment] = []
         self.size = size
         height = height or float(np.ptp(character.vertices[:, 1])) or 1.0
         self._rules = PlacementRules(self.settings, character, graph, height, size, person)
         self._placement = AS_MODELLED
         self._placed = self.settings.place == "fixed"
         self._solver: EmbeddedSolver | None = None
-        self._meeting: Meeting | None = None
+        self._approach: PoseApproach | None = None
         self._free = True
-        self._easing = Easing(self.settings.fade, self.settings.fade_pace)
+        self._easing = PoseBlend(self.settings.fade, self.settings.fade_pace)
         self._soft = SoftConstraints(character, graph, self.settings)
         self._stiffness = stiffness_of(character, graph.positions, self.settings.stiffness)
         self._swing = FollowThrough(self._stiffness, self.settings.exaggeration)
@@ -115,15 +120,15 @@ class EmbeddedActor(Actor):
             nodes = self.graph.positions if state is None else state[1]
             comes = not (others or own is not None or self._stays)
             raise out_of_reach(self.character.id, self.settings, body, grip, nodes, comes=comes)
-        new = EmbeddedHold(body.id, [grip], self._time_ns, depth=depth_of(body))
-        hold = new if own is None else own.with_grip(grip)
+        new = PerformerAttachment(body.id, [grip], self._time_ns, depth=depth_of(body))
+        hold = new if own is None else own.with_attachment(grip)
         continues = others or own is not None or self._stays
         start = self._solver.state() if continues and self._solver is not None else None
-        if self._meeting is not None:
-            start = start or self._meeting.state
-            if self._meeting.body == body.id and isinstance(grip.carrying, Mapped):
-                grip.carrying.goes_on(self._meeting.carrying)
-        self._meeting, self._free = None, False
+        if self._approach is not None:
+            start = start or self._approach.state
+            if self._approach.body == body.id and isinstance(grip.rest_transform, LimbRetargeting):
+                grip.rest_transform.goes_on(self._approach.rest_transform)
+        self._approach, self._free = None, False
         if not continues:
             self._placement = self._grown(self._rules.at_performer(body))
         self._placed, self._candidate = True, (None, parts)
@@ -174,8 +179,8 @@ class EmbeddedActor(Actor):
         for hold in self.holds:
             if hold.body == former:
                 hold.body, hold.depth = body.id, depth_of(body)
-                for grip in hold.grips:
-                    grip.carrying.handed_over(body)
+                for grip in hold.attachments:
+                    grip.rest_transform.handed_over(body)
                 self._easing.restart_fade()
 
     def perform(
@@ -208,7 +213,10 @@ class EmbeddedActor(Actor):
         preview = None
         if body is not None and self._placed:
             others = [hold for hold in self.holds if hold.body != body.id]
-            preview = body.id, EmbeddedHold(body.id, [self._grip(body, parts, others)]).strengths(count)
+            preview = (
+                body.id,
+                PerformerAttachment(body.id, [self._grip(body, parts, others)]).strengths(count),
+            )
         return cues_of(held_strengths, preview)
 
     def warm_up(self) -> None:
@@ -239,17 +247,17 @@ class EmbeddedActor(Actor):
         """Returns a placement at the mesh's own size scaled to its display size."""
         return place.larger(self.growth, place.to_world(self._rules.stand))
 
-    def _grip(self, body: Body, parts: str, others: list[EmbeddedHold]) -> Grip:
+    def _grip(self, body: Body, parts: str, others: list[PerformerAttachment]) -> TransformedAttachment:
         """Returns the grip that the body would get now, in addition to other holds. Empty if nothing is
         within reach.
         """
         deformed = None
         if (self.holds or self._easing.under_way) and (others or self._stays):
             deformed = self._shown_at_rest()
-        earlier = [hold.grips[0].carrying for hold in others]
-        own = next((hold.grips[0].carrying for hold in self.holds if hold.body == body.id), None)
-        for carrying in self._rules.carryings(body, self._placement, earlier, own):
-            grip = gripped(self.graph, self.settings, body, parts, carrying, deformed)
+        earlier = [hold.attachments[0].rest_transform for hold in others]
+        own = next((hold.attachments[0].rest_transform for hold in self.holds if hold.body == body.id), None)
+        for rest_transform in self._rules.rest_transforms(body, self._placement, earlier, own):
+            grip = attach_within_reach(self.graph, self.settings, body, parts, rest_transform, deformed)
             if len(grip.attachment):
                 break
         return grip
@@ -259,7 +267,7 @@ class EmbeddedActor(Actor):
         shown = self._easing.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
 
-    def _hold(self, holds: list[EmbeddedHold], start: tuple[Float, Float] | None) -> None:
+    def _hold(self, holds: list[PerformerAttachment], start: tuple[Float, Float] | None) -> None:
         """Replaces the holds and the solver, and eases the shown state over the change."""
         self.holds = holds
         self._soft.moved_elsewhere()
@@ -298,23 +306,23 @@ class EmbeddedActor(Actor):
             if body is not None:
                 was_seen = hold.seen_ns == self._time_ns
                 hold.see(body, time_ns)
-                if was_seen and len(self.holds) == 1 and isinstance(hold.carrying, Mapped):
-                    self._turned = hold.carrying.turned
+                if was_seen and len(self.holds) == 1 and isinstance(hold.rest_transform, LimbRetargeting):
+                    self._turned = hold.rest_transform.turned
 
     def _meet(self, bodies: list[Body], time_ns: int) -> None:
         """Eases a mesh that has not been held yet into the pose of the performer that holds it next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
         if body is None:
             return
-        if self._meeting is not None and self._meeting.body == body.id:
-            if self._meeting.away(time_ns) > self.settings.patience:
+        if self._approach is not None and self._approach.body == body.id:
+            if self._approach.away(time_ns) > self.settings.patience:
                 self._easing.restart_fade()
             return
-        carrying = self._rules.meeting(body, self._placement)
-        if carrying is not None:
-            start = None if self._meeting is None else self._meeting.state
-            fit = (body, carrying, self._stiffness, start)
-            self._meeting = Meeting(self.graph, self.settings, *fit)
+        rest_transform = self._rules.meeting(body, self._placement)
+        if rest_transform is not None:
+            start = None if self._approach is None else self._approach.state
+            fit = (body, rest_transform, self._stiffness, start)
+            self._approach = PoseApproach(self.graph, self.settings, *fit)
             self._swing.restart()
             self._easing.restart_fade()
 
@@ -324,12 +332,12 @@ class EmbeddedActor(Actor):
         """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space; the last ones if no holder
         is in view.
         """
-        if self._meeting is None and self._solver is None:
+        if self._approach is None and self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions
         floor = float(self._placement.to_rest(np.zeros(3))[1])
-        if self._meeting is not None:
-            own = next((body for body in bodies if body.id == self._meeting.body), None)
-            linear, positions = self._meeting.at(own, time_ns)
+        if self._approach is not None:
+            own = next((body for body in bodies if body.id == self._approach.body), None)
+            linear, positions = self._approach.at(own, time_ns)
         else:
             linear, positions = self._held(seen, floor, time_ns)
         return self._soft.raised(linear, self._swing(positions, time_ns), floor)

@@ -8,7 +8,7 @@ from enliven.arrays import Float
 from enliven.deformation.graph import painted_stiffness, stiffness_at
 from enliven.document import Character
 
-SOFTEST = 1.0 / 16.0
+FULL_SWING_STIFFNESS = 1.0 / 16.0
 """Stiffness factor at which a part swings in full. Between this factor and 1, softness follows the
 logarithm."""
 _FREQUENCY = 2.0 * np.pi * 2.0
@@ -16,7 +16,7 @@ _FREQUENCY = 2.0 * np.pi * 2.0
 of the body to and fro faster."""
 _DAMPING = 0.25
 """Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
-_FARTHEST = 0.35
+_MAX_OFFSET_M = 0.35
 """Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
 then do not tear the mesh."""
 
@@ -48,7 +48,7 @@ class FollowThrough:
     def __init__(self, stiffness: Float | None, exaggeration: float) -> None:
         self._softness: Float = np.zeros((0, 1))
         if stiffness is not None:
-            self._softness = np.clip(np.log(stiffness) / np.log(SOFTEST), 0.0, 1.0)[:, None]
+            self._softness = np.clip(np.log(stiffness) / np.log(FULL_SWING_STIFFNESS), 0.0, 1.0)[:, None]
         self._exaggeration = exaggeration
         self.restart()
 
@@ -86,7 +86,9 @@ class FollowThrough:
             self._places, self._time_ns = np.array(positions), time_ns
         shown = self._exaggeration * self._softness * self._offset
         length = np.linalg.norm(shown, axis=1, keepdims=True)
-        return np.asarray(positions + shown * np.minimum(1.0, _FARTHEST / np.maximum(length, _FARTHEST)))
+        return np.asarray(
+            positions + shown * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
+        )
 
 
 def _swung(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:

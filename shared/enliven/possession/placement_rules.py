@@ -14,10 +14,10 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.person import Body, J, Joint
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.carrying import CarriedPlacement, Carrying
 from enliven.possession.likeness import BodyInMesh, find_body_in_mesh, find_person_in_mesh
-from enliven.possession.mapped import Mapped
+from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import AS_MODELLED, Placement, beside, under
+from enliven.possession.rest_transform import PlacementTransform, RestTransform
 
 _OVERLAP_M = 0.2
 """Maximum distance, metres, from the floor area of a mesh to its origin for a performer to stand at the
@@ -114,9 +114,13 @@ class PlacementRules:
         front = 0.0 if self.likeness is None else self.likeness.yaw
         return under(body, self._performer_scale(body) if scales_mesh else self.size, self.stand, front)
 
-    def carryings(
-        self, body: Body, placement: Placement, earlier: list[Carrying], own_earlier: Carrying | None = None
-    ) -> list[Carrying]:
+    def rest_transforms(
+        self,
+        body: Body,
+        placement: Placement,
+        earlier: list[RestTransform],
+        own_earlier: RestTransform | None = None,
+    ) -> list[RestTransform]:
         """Returns the transforms with which a body may attach, the best first.
 
         Args:
@@ -127,18 +131,22 @@ class PlacementRules:
         """
         own, scale = self.settings, self._performer_scale(body)
         inside = own.how == "inside"
-        if not inside and isinstance(own_earlier, Mapped):
+        if not inside and isinstance(own_earlier, LimbRetargeting):
             return [own_earlier]
         if self.likeness is not None and not (inside and earlier):
             front = self._front(self.at_performer(body) if inside else placement)
-            new = Mapped(self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside, front)
-            if isinstance(own_earlier, Mapped):
+            new = LimbRetargeting(
+                self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside, front
+            )
+            if isinstance(own_earlier, LimbRetargeting):
                 new.goes_on(own_earlier)
             return [new]
-        mapped = next((carrying for carrying in earlier if isinstance(carrying, Mapped)), None)
+        mapped = next((transform for transform in earlier if isinstance(transform, LimbRetargeting)), None)
         if mapped is not None and mapped.body == body.id:
             return [mapped]
-        places = [carrying.placement for carrying in earlier[:1] if isinstance(carrying, CarriedPlacement)]
+        places = [
+            transform.placement for transform in earlier[:1] if isinstance(transform, PlacementTransform)
+        ]
         if inside and mapped is not None:
             places = [placement]
         elif inside and own.place == "fixed" and not places:
@@ -146,13 +154,13 @@ class PlacementRules:
             places = [Placement(fixed, placement.yaw, placement.offset)]
         elif not inside or not places:
             places.append(under(body, scale, self.stand))
-        return [CarriedPlacement(place, own.travel, not inside) for place in places]
+        return [PlacementTransform(place, own.travel, not inside) for place in places]
 
     def _front(self, placement: Placement) -> float:
         """Returns the heading of the mesh at rest in the world, radians about +Y."""
         return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
 
-    def meeting(self, body: Body, placement: Placement) -> Mapped | None:
+    def meeting(self, body: Body, placement: Placement) -> LimbRetargeting | None:
         """Returns the transform with which a waiting mesh takes a performer's pose, or None if it keeps its
         own.
 
@@ -163,7 +171,7 @@ class PlacementRules:
         if not own.ahead or like is None or not like.human:
             return None
         scale, front = self._performer_scale(body), self._front(placement)
-        return Mapped(like, body, scale, 0.0, own.fade, own.fade_pace, front=front)
+        return LimbRetargeting(like, body, scale, 0.0, own.fade, own.fade_pace, front=front)
 
     def _performer_scale(self, body: Body) -> float:
         """Returns the metres of the performer per metre of the rest space."""

@@ -16,7 +16,7 @@ from enliven.deformation.constraints import (
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.hold import EmbeddedHold
+from enliven.possession.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:
@@ -32,7 +32,7 @@ class SoftConstraints:
     def planes(
         self,
         state: tuple[Float, Float],
-        holds: Iterable[EmbeddedHold],
+        holds: Iterable[PerformerAttachment],
         seen: Mapping[int, ObservedPoints],
         floor: float,
         seconds: float,
@@ -51,8 +51,8 @@ class SoftConstraints:
             for hold in holds:
                 surface = seen.get(hold.body) if hold.active else None
                 if surface is not None:
-                    points, normals = hold.carrying.surface(surface.points, surface.normals)
-                    metre = 1.0 / hold.carrying.scale
+                    points, normals = hold.rest_transform.surface(surface.points, surface.normals)
+                    metre = 1.0 / hold.rest_transform.scale
                     sets.append(self._surface.planes(*state, points, normals, metre))
         if self._limbs is not None:
             sets.append(self._limbs.planes(*state))

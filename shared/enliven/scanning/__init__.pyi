@@ -1,4 +1,4 @@
-from .camera_tracker import Alignment as Alignment, CameraTracker as CameraTracker
+from .frame_to_model_tracking import Alignment as Alignment, CameraTracker as CameraTracker
 from .cutting import (
     CutBox as CutBox,
     CutOut as CutOut,
@@ -7,8 +7,8 @@ from .cutting import (
     cut_what_is_new as cut_what_is_new,
     upright_frame as upright_frame,
 )
-from .ground import (
-    Ground as Ground,
+from .ground_plane import (
+    GroundPlane as GroundPlane,
     cut_out as cut_out,
     find_ground as find_ground,
     focus_of as focus_of,
@@ -16,10 +16,10 @@ from .ground import (
     levelled as levelled,
     parts_about as parts_about,
 )
-from .decimation import Decimated as Decimated, decimated as decimated
+from .decimation import DecimatedMesh as DecimatedMesh, decimated as decimated
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
-from .loops import ClosedWay as ClosedWay
+from .loop_closure import LoopClosure as LoopClosure
 from .marching_cubes import surface_of as surface_of
 from .preview import (
     PIECE_STEPS as PIECE_STEPS,
@@ -29,7 +29,12 @@ from .preview import (
     piece_sums as piece_sums,
 )
 from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
-from .scanner import LeftAside as LeftAside, Scanner as Scanner, ScanState as ScanState, ScanStep as ScanStep
+from .scanner import (
+    ExcludedPixels as ExcludedPixels,
+    Scanner as Scanner,
+    ScanState as ScanState,
+    ScanStep as ScanStep,
+)
 from .settings import (
     CutOutSettings as CutOutSettings,
     LoopSettings as LoopSettings,
@@ -41,4 +46,4 @@ from .settings import (
     TrackingSettings as TrackingSettings,
     alone_within as alone_within,
 )
-from .volume import Fused as Fused, DistanceVolume as DistanceVolume
+from .tsdf_volume import FusionResult as FusionResult, TsdfVolume as TsdfVolume

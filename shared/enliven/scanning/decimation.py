@@ -23,7 +23,7 @@ too large."""
 
 
 @dataclass(frozen=True)
-class Decimated:
+class DecimatedMesh:
     """A mesh with fewer triangles.
 
     Attributes:
@@ -36,14 +36,14 @@ class Decimated:
     most: float
 
 
-def decimated(mesh: Mesh, faces: int) -> Decimated:
+def decimated(mesh: Mesh, faces: int) -> DecimatedMesh:
     """Returns a mesh with at most ``faces`` triangles, by collapsing the edges that move the surface least.
 
     Vertices take the colour of the nearest vertex of the full mesh. A mesh that is small enough is returned
     unchanged.
     """
     if len(mesh.faces) <= faces:
-        return Decimated(mesh, 0.0, 0.0)
+        return DecimatedMesh(mesh, 0.0, 0.0)
     # Imported here, because a machine that only poses meshes does not need this library.
     from fast_simplification import simplify
 
@@ -58,7 +58,7 @@ def decimated(mesh: Mesh, faces: int) -> Decimated:
     reduced = submesh(reduced, np.ones(len(reduced.faces), bool))
     looked = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED]
     errors = distances(reduced, mesh.vertices[looked])
-    return Decimated(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
+    return DecimatedMesh(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
 
 
 def _unfolded(faces: Int | Int32) -> Int32:

@@ -21,9 +21,9 @@ _STEP = 2
 have the same noise in most cameras."""
 _GATE = 0.04
 """Maximum relative difference in depth between a pixel and a neighbour on the same surface."""
-_FEWEST = 4
+_MIN_PLANE_SAMPLES = 4
 """Minimum number of the nine samples for a plane fit. Fewer are isolated points that float at edges."""
-_STEEPEST = 0.12
+_MIN_FACING_COSINE = 0.12
 """Cosine between ray and normal below which depth is not trusted: 83 degrees."""
 _NOTHING = np.float32(1e9)
 """Plane offset of a pixel without depth. Everything lies far behind the plane, so that nothing is fused."""
@@ -210,7 +210,7 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
         _add_neighbours(inverse, v, across, down, sums)
         for u in range(width):
             n = sums[0, u]
-            if n < _FEWEST:
+            if n < _MIN_PLANE_SAMPLES:
                 continue
             centre, x0, y0, part = inverse[v, u + _STEP], across[u + _STEP], down[v], unity / n
             sx, sy, sz = sums[1, u], sums[2, u], sums[3, u]
@@ -226,7 +226,7 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
             # camera would drift.
             z, length = unity / centre, np.sqrt(a * a + b * b + c * c)
             facing = smooth / (length * np.sqrt(x0 * x0 + y0 * y0 + unity))
-            if not facing > _STEEPEST:
+            if not facing > _MIN_FACING_COSINE:
                 continue
             points[v, u, 0], points[v, u, 1], points[v, u, 2] = x0 * z, y0 * z, z
             normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = -a / length, -b / length, -c / length

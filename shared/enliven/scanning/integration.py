@@ -16,7 +16,7 @@ voxel may be behind the other side of a thin part."""
 _SLANT = 8.0
 """Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
 It is the inverse of the smallest trusted cosine."""
-_FAINTEST = 0.1
+_MIN_BAND_WEIGHT = 0.1
 """Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
 constrains the surface least."""
 _COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
@@ -250,7 +250,7 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
     """
     front, behind, free = sizes[0], sizes[1], sizes[2]
     zero, unity, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
-    fade, tiny, inside, least = unity / behind, np.float32(1e-30), np.int32(0), np.float32(_FAINTEST)
+    fade, tiny, inside, least = unity / behind, np.float32(1e-30), np.int32(0), np.float32(_MIN_BAND_WEIGHT)
     for i in range(VOXELS):
         d = before[i]
         # A voxel behind a surface is inferred, not observed, so its weight falls with depth. The weight in

@@ -10,7 +10,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 from enliven.scanning.blocks import SIDE, VOXELS
 from enliven.scanning.cube_table import STARTS, triangle_table
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _STARTS = np.array(STARTS, np.int32)
 """(3, 4) by axis, the corners at which a cell's edges begin."""
@@ -18,7 +18,7 @@ _SUPPORT = 0.1
 """Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
 
 
-def surface_of(volume: DistanceVolume, support: float = _SUPPORT) -> Mesh:
+def surface_of(volume: TsdfVolume, support: float = _SUPPORT) -> Mesh:
     """Returns the surface, metres, world. It is open at unobserved voxels, and coloured if the volume has
     colours.
 

@@ -10,7 +10,7 @@ from enliven.arrays import Float, Int, Int32, UInt8, UInt16
 from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, VOXELS
 from enliven.scanning.cube_table import MOST_TRIANGLES, STARTS, triangle_table
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 PIECE = 8
 """Blocks along a side of a piece: 26 cm at 4 mm."""
@@ -75,7 +75,7 @@ class PieceSums:
     blocks: Int
 
 
-def piece_sums(volume: DistanceVolume) -> PieceSums:
+def piece_sums(volume: TsdfVolume) -> PieceSums:
     """Returns a summary of each piece of a volume, to detect which pieces changed."""
     count = volume.blocks.count
     beside, solid = volume.blocks.beside[:count], volume.solid[:count]
@@ -91,7 +91,7 @@ def piece_sums(volume: DistanceVolume) -> PieceSums:
     return PieceSums(places, counts, sums, piece, blocks)
 
 
-def piece_of(volume: DistanceVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
+def piece_of(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
     most = len(blocks) * _CELLS**3 * MOST_TRIANGLES * 3
     places, certainties = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)

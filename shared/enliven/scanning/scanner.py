@@ -16,15 +16,15 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.rotation import nearest_rotation
-from enliven.scanning.camera_tracker import Alignment, CameraTracker
 from enliven.scanning.depth_view import DepthPreparation, DepthView, only
-from enliven.scanning.ground import cut_out, find_ground, focus_of
+from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
+from enliven.scanning.ground_plane import cut_out, find_ground, focus_of
 from enliven.scanning.keyframes import Keyframes
-from enliven.scanning.loops import ClosedWay, FrameHistory, closed_way
+from enliven.scanning.loop_closure import FrameHistory, LoopClosure, correct_trajectory
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven.scanning.threads import made_ahead
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _COARSER = 4.0
 """Ratio of voxel sizes between successive volumes. The truncation band grows by the same factor."""
@@ -39,7 +39,7 @@ _FRAME = 1.0 / 30.0
 _MANY = 120
 """Minimum number of images that are fused again. If twice as many are stored, every second one is left
 out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
-_ROUGHLY = 3
+_COARSE_FUSION_INTERVAL = 3
 """If there are very many images, only every third goes into the coarse volumes, which only guide the
 tracking. If there are few, all do, because each may show something that no other image shows."""
 _STAYED = 0.25
@@ -90,7 +90,7 @@ class ScanStep:
 
 
 @dataclass(frozen=True)
-class LeftAside:
+class ExcludedPixels:
     """Half-size pixels (h, w) that are excluded from camera tracking.
 
     Attributes:
@@ -103,11 +103,11 @@ class LeftAside:
     doubtful: Bool | None = None
 
 
-def empty_volumes(settings: VolumeSettings) -> list[DistanceVolume]:
+def empty_volumes(settings: VolumeSettings) -> list[TsdfVolume]:
     """Returns empty volumes for camera tracking, from the finest to the coarsest."""
     sizes = [settings.voxel * _COARSER**level for level in range(_LEVELS)]
     reaches = [settings.reach] + [settings.far] * (_LEVELS - 1)
-    return [DistanceVolume(settings, size, reach) for size, reach in zip(sizes, reaches, strict=True)]
+    return [TsdfVolume(settings, size, reach) for size, reach in zip(sizes, reaches, strict=True)]
 
 
 class Scanner:
@@ -152,14 +152,16 @@ class Scanner:
         """(4, 4) the camera's predicted pose in the next image, at constant velocity."""
         return np.asarray(self._pose @ np.linalg.inv(self._before) @ self._pose)
 
-    def add(self, frame: DepthFrame, up: Float | None = None, aside: LeftAside | None = None) -> ScanStep:
+    def add(
+        self, frame: DepthFrame, up: Float | None = None, aside: ExcludedPixels | None = None
+    ) -> ScanStep:
         """Tracks the camera of a frame, and fuses the image if the pose is reliable.
 
         Args:
             up: (3,) unit vector, camera frame, that points up according to its accelerometer, or None.
             aside: pixels that are excluded from tracking, or None.
         """
-        view, aside = self.prepared(frame), aside or LeftAside()
+        view, aside = self.prepared(frame), aside or ExcludedPixels()
         self.view = view
         if aside.moving is not None:
             view, frame = only(view, ~aside.moving), _without(frame, aside.moving)
@@ -195,7 +197,7 @@ class Scanner:
         if self.poses:
             self._state = ScanState.LOST
 
-    def close_loops(self) -> ClosedWay | None:
+    def close_loops(self) -> LoopClosure | None:
         """Closes loops: corrects the trajectory so that surfaces seen twice coincide, and fuses the images
         again.
 
@@ -208,7 +210,7 @@ class Scanner:
         if self._camera is None or not self.poses:
             return None
         s, poses = self.settings, [pose for _, pose in self.poses]
-        closed = closed_way(self.history, poses, self._ups, self._camera[1], s)
+        closed = correct_trajectory(self.history, poses, self._ups, self._camera[1], s)
         if closed.moved < _STAYED * s.volume.voxel:
             return closed
         volumes, keyframes = self._fused_again(closed.poses)
@@ -220,7 +222,7 @@ class Scanner:
         self._pose = self._before = closed.poses[-1]
         return replace(closed, taken=True)
 
-    def _fused_again(self, poses: list[Float]) -> tuple[list[DistanceVolume], Keyframes]:
+    def _fused_again(self, poses: list[Float]) -> tuple[list[TsdfVolume], Keyframes]:
         """Returns volumes and keyframes fused from the stored images at other poses.
 
         If there are very many images, only every second one, or fewer, are fused. Each one then also carries
@@ -234,7 +236,7 @@ class Scanner:
         for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
-            for volume in volumes if every == 1 or count % _ROUGHLY == 0 else volumes[:1]:
+            for volume in volumes if every == 1 or count % _COARSE_FUSION_INTERVAL == 0 else volumes[:1]:
                 volume.integrate(view, poses[number])
             if count % _CLEANED == _CLEANED - 1:
                 for volume in volumes:
@@ -246,7 +248,7 @@ class Scanner:
         """Returns the scanned surface, metres, world, from the images with number ``since`` or later."""
         if not since:
             return surface_of(self.volumes[0])
-        volume = DistanceVolume(self.settings.volume)
+        volume = TsdfVolume(self.settings.volume)
         for number, frame in self.history.frames():
             if number >= since:
                 volume.integrate(self.prepared(frame), self.poses[number][1])

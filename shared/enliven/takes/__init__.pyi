@@ -21,10 +21,10 @@ from .files import read_take as read_take
 from .live_layer import LiveLayer as LiveLayer
 from .performed import (
     ONLOOKER as ONLOOKER,
-    Performed as Performed,
+    PerformedMotion as PerformedMotion,
     with_performed as with_performed,
 )
-from .performed_over import LiveOver as LiveOver, plays as plays
+from .overdub import LiveOverdub as LiveOverdub, plays as plays
 from .positions import turns_of as turns_of
 from .possessed import possession_in as possession_in, read_possessed as read_possessed
 from .recorded import clips_of_recording as clips_of_recording

@@ -36,15 +36,15 @@ from enliven.motion.layers import bind_chain, set_travel
 from enliven.rotation import IDENTITY, continuous, from_matrix
 from enliven.takes.body_takes import holds_among
 from enliven.takes.live_layer import composed, own_chain, own_turns
-from enliven.takes.performed_over import plays, with_layer_over
+from enliven.takes.overdub import plays, with_layer_over
 from enliven.takes.performers import MergedPerformers, merge_performers
 from enliven.takes.possessed import with_performance
-from enliven.takes.punching import Punch, punch_bones
+from enliven.takes.punch_in import PunchIn, punch_bones
 from enliven.takes.recorded import TakeSettings, clips_of_frames
 from enliven.takes.rigged import rigged_of
 from enliven.wire import HoldMessage
 
-_FEWEST = 2
+_MIN_POSES = 2
 """Minimum number of poses of a character that counts as performed."""
 _FEWEST_EXAMPLES = 2
 """Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
@@ -65,7 +65,7 @@ ONLOOKER = " onlooker"
 
 
 @dataclass
-class Performed:
+class PerformedMotion:
     """The motion of performers and characters over a period.
 
     Attributes:
@@ -84,7 +84,7 @@ class Performed:
     characters: dict[Key, Character] = field(default_factory=dict)
     poses: dict[Key, list[Pose]] = field(default_factory=dict)
 
-    def until(self, time_ns: int) -> Performed:
+    def until(self, time_ns: int) -> PerformedMotion:
         """Returns the part of the performance up to a time of the sensor's clock."""
         poses = {
             key: [pose for pose in track if pose.time_ns <= time_ns] for key, track in self.poses.items()
@@ -99,15 +99,15 @@ class Performed:
     @property
     def moved(self) -> list[Key]:
         """The characters that moved."""
-        return [key for key, poses in self.poses.items() if len(poses) >= _FEWEST and _moves(poses)]
+        return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _moves(poses)]
 
 
 def with_performed(
-    project: Project, performed: Performed, begin: int, *, replaces: bool = False, beside: str = ""
+    project: Project, performed: PerformedMotion, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
     """Returns a project with takes and layers of the performance, and the ids of the new content.
 
-    The layers are one of several alternatives (:mod:`enliven.modeling.edits.alternatives`), or the first of
+    The layers are one of several alternatives (:mod:`enliven.modeling.edits.take_comping`), or the first of
     new ones.
 
     Args:
@@ -147,7 +147,7 @@ def with_performed(
     return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
 
 
-def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
+def _clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
     """Returns one clip for each performer; performers that held nothing while others did are onlookers."""
     ids = {who for event in performed.events for who in (event.body, event.former, *event.holders)}
     holding = {merged.people[who] for who in ids if who in merged.people}
@@ -164,15 +164,15 @@ def _clips(merged: MergedPerformers, performed: Performed) -> list[Clip]:
     return clips
 
 
-def _punch(project: Project, performed: Performed, key: Key, begin: int) -> Punch:
+def _punch(project: Project, performed: PerformedMotion, key: Key, begin: int) -> PunchIn:
     """Returns the time span of a character's motion, in seconds of the project."""
     poses = performed.poses[key]
     first, last = (1e-9 * (pose.time_ns - begin) for pose in (poses[0], poses[-1]))
-    return Punch.of(project, first, last)
+    return PunchIn.of(project, first, last)
 
 
 def _keeps(
-    project: Project, shape: GraphShape, performed: Performed, key: Key, begin: int, *, replaces: bool
+    project: Project, shape: GraphShape, performed: PerformedMotion, key: Key, begin: int, *, replaces: bool
 ) -> bool:
     """Returns whether a possessed mesh continues to play some of its earlier motion."""
     if not plays(project, shape):
@@ -192,7 +192,7 @@ def _moves(poses: Sequence[Pose]) -> bool:
 
 
 def _layered(
-    project: Project, shape: Shape, key: Key, performed: Performed, begin: int, *, replaces: bool
+    project: Project, shape: Shape, key: Key, performed: PerformedMotion, begin: int, *, replaces: bool
 ) -> Project:
     """Returns a project in which the moved bones of a shape have an additional layer."""
     used_poses, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
@@ -211,7 +211,7 @@ def _layered(
         float(grid[1] - grid[0]),
     )
     project = project.with_takes(take)
-    punch = Punch.of(project, float(grid[0]), float(grid[-1]))
+    punch = PunchIn.of(project, float(grid[0]), float(grid[-1]))
     keeps_some = replaces and punch.leaves(project, shape.layers)
     for chain in chains:
         if replaces:
@@ -245,7 +245,7 @@ def _limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
 def _played_by(
     project: Project,
     puppet: Puppet,
-    performed: Performed,
+    performed: PerformedMotion,
     merged: MergedPerformers,
     begin: int,
     *,
@@ -263,7 +263,7 @@ def _played_by(
     layer = PuppetLayer(take.id, offset=(first - begin) * 1e-9)
     layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
     if replaces:
-        punch = Punch.of(project, layer.offset, layer.end(take.duration))
+        punch = PunchIn.of(project, layer.offset, layer.end(take.duration))
         remaining = [
             silenced for old_layer in puppet.layers if (silenced := punch(project, old_layer)) is not None
         ]
@@ -283,7 +283,7 @@ def _is_bare(character: RigBase | None) -> bool:
     )
 
 
-def _added(project: Project, key: Key, performed: Performed, begin: int) -> tuple[Project, str]:
+def _added(project: Project, key: Key, performed: PerformedMotion, begin: int) -> tuple[Project, str]:
     """Returns a project with a performed character added. A possessed character with the same id is
     replaced.
     """

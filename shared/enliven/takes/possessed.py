@@ -49,7 +49,7 @@ from enliven.wire import (
     message_to_pose,
 )
 
-_FEWEST = 2
+_MIN_MOVING_POSES = 2
 """Minimum number of poses of a mesh that counts as moved."""
 
 
@@ -72,7 +72,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     project, holds = Project(), recorded_holds(recording, Path(path).stem)
     for key, character in characters.items():
         own_poses = poses.get(key, [])
-        if character.kind not in ("graph", "points") or len(own_poses) < _FEWEST:
+        if character.kind not in ("graph", "points") or len(own_poses) < _MIN_MOVING_POSES:
             continue
         messages: list[str] = [] if notes is None else notes
         project = with_performance(project, key, character, own_poses, begin, messages, holds)
@@ -166,7 +166,7 @@ def with_performance(
         return project.with_streams(stream).with_characters(shape)
     later_poses = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
     possession = None
-    if holds is not None and len(later_poses) >= _FEWEST:
+    if holds is not None and len(later_poses) >= _MIN_MOVING_POSES:
         possession = holds.possession(key, character, later_poses)
         poses = poses if possession is None else later_poses
     stream = stream_of(character, poses, ids[1])

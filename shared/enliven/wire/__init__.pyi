@@ -18,8 +18,8 @@ from .convert_characters import (
     message_to_character as message_to_character,
 )
 from .envelope import (
-    Malformed as Malformed,
-    OtherVersion as OtherVersion,
+    MalformedMessageError as MalformedMessageError,
+    OtherVersionError as OtherVersionError,
     Rejects as Rejects,
     check_character as check_character,
     check_request as check_request,

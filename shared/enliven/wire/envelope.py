@@ -40,7 +40,7 @@ _UNENCODABLE = "a name or a number in it cannot be sent"
 _ENCODER = msgspec.msgpack.Encoder()
 
 
-class Malformed(Exception):
+class MalformedMessageError(Exception):
     """Bytes that are not a valid message. ``kind`` groups them for counting."""
 
     def __init__(self, kind: str, why: str) -> None:
@@ -48,7 +48,7 @@ class Malformed(Exception):
         self.kind, self.why = kind, why
 
 
-class OtherVersion(Malformed):
+class OtherVersionError(MalformedMessageError):
     """A message of a program with another version of the wire. ``version`` is that of the sender."""
 
     def __init__(self, version: int) -> None:
@@ -73,13 +73,13 @@ def pack_checked(message: Any) -> bytes:
 
     Raises:
         KeyError: for an object without a topic in the table.
-        Malformed: for a message that viewers would refuse.
+        MalformedMessageError: for a message that viewers would refuse.
     """
     topic = BY_TYPE[type(message)]
     try:
         data = pack_stream(message)
     except (OverflowError, ValueError):
-        raise Malformed(topic.name, "it cannot be encoded") from None
+        raise MalformedMessageError(topic.name, "it cannot be encoded") from None
     _checked(topic, data[len(topic.name) + 1 :])
     return data
 
@@ -93,7 +93,7 @@ def check_request(body: Any) -> None:
     where = f"request {type(body).__name__}"
     try:
         unpack_control(pack_control(Request(0, body)), REQUEST)
-    except Malformed as error:
+    except MalformedMessageError as error:
         raise InputError(_described(error.why), where=where, mend="Give a value in its range.") from None
     except (OverflowError, ValueError):
         raise InputError(_UNENCODABLE, where=where, mend="Give another name or number.") from None
@@ -137,12 +137,12 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
     """Returns the topic and the checked message.
 
     Raises:
-        Malformed: for any invalid bytes.
+        MalformedMessageError: for any invalid bytes.
     """
     name, separator, _ = data[:64].partition(b"\0")
     topic = STREAMS.get(name.decode("ascii", "replace"))
     if not separator or topic is None:
-        raise Malformed("unknown topic", repr(bytes(name[:32])))
+        raise MalformedMessageError("unknown topic", repr(bytes(name[:32])))
     return topic, _checked(topic, data[len(name) + 1 :])
 
 
@@ -164,27 +164,27 @@ def reply_number(data: bytes) -> int:
     """Returns the number of the request that a reply answers, without decoding the rest of it.
 
     Raises:
-        Malformed: for bytes that do not start like a reply of this version.
+        MalformedMessageError: for bytes that do not start like a reply of this version.
     """
     if not data:
-        raise Malformed(REPLY.name, "it is empty")
+        raise MalformedMessageError(REPLY.name, "it is empty")
     if data[0] != VERSION:
-        raise OtherVersion(data[0])
+        raise OtherVersionError(data[0])
     # The reply is a short map with the first key "id". An integer with its own length prefix follows.
     number = data[5 : 5 + _NUMBER_BYTES.get(data[5], 1)] if len(data) > 5 else b""
     if not number or data[1] & 0xF0 != 0x80 or data[2:5] != _ID_KEY:
-        raise Malformed(REPLY.name, "it has no number")
+        raise MalformedMessageError(REPLY.name, "it has no number")
     try:
         return msgspec.msgpack.decode(number, type=int)
     except msgspec.MsgspecError:
-        raise Malformed(REPLY.name, "its number cannot be read") from None
+        raise MalformedMessageError(REPLY.name, "its number cannot be read") from None
 
 
 def unpack_control(data: bytes, topic: Topic) -> Any:
     """Returns the checked request or reply.
 
     Raises:
-        Malformed: for any invalid bytes.
+        MalformedMessageError: for any invalid bytes.
     """
     return _checked(topic, data)
 
@@ -192,16 +192,16 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
 def _checked(topic: Topic, data: bytes) -> Any:
     """Returns the message after the version byte, checked for version, size, types and lengths."""
     if not data:
-        raise Malformed(topic.name, "it is empty")
+        raise MalformedMessageError(topic.name, "it is empty")
     if data[0] != VERSION:
-        raise OtherVersion(data[0])
+        raise OtherVersionError(data[0])
     if len(data) - 1 > topic.max_bytes:
-        raise Malformed(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
+        raise MalformedMessageError(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
     try:
         asked = tuple(REQUESTS) if topic is REQUEST else ()
         return _decoder(topic.type, asked).decode(memoryview(data)[1:])
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise Malformed(topic.name, str(error)) from None
+        raise MalformedMessageError(topic.name, str(error)) from None
 
 
 @functools.cache
@@ -229,9 +229,9 @@ class Rejects:
         """Number of dropped messages."""
         return self.counts.total()
 
-    def add(self, error: Malformed | EnlivenError | ValueError) -> None:
+    def add(self, error: MalformedMessageError | EnlivenError | ValueError) -> None:
         """Counts one malformed message."""
-        kind = error.kind if isinstance(error, Malformed) else "refused"
+        kind = error.kind if isinstance(error, MalformedMessageError) else "refused"
         self.counts[kind] += 1
         if self.counts[kind] == 1:
             log.warning(

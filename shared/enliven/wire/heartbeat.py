@@ -8,7 +8,7 @@ from typing import Any
 import zmq
 
 from enliven.errors import ResourceError
-from enliven.wire.envelope import Malformed, OtherVersion, unpack_stream
+from enliven.wire.envelope import MalformedMessageError, OtherVersionError, unpack_stream
 from enliven.wire.sockets import UNREAD_STREAMS, Endpoint, make_socket
 from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
@@ -34,9 +34,9 @@ def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
                 break
             try:
                 topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))
-            except OtherVersion as error:
+            except OtherVersionError as error:
                 other = str(error)
-            except (Malformed, zmq.Again):
+            except (MalformedMessageError, zmq.Again):
                 continue
             else:
                 if topic is STATUS and isinstance(message, StatusMessage):

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import Board, MatchRow
+from enliven.matching import MatchList, MatchRow
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
@@ -17,7 +17,7 @@ _MOST_JOINTS = 1024
 """Maximum joints of a match that are sent, so that a message stays below its topic's limit."""
 
 
-def board_to_message(board: Board) -> MatchesMessage:
+def board_to_message(board: MatchList) -> MatchesMessage:
     """Returns the message of a match list: at most sixteen matches, positions to a quarter of a
     millimetre."""
     rows = board.rows[:_MOST_ROWS]
@@ -34,9 +34,9 @@ def board_to_message(board: Board) -> MatchesMessage:
     )
 
 
-def message_to_board(message: MatchesMessage) -> Board:
+def message_to_board(message: MatchesMessage) -> MatchList:
     """Returns the match list of a message, in the precision of the wire."""
-    return Board(
+    return MatchList(
         message.character,
         message.state,
         message.body,

@@ -42,7 +42,7 @@ COLUMNS = 12
 
 
 @dataclass(frozen=True)
-class Encoded:
+class EncodedPose:
     """The bytes of a pose, and the number of transforms that had to be changed: not finite, or too large."""
 
     data: bytes
@@ -74,7 +74,7 @@ class PoseCodec:
         tree = [character.pivots.astype("<f4"), self._order.astype("<i4"), self._parents.astype("<i4")]
         self._check = zlib.crc32(b"".join(a.tobytes() for a in tree)).to_bytes(4, "little")
 
-    def encode(self, pose: Pose) -> Encoded:
+    def encode(self, pose: Pose) -> EncodedPose:
         """Returns the bytes of a pose. Equal poses give equal bytes.
 
         A transform that is not finite follows its parent. An entry beyond +-64, or a position more than 500 m
@@ -94,7 +94,7 @@ class PoseCodec:
         table, clamped = _differences(
             linear, positions, self._pivots, self._order, self._parents, self._shared
         )
-        return Encoded(self._check + encode_columns(table).tobytes(), int(clamped))
+        return EncodedPose(self._check + encode_columns(table).tobytes(), int(clamped))
 
     def decode(self, data: bytes) -> tuple[Float32, Float32]:
         """Returns (J, 3, 3) linear parts and (J, 3) positions in metres.

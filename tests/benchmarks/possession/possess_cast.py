@@ -18,7 +18,7 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.placement import turn_about_y
-from enliven.possession.standing import best_stand
+from enliven.possession.standing_placement import best_stand
 from enliven.rotation import rotate, swing
 from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_synthesis.body.performer import Performer

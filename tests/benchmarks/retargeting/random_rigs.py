@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
-from made_gltf import Made, trs, unit
+from gltf_builder import GltfBuilder, trs, unit
 
 SIDES = 8
 """Corners of a tube's cross-section."""
@@ -27,7 +27,7 @@ def random_rig(seed: int, path: Path) -> Path:
     """Writes a model of a random build to ``path``. The same seed gives the same model."""
     random = np.random.default_rng(seed)
     limbs = [_split(seed, limb) for limb in _limbs(random, BUILDS[seed % len(BUILDS)])]
-    gltf, telling = Made(), bool(random.random() < 0.5)
+    gltf, telling = GltfBuilder(), bool(random.random() < 0.5)
     scale = float(10.0 ** random.uniform(-2, 2))
     top = gltf.node(name="Armature", scale=[scale] * 3, rotation=unit(random).tolist())
     base = trs([0, 0, 0], gltf.json["nodes"][top]["rotation"], scale)
@@ -125,7 +125,7 @@ def _split(seed: int, limb: tuple[str, int, np.ndarray]) -> tuple[str, int, np.n
     return name, fork, places
 
 
-def _tubes(made: Made, limbs, nodes, order, bind) -> None:
+def _tubes(made: GltfBuilder, limbs, nodes, order, bind) -> None:
     """Adds one mesh with a closed tube for every limb. At a joint, two bones share the surface."""
     vertices, faces, joints, weights = [], [], [], []
     for name, fork, own in limbs:

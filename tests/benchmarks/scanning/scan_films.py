@@ -73,7 +73,7 @@ _TURNED = 3.0
 """Time in which the cut-out object is shown from all sides, seconds."""
 _INSET = 300
 """Width of the camera image in a corner of the frame, pixels."""
-_FARTHEST = 3.0
+_BLACK_DEPTH_M = 3.0
 """Depth that is black in that image, metres."""
 _TILES, _COLUMNS, _TILE_WIDTH = 16, 4, 480
 _NO_NUMBER = 1
@@ -289,7 +289,7 @@ def _with_inset(picture: UInt8, frame: DepthFrame) -> UInt8:
     if frame.colour is not None:
         seen = frame.colour
     else:
-        near = np.clip(1.0 - np.asarray(frame.depth, float) / (1000.0 * _FARTHEST), 0.0, 1.0)
+        near = np.clip(1.0 - np.asarray(frame.depth, float) / (1000.0 * _BLACK_DEPTH_M), 0.0, 1.0)
         seen = np.repeat((255 * np.where(frame.depth > 0, near, 0.0)).astype(np.uint8)[..., None], 3, 2)
     high = round(seen.shape[0] * _INSET / seen.shape[1])
     small = np.asarray(Image.fromarray(np.ascontiguousarray(seen)).resize((_INSET, high)))

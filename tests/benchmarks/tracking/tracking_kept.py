@@ -1,5 +1,9 @@
-"""or -1: which way people are turned and stand aside. => 1 or -1: direction in which people are turned and
-stand aside. by how many the sensors are exchanged. => offset by which the sensors are permuted."""
+"""Sealed sets of synthetic sequences: the tracker is not tuned on them, and each is measured only once.
+
+Each set contains limbs close to the trunk, exercises, captured motions, two people that cross, and three
+people side by side. It has its own builds, seeds and captures. The second set is turned in the opposite
+direction.
+"""
 
 from __future__ import annotations
 
@@ -39,8 +43,8 @@ class KeptSet:
         builds: four builds that no other set uses.
         youth: a growing performer that no other set uses.
         captures: four motions, with their names, positions in front of the sensor and seconds.
-        turn: 1 or -1: which way people are turned and stand aside.
-        shift: by how many the sensors are exchanged.
+        turn: 1 or -1, the direction in which people are turned and stand aside.
+        shift: offset by which the sensors are permuted.
     """
 
     split: str

@@ -15,7 +15,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from frames import bind, lost, read
-from seen import Seen
+from image_log import ImageLog
 
 from enliven import cli
 from enliven_edge.sensors.drivers.libcamera_library import listed_cameras
@@ -53,7 +53,7 @@ def vimc():
 
 @pytest.fixture
 def seen(tmp_path):
-    return Seen(str(tmp_path / "seen"))
+    return ImageLog(str(tmp_path / "seen"))
 
 
 def test_libcamera_lists_the_kernels_camera(vimc, capsys):

@@ -16,7 +16,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from as_user import SEATED, SLOW, answer
 from frames import bind, lost, read
-from seen import Seen
+from image_log import ImageLog
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
@@ -47,7 +47,7 @@ def vivid():
 
 @pytest.fixture
 def seen(tmp_path):
-    return Seen(str(tmp_path / "seen"))
+    return ImageLog(str(tmp_path / "seen"))
 
 
 def test_logged_in_user_may_open_a_webcam():

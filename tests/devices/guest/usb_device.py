@@ -25,7 +25,7 @@ _DONE, _UNLINKED = 3, 4
 _STALL, _RESET = -32, -104
 """EPIPE means that the device refused; ECONNRESET means that a transfer was cancelled."""
 _HEAD = struct.Struct(">5I5i8s")
-_REPLY = struct.Struct(">5I5i8x")
+_REPLY_HEAD = struct.Struct(">5I5i8x")
 
 
 @dataclass(frozen=True)
@@ -169,11 +169,11 @@ class UsbDevice:
                         waiting.remove(asked)
                         is_pending = True
             self._link.sendall(
-                _REPLY.pack(_UNLINKED, number, 0, 0, 0, _RESET if is_pending else 0, 0, 0, 0, 0)
+                _REPLY_HEAD.pack(_UNLINKED, number, 0, 0, 0, _RESET if is_pending else 0, 0, 0, 0, 0)
             )
 
     def _reply(self, number: int, data: bytes, status: int = 0, taken: int = 0) -> None:
-        head = _REPLY.pack(_DONE, number, 0, 0, 0, status, len(data) or taken, 0, 0, 0)
+        head = _REPLY_HEAD.pack(_DONE, number, 0, 0, 0, status, len(data) or taken, 0, 0, 0)
         with contextlib.suppress(OSError):
             self._link.sendall(head + data)
 

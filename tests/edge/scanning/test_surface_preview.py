@@ -13,7 +13,7 @@ from scenes import SETTINGS, fused_sphere, looking, prepared, sphere_depth
 
 from enliven.meshes import Mesh
 from enliven.samples import load_sample
-from enliven.scanning import DistanceVolume, Ground, piece_of, piece_sums, surface_of
+from enliven.scanning import GroundPlane, TsdfVolume, piece_of, piece_sums, surface_of
 from enliven.wire import pack_stream, unpack_stream
 from enliven_edge.scanning import Checkpoints, SurfacePreview, next_view
 from enliven_edge.scanning.surface_preview import as_message
@@ -125,7 +125,7 @@ def test_a_state_that_is_kept_does_not_change_with_the_scan_and_large_ones_are_f
 
 def half_seen():
     """Returns a volume of a sphere that was seen from one side, +z towards the camera."""
-    volume = DistanceVolume(SETTINGS)
+    volume = TsdfVolume(SETTINGS)
     for angle in (-0.4, -0.2, 0.0, 0.2, 0.4):
         pose = looking(np.pi + angle)
         volume.integrate(prepared(sphere_depth((0, 0, 0), RADIUS, pose)), pose)
@@ -133,7 +133,7 @@ def half_seen():
 
 
 def test_the_next_view_is_of_the_side_that_was_not_seen():
-    floor = Ground(np.array([0.0, 1.0, 0.0]), -0.5, 1.0)
+    floor = GroundPlane(np.array([0.0, 1.0, 0.0]), -0.5, 1.0)
     mesh = half_seen()
     assert mesh.vertices[:, 2].mean() > 0.05, "the camera stood on the side of +z"
     view = next_view(mesh, floor, np.zeros(3), 1.0)

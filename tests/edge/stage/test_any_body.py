@@ -15,7 +15,7 @@ from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, prepared, turn_about_y
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.placement import yaw_between
-from enliven.possession.standing import standing_figure
+from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import cast_mesh
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model

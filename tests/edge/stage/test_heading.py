@@ -16,9 +16,9 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven.possession.likeness import BodyInMesh
-from enliven.possession.mapped import Mapped
+from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import turn_about_y
-from enliven.possession.standing import standing_figure
+from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import cast, cast_mesh
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
@@ -56,14 +56,14 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
     film = spinning_people(seed, 4.0, noise_m)
     start = hip_heading(film[0].joints)
     like = BodyInMesh.known(rest)
-    carrying = Mapped(like, film[0], 1.0, seconds=seconds, front=start)
+    carrying = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=start)
     gaps = []
     for n, body in enumerate(film):
         carrying.at(n * FRAME_NS)
         gaps.append(wrapped(hip_heading(carrying(body.joints)) - hip_heading(body.joints)))
     assert deviations_deg(np.array(gaps)).max() < MAX_DEVIATION_DEG
     # A mesh with another heading has turned to its performer when it has reached the pose.
-    late = Mapped(like, film[0], 1.0, seconds=seconds, front=front)
+    late = LimbRetargeting(like, film[0], 1.0, seconds=seconds, front=front)
     late.at(0)
     late.at(round(1e9 * late._seconds) + 1)
     there = hip_heading(late(film[-1].joints)) + front

@@ -165,7 +165,7 @@ def test_at_the_opening_each_takes_one_and_a_second_performer_takes_the_second(g
     after(stage, [person(id=1), person(x=1.5, id=2)], 1)
     opening.take_hold(0.1)
     assert held(stage) == {"a": [1], "b": [2]}
-    assert [grip.parts for grip in stage.actors["b"].holds[0].grips] == ["upper body"]
+    assert [grip.parts for grip in stage.actors["b"].holds[0].attachments] == ["upper body"]
 
 
 def test_a_hold_is_not_handed_to_a_performer_of_another_character(graph):
@@ -194,7 +194,7 @@ def test_characters_come_change_and_go_while_others_continue(graph):
     np.testing.assert_allclose(both["a"].positions, first["a"].positions, atol=0.01)
     stage.put(chair(graph, "a"))
     assert held(stage)["a"] == [1], "the performer goes on in the new one"
-    assert [grip.parts for grip in stage.actors["a"].holds[0].grips] == ["legs"]
+    assert [grip.parts for grip in stage.actors["a"].holds[0].attachments] == ["legs"]
     again = after(stage, [body], 3)
     np.testing.assert_allclose(again["a"].positions, both["a"].positions, atol=0.02)
     stage.remove("a")

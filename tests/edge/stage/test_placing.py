@@ -17,7 +17,7 @@ from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.likeness import find_body_in_mesh
-from enliven.possession.mapped import Mapped
+from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import turn_about_y
 from enliven_edge.stage.character_setup import cast
 from enliven_edge.stage.stage import Stage
@@ -177,7 +177,7 @@ def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how
 def test_mapped_bones_keep_their_lengths_and_begin_at_rest(animal, seed):
     rng = np.random.default_rng(seed)
     like, body = find_body_in_mesh(beast(), animal[1]), person(yaw=rng.uniform(-3, 3))
-    carrying = Mapped(like, body, 1.0)
+    carrying = LimbRetargeting(like, body, 1.0)
     np.testing.assert_allclose(carrying(body.joints), like.joints, atol=1e-9)
     anything = rng.normal(size=(20, 3))
     anything[rng.integers(0, 20, 4)] = np.nan

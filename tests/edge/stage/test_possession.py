@@ -17,8 +17,8 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.easing import Easing
 from enliven.possession.placement import turn_about_y
+from enliven.possession.pose_blend import PoseBlend
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -85,13 +85,16 @@ def test_join_replaces_and_extend_keeps_the_own_attachment(chair):
     house.possess("chair", 2, "torso", "join")
     actor = house.actors["chair"]
     house.possess("chair", 1, "left leg", "join")
-    assert [(h.body, [g.parts for g in h.grips]) for h in actor.holds] == [(1, ["left leg"]), (2, ["torso"])]
+    assert [(h.body, [g.parts for g in h.attachments]) for h in actor.holds] == [
+        (1, ["left leg"]),
+        (2, ["torso"]),
+    ]
     house.possess("chair", 1, "left leg + torso", "extend")
     first = actor.holds[0]
-    held = np.concatenate([g.attachment.bone for g in first.grips])
-    assert [g.parts for g in first.grips] == ["left leg + torso"] and Joint.SPINE in held
+    held = np.concatenate([g.attachment.bone for g in first.attachments])
+    assert [g.parts for g in first.attachments] == ["left leg + torso"] and Joint.SPINE in held
     house.possess("chair", 1, "right leg", "extend")
-    assert [g.parts for g in actor.holds[0].grips] == ["left leg + torso", "right leg"]
+    assert [g.parts for g in actor.holds[0].attachments] == ["left leg + torso", "right leg"]
     house.possess("chair", 2, "all", "alone")
     assert [h.body for h in actor.holds] == [2]
 
@@ -118,10 +121,10 @@ def test_limb_lost_at_attachment_is_attached_later(chair):
     house.possess("chair")
     actor = house.actors["chair"]
     leg = {Joint.ANKLE_LEFT, Joint.FOOT_LEFT}
-    assert not leg & set(actor.holds[0].grips[0].attachment.bone)
+    assert not leg & set(actor.holds[0].attachments[0].attachment.bone)
     poses = [house.perform([person()], (i + 1) * FRAME)[0] for i in range(30)]
     house.possess("chair", 1, "left leg", "extend")
-    assert leg & {Joint(b) for g in actor.holds[0].grips for b in g.attachment.bone}
+    assert leg & {Joint(b) for g in actor.holds[0].attachments for b in g.attachment.bone}
     poses += [house.perform([person()], (i + 31) * FRAME)[0] for i in range(10)]
     assert steps(poses[25:]).max() < 0.01, "it takes hold where the leg is: nothing moves"
     for i in range(30):
@@ -181,11 +184,11 @@ def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):
     linear = np.tile(np.eye(3), (20, 1, 1))
     moved = growth * positions @ turn_about_y(yaw).T + rng.normal(size=3) + 0.2 * rng.normal(size=(20, 3))
     turned = growth * turn_about_y(yaw) @ linear
-    easing = Easing(FADE, pace)
+    easing = PoseBlend(FADE, pace)
     last = easing(linear, positions, 0)[1]
     easing.restart_fade()
     gap = np.linalg.norm(moved - positions, axis=1).max() + np.ptp(moved, axis=0).max()
-    assert Easing(FADE, pace)(turned, moved, 0)[1] is moved, "without a tear nothing is eased"
+    assert PoseBlend(FADE, pace)(turned, moved, 0)[1] is moved, "without a tear nothing is eased"
     for k in range(1, 20 if pace == np.inf else 3000):
         now = easing(turned, moved, k * FRAME)[1]
         bound = FRAME * 1e-9 * min(np.pi / 2 * 1.5 / FADE * gap, pace)
@@ -343,12 +346,12 @@ def test_the_play_opens_with_each_performer_as_they_come(chair):
     for i in range(1, 4):
         house.perform([person()], i * FRAME)
         opening.take_hold(1.0 + i / 30)
-    assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[1, "legs"]]
+    assert [[h.body, h.attachments[0].parts] for h in house.actors["chair"].holds] == [[1, "legs"]]
     house.perform([person(), person(id=2)], 4 * FRAME)
     opening.take_hold(2.0)
     house.release("chair", 1)
     opening.take_hold(2.1)
-    assert [[h.body, h.grips[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
+    assert [[h.body, h.attachments[0].parts] for h in house.actors["chair"].holds] == [[2, "upper body"]]
 
 
 def test_impossible_opening_is_logged_once(chair, caplog):

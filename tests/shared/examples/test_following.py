@@ -12,7 +12,7 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of, state_of
-from enliven.examples.spacetime import Following
+from enliven.examples.spacetime import PathFollower
 from enliven.examples.travel import alternating_feet, travel_of
 from enliven.modeling.puppet import change_key_pose, change_point, play_take
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -179,7 +179,7 @@ def test_feet_alternate_that_go_to_and_fro_or_up_and_down_on_the_ground():
 def test_drift_correction_acts_only_beyond_leash_at_any_rate(far, angle, step):
     how = LocomotionSettings(leash=0.1)
     off = far * np.exp(1j * angle)
-    follows = Following(1.0, how, step, 2)
+    follows = PathFollower(1.0, how, step, 2)
     pull = 0j
     for _ in range(round(1.0 / step)):
         pull += follows.next(off - pull, [True, False])

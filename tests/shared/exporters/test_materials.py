@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from made_gltf import Made
+from gltf_builder import GltfBuilder
 from PIL import Image
 from strict_gltf import checked_glb
 
@@ -56,7 +56,7 @@ GLASS = {
 
 def made_file(path, wood=WOOD, materials=(OAK, GLASS)):
     """A square of two materials and a triangle of none; the textured one has two sets of coordinates."""
-    random, gltf = np.random.default_rng(5), Made()
+    random, gltf = np.random.default_rng(5), GltfBuilder()
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
     place = gltf.accessor(corners)
     uvs = random.uniform(-2, 3, (2, 4, 2)).astype(np.float32)

@@ -9,9 +9,9 @@ import struct
 import numpy as np
 import pygltflib
 import pytest
+from gltf_builder import GltfBuilder, random_rig, trs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_gltf import Made, random_rig, trs
 from PIL import Image
 from slow_gltf import SlowGltf
 
@@ -46,9 +46,9 @@ def test_rotating_rig_moves_like_reference_skinning(tmp_path_factory, seed):
     assert not [note for note in rig.notes if "move" in note or "stretch" in note]
 
 
-def two_joints(**child) -> Made:
+def two_joints(**child) -> GltfBuilder:
     """A root and a child a metre above it, one triangle each."""
-    gltf = Made()
+    gltf = GltfBuilder()
     root = gltf.node(name="root")
     end = gltf.node(root, name="child", translation=[0, 1, 0], **child)
     inverse = np.stack([np.eye(4), trs([0, -1, 0], [0, 0, 0, 1])]).transpose(0, 2, 1).reshape(-1, 16)
@@ -67,7 +67,7 @@ def two_joints(**child) -> Made:
     return gltf
 
 
-def animated(made: Made, node: int, path: str, values) -> None:
+def animated(made: GltfBuilder, node: int, path: str, values) -> None:
     times = made.accessor(np.array([0.0, 1.0], np.float32))
     sampler = {"input": times, "output": made.accessor(np.array(values, np.float32))}
     animation = made.json.setdefault("animations", [{"channels": [], "samplers": []}])[0]
@@ -115,7 +115,7 @@ def test_a_size_that_never_changes_belongs_to_the_rest_pose(tmp_path):
 
 def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     """As baked inverse kinematics leaves it: the foot hangs on the ground, moved to the shin's end."""
-    gltf = Made()
+    gltf = GltfBuilder()
     ground = gltf.node(name="ground")
     hip = gltf.node(ground, name="hip", translation=[0, 2, 0])
     shin = gltf.node(hip, name="shin", translation=[0, -1, 0])
@@ -163,7 +163,7 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
 
 
 def test_joints_at_one_place_are_one_and_their_limbs_turn_apart(tmp_path):
-    gltf = Made()
+    gltf = GltfBuilder()
     hips = gltf.node(name="hips")
     legs = [gltf.node(hips, name=f"hips to {side}") for side in ("left", "right")]
     feet = [gltf.node(legs[k], name=f"foot {k}", translation=[0.3 - 0.6 * k, -1, 0]) for k in (0, 1)]

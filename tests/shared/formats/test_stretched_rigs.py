@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gltf_builder import random_rig
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_gltf import random_rig
 from slow_gltf import SlowGltf
 
 from enliven.deformation.skinning import skin_vertices

@@ -14,7 +14,7 @@ from enliven.rotation import from_rotation_vector, to_matrix
 LIMB = np.array([[0.3, 0.0, 0.0], [0.6, 0.1, 0.2], [0.9, -0.2, 0.5]])
 
 
-class Growing:
+class SkeletonBuilder:
     """A skeleton that limbs are added to; the first joint is the body."""
 
     def __init__(self, middle=(0.0, 1.0, 0.0)):
@@ -41,7 +41,7 @@ def turned(points, degrees, axis=(0.0, 1.0, 0.0)):
 def squid(arms=8, noise=0.0):
     """A mantle above, and arms around; each has a twist, so that no mirror makes two equal."""
     rng = np.random.default_rng(3)
-    body = Growing()
+    body = SkeletonBuilder()
     body.limb(np.array([[0.0, 0.5, 0.0], [0.0, 1.0, 0.0]]))
     for i in rng.permutation(arms):
         body.limb(turned(LIMB, 360 * i / arms) + noise * rng.normal(size=LIMB.shape))
@@ -95,7 +95,7 @@ def test_an_unsteady_hand_is_forgiven_as_far_as_the_settings_say():
 
 def person():
     """Hips with legs, a spine, arms that end in two fingers, and a head that is left of the middle."""
-    body = Growing()
+    body = SkeletonBuilder()
     mirror = np.array([-1.0, 1.0, 1.0])
     spine = body.limb(np.array([[0.0, 0.3, 0.0], [0.0, 0.5, 0.02]])) + 1
     body.limb(np.array([[0.03, 0.7, 0.05]]), spine)
@@ -121,7 +121,7 @@ def test_left_and_right_of_a_person():
 
 
 def test_the_legs_of_a_table_are_turned_and_mirrored():
-    body = Growing()
+    body = SkeletonBuilder()
     for x, z in ((0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)):
         body.limb(np.array([[x, 0.0, z], [x, -0.7, z]]))
     kinds = [(group.kind, len(group.limbs)) for group in equal_limbs(body.skeleton)]
@@ -129,7 +129,7 @@ def test_the_legs_of_a_table_are_turned_and_mirrored():
 
 
 def test_two_arms_longer_than_the_others_are_a_group_of_their_own():
-    body = Growing()
+    body = SkeletonBuilder()
     for i in range(6):
         body.limb(turned(LIMB, 60 * i))
     for degrees in (30, 210):
@@ -139,7 +139,7 @@ def test_two_arms_longer_than_the_others_are_a_group_of_their_own():
 
 
 def test_six_limbs_of_which_one_is_bent_the_other_way():
-    body = Growing()
+    body = SkeletonBuilder()
     for i in range(5):
         body.limb(turned(LIMB, 60 * i))
     body.limb(turned(LIMB * [1, -1, -1], 300))
@@ -147,7 +147,7 @@ def test_six_limbs_of_which_one_is_bent_the_other_way():
 
 
 def test_a_skeleton_without_equal_limbs_has_none():
-    body = Growing()
+    body = SkeletonBuilder()
     body.limb(LIMB)
     body.limb(2 * LIMB)
     assert equal_limbs(body.skeleton) == ()
@@ -155,7 +155,7 @@ def test_a_skeleton_without_equal_limbs_has_none():
 
 
 def test_limbs_in_one_place_are_no_pair():
-    body = Growing()
+    body = SkeletonBuilder()
     body.limb(LIMB)
     body.limb(LIMB)
     assert [g for g in equal_limbs(body.skeleton) if g.kind == "mirror"] == []

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rig_worlds import WORLDS, kind
 from test_character_laws import near
 
-from enliven.document import EASES, FASTEST, SLOWEST, CurveKey, GraphPart, Layer, curve_of, same
+from enliven.document import EASES, MAX_SPEED, MIN_SPEED, CurveKey, GraphPart, Layer, curve_of, same
 from enliven.errors import InputError
 from enliven.exporters import performance_of
 from enliven.formats.project import project_of
@@ -91,7 +91,7 @@ def test_time_rises_as_the_sum_of_its_speeds_and_is_found_again(keys, moments, o
     layer = GraphPart("take", np.arange(1), offset=offset, speeds=keys)
     moments = sorted(moments)
     even = [layer.even(time) for time in moments]
-    assert (np.diff(even) >= SLOWEST * np.diff(moments) - 1e-9).all()
+    assert (np.diff(even) >= MIN_SPEED * np.diff(moments) - 1e-9).all()
     for time, at in zip(moments, even, strict=True):
         assert layer.uneven(at) == pytest.approx(time, abs=1e-6)
         fine = np.linspace(0, time - offset, 4001)
@@ -172,7 +172,7 @@ def test_keys_are_moved_eased_and_refused():
     for wrong, words in (
         (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 0.0), "times"),
         (lambda: set_layer_key(project, name, [0], "speeds", 0.5, -1.0), "times"),
-        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * FASTEST), "times"),
+        (lambda: set_layer_key(project, name, [0], "speeds", 0.5, 2 * MAX_SPEED), "times"),
         (lambda: set_layer_key(project, name, [0], "weights", 0.5, 1.5), "the weight 1.5"),
         (lambda: set_layer_key(project, name, [0], "weights", np.nan, 0.5), "is not a key"),
         (lambda: set_layer_key(project, name, [99], "weights", 0.5, 0.5), "layer 99 does not exist"),

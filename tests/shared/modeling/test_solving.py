@@ -111,7 +111,7 @@ def held_misses(project, name, number=0):
         for pose in replay(bare, graph_of(bare), take, part.possession):
             (actor,) = actors
             for hold in actor.holds:
-                attachments = [grip.attachment for grip in hold.grips]
+                attachments = [grip.attachment for grip in hold.attachments]
                 targets, pulls = hold.targets
                 reached = np.concatenate([moved(a, actor.graph.positions, pose) for a in attachments])
                 goals = actor._placement.to_world(targets)

@@ -14,8 +14,8 @@ from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
+from enliven.motion.contact.foot_lock import Window, window_of
 from enliven.motion.contact.pin import bend_of, held_pins, pin_feet, unpin
-from enliven.motion.contact.standing import Window, window_of
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import from_rotation_vector, rotate

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.possession.follow_through import SOFTEST, FollowThrough, _swung
+from enliven.possession.follow_through import FULL_SWING_STIFFNESS, FollowThrough, _swung
 
 laws = settings(deadline=None, max_examples=25)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -42,7 +42,7 @@ def test_an_even_speed_is_followed_and_a_rest_is_reached(seed):
     rng = np.random.default_rng(seed)
     pace, start = rng.normal(size=(2, 5, 3))
     even = start + pace * np.arange(30)[:, None, None] / 30.0
-    stiffness = np.full(5, SOFTEST)
+    stiffness = np.full(5, FULL_SWING_STIFFNESS)
     np.testing.assert_allclose(shown(even, stiffness), even, atol=1e-9)
     moved = way_of(seed)
     stopped = np.concatenate([moved, np.repeat(moved[-1:], 90, 0)])
@@ -53,12 +53,16 @@ def test_an_even_speed_is_followed_and_a_rest_is_reached(seed):
 @given(SEEDS, st.floats(0.1, 2.0), st.floats(0.02, 0.9))
 def test_follow_through_is_linear_in_motion_exaggeration_and_softness(seed, size, stiffness):
     way = way_of(seed)
-    whole = shown(way, np.full(5, SOFTEST)) - way
-    softness = min(np.log(stiffness) / np.log(SOFTEST), 1.0)
+    whole = shown(way, np.full(5, FULL_SWING_STIFFNESS)) - way
+    softness = min(np.log(stiffness) / np.log(FULL_SWING_STIFFNESS), 1.0)
     far = 0.3 / max(np.abs(whole).max() * np.sqrt(3), 1e-9)  # below where it is held back
     size, more = min(size, far), min(2.0, far)
-    np.testing.assert_allclose(shown(size * way, np.full(5, SOFTEST)) - size * way, size * whole, atol=1e-9)
-    np.testing.assert_allclose(shown(way, np.full(5, SOFTEST), more) - way, more * whole, atol=1e-9)
+    np.testing.assert_allclose(
+        shown(size * way, np.full(5, FULL_SWING_STIFFNESS)) - size * way, size * whole, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        shown(way, np.full(5, FULL_SWING_STIFFNESS), more) - way, more * whole, atol=1e-9
+    )
     np.testing.assert_allclose(shown(way, np.full(5, stiffness)) - way, softness * whole, atol=1e-9)
 
 
@@ -82,10 +86,10 @@ def test_a_stop_is_overshot_as_a_damped_spring_does_and_never_far():
     pace = np.concatenate([np.arange(30) / 30.0, np.full(60, 29 / 30)])
     way = np.zeros((90, 1, 3))
     way[:, 0, 0] = pace
-    past = shown(way, [SOFTEST])[:, 0, 0].max() - pace[-1]
+    past = shown(way, [FULL_SWING_STIFFNESS])[:, 0, 0].max() - pace[-1]
     # From an even speed v the way past a stop is v / w exp(-d / sqrt(1 - d^2) acos(d)): here 5.8 cm.
     assert 0.05 < past < 0.065
-    assert shown(10 * way, [SOFTEST], 4.0)[:, 0, 0].max() - 10 * pace[-1] <= 0.35 + 1e-9
+    assert shown(10 * way, [FULL_SWING_STIFFNESS], 4.0)[:, 0, 0].max() - 10 * pace[-1] <= 0.35 + 1e-9
 
 
 @laws

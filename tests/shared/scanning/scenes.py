@@ -4,7 +4,7 @@ import numpy as np
 
 from enliven import rotation
 from enliven.camera import Intrinsics, rays
-from enliven.scanning import DepthNoiseModel, DepthPreparation, DistanceVolume, VolumeSettings
+from enliven.scanning import DepthNoiseModel, DepthPreparation, TsdfVolume, VolumeSettings
 
 CAMERA = Intrinsics(96, 72, 90.0, 90.0, 47.5, 35.5)
 EVEN = DepthNoiseModel(quadratic=0.0)
@@ -47,7 +47,7 @@ def looking(angle, distance=1.0, tilt=0.0):
 
 def fused_sphere(radius=0.25, count=8, settings=SETTINGS, move=None):
     """Views of a sphere about the origin from all around, fused; the world is moved by ``move`` (4, 4)."""
-    volume, move = DistanceVolume(settings), np.eye(4) if move is None else move
+    volume, move = TsdfVolume(settings), np.eye(4) if move is None else move
     poses = [looking(2 * np.pi * k / count) for k in range(count)]
     poses += [looking(0.0, tilt=1.4), looking(0.0, tilt=-1.4)]
     for pose in poses:

@@ -10,7 +10,7 @@ from enliven import rotation
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import CutOutSettings, cut_out, find_ground, focus_of
-from enliven.scanning.rims import open_sides, rims_of
+from enliven.scanning.holes import open_sides, rims_of
 
 
 def grid(x0, x1, z0, z1, y, step=0.02):

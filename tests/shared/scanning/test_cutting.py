@@ -18,7 +18,7 @@ from enliven.meshes import Mesh, shells
 from enliven.scanning import (
     CutBox,
     CutOutSettings,
-    Ground,
+    GroundPlane,
     KnownImage,
     cut_by_box,
     cut_what_is_new,
@@ -27,9 +27,9 @@ from enliven.scanning import (
     upright_frame,
 )
 from enliven.scanning.cutting import compared
-from enliven.scanning.rims import rims_of
+from enliven.scanning.holes import rims_of
 
-FLOOR = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
+FLOOR = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
 LEVEL = np.eye(4)
 FINE = 0.03
 """Metres of a triangle's side: what a scan of 2 cm voxels has."""
@@ -117,7 +117,7 @@ def test_empty_box_error_names_surface_position():
 )
 def test_upright_frame_has_floor_at_zero_under_target(lean, offset, at):
     normal = rotation.unit(np.array([lean[0], 1.0, lean[1]]))
-    frame = upright_frame(Ground(normal, offset, 1.0), np.array(at))
+    frame = upright_frame(GroundPlane(normal, offset, 1.0), np.array(at))
     assert np.linalg.det(frame[:3, :3]) == pytest.approx(1.0)
     origin = np.linalg.inv(frame)[:3, 3]
     assert origin @ normal == pytest.approx(offset, abs=1e-9)

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.scanning import DistanceVolume, VolumeSettings, surface_of
+from enliven.scanning import TsdfVolume, VolumeSettings, surface_of
 from enliven.scanning.blocks import SIDE, VOXELS
 from enliven.scanning.cube_table import triangle_table
 
@@ -17,7 +17,7 @@ from scenes import SETTINGS, fused_sphere
 
 def filled(distance, voxel=1.0):
     """A volume of 2 x 2 x 2 blocks with (16, 16, 16) distances, z first, all of them seen."""
-    volume = DistanceVolume(VolumeSettings(voxel=0.01), voxel=voxel)
+    volume = TsdfVolume(VolumeSettings(voxel=0.01), voxel=voxel)
     volume.blocks.places[:8] = [(k & 1, k >> 1 & 1, k >> 2) for k in range(8)]
     volume.blocks.count = 8
     volume.blocks.keep(np.arange(8))

@@ -13,9 +13,9 @@ from enliven import rotation
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning import CutOutSettings, DistanceVolume, Ground, cut_out, parts_about, surface_of
+from enliven.scanning import CutOutSettings, GroundPlane, TsdfVolume, cut_out, parts_about, surface_of
 from enliven.scanning.depth_view import only
-from enliven.scanning.objects import Scanned, registered, sampled
+from enliven.scanning.objects import ScannedSurface, registered, sampled
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import seen_depth, seen_through
 from enliven.scanning.objects.registration import turns
@@ -25,7 +25,7 @@ from enliven.scanning.rigid import apart, inverse
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import SETTINGS, looking, plane_depth, prepared, sphere_depth
 
-GROUND = Ground(np.array([0.0, 1.0, 0.0]), 0.0, 1.0)
+GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 1.0)
 
 
 def box(low, high):
@@ -73,8 +73,8 @@ def seen_from(mesh, side, pose):
 @given(turn=units, move=units)
 def test_a_part_is_found_in_any_pose(turn, move):
     pose = pose_of(3.0 * np.array(turn), move)
-    part = Scanned(seen_from(CRANE, (0.3, 0.5, 1.0), pose), [])
-    match = registered(Scanned(sampled(CRANE, 6000), []), part)
+    part = ScannedSurface(seen_from(CRANE, (0.3, 0.5, 1.0), pose), [])
+    match = registered(ScannedSurface(sampled(CRANE, 6000), []), part)
     assert match is not None and match.agreeing > 0.8
     metres, radians = apart(match.model_from_part, inverse(pose))
     # Points lie five millimetres apart.
@@ -82,14 +82,17 @@ def test_a_part_is_found_in_any_pose(turn, move):
 
 
 def test_ambiguous_pose_is_rejected():
-    brick = Scanned(sampled(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
-    assert registered(brick, Scanned(brick.surface.moved(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), [])) is None
+    brick = ScannedSurface(sampled(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
+    assert (
+        registered(brick, ScannedSurface(brick.surface.moved(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), []))
+        is None
+    )
 
 
 def test_different_object_is_rejected():
     ball = sampled(CRANE, 3000)
     ball = replace(ball, points=0.3 * ball.normals + 0.01 * ball.points)
-    assert registered(Scanned(sampled(CRANE, 6000), []), Scanned(ball, [])) is None
+    assert registered(ScannedSurface(sampled(CRANE, 6000), []), ScannedSurface(ball, [])) is None
 
 
 @settings(max_examples=30)
@@ -150,7 +153,7 @@ def test_floor_plane_is_estimated(raised, tilts):
 
 
 def test_pixels_that_are_left_out_carve_and_make_no_surface():
-    pose, volume = looking(0.0), DistanceVolume(SETTINGS)
+    pose, volume = looking(0.0), TsdfVolume(SETTINGS)
     view = prepared(sphere_depth((0, 0, 0), 0.25, pose))
     volume.integrate(view, pose)
     behind = prepared(plane_depth(np.array([0.0, 0.0, 1.0]), 0.9, pose))

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from enliven import rotation
-from enliven.scanning.loops import PoseLink, cost_of, settled
-from enliven.scanning.loops.pose_graph import residual_of, slopes_of
+from enliven.scanning.loop_closure import PoseLink, cost_of, settled
+from enliven.scanning.loop_closure.pose_graph import residual_of, slopes_of
 from enliven.scanning.rigid import apart, inverse, moved
 
 SEEDS = st.integers(0, 10_000)

@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
 from enliven.wire import convert, convert_characters, envelope, quaternions, requests, scans, streams, topics
-from enliven.wire.envelope import Malformed, OtherVersion
+from enliven.wire.envelope import MalformedMessageError, OtherVersionError
 from enliven.wire.posecode import PoseCodec
 from enliven.wire.sockets import Endpoint, parse_endpoint
 
@@ -210,7 +210,7 @@ def test_a_body_of_the_wrong_length_is_refused(changes) -> None:
     packed = msgspec.structs.replace(streams.PackedBody(3, bytes(120), bytes(20)))
     fields = {**msgspec.structs.asdict(packed), **changes}
     data = b"bodies\0\x01" + msgspec.msgpack.encode([1, 2, [list(fields.values())]])
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         envelope.unpack_stream(data)
 
 
@@ -266,7 +266,7 @@ def test_array_lengths_must_match_the_counts(name: str, cut: int) -> None:
     values = msgspec.structs.asdict(convert_characters.character_to_message(chair(True), 1))
     values[name] = values[name][:-cut]
     data = {"id": 1, "body": {"type": "CharacterMessage", **values}}
-    with pytest.raises(Malformed, match=name):
+    with pytest.raises(MalformedMessageError, match=name):
         envelope.unpack_control(bytes([envelope.VERSION]) + msgspec.msgpack.encode(data), topics.REPLY)
 
 
@@ -303,7 +303,7 @@ BAD = {
 
 @pytest.mark.parametrize("data", BAD.values(), ids=BAD.keys())
 def test_malformed_streams_are_refused(data: bytes) -> None:
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         envelope.unpack_stream(data)
 
 
@@ -313,7 +313,7 @@ def test_noise_is_refused_or_is_a_message(topic: str, noise: bytes) -> None:
     for data in (noise, HEADS[topic] + noise):
         try:
             topic_found, message = envelope.unpack_stream(data)
-        except Malformed:
+        except MalformedMessageError:
             continue
         assert isinstance(message, topic_found.type)
 
@@ -323,18 +323,18 @@ def test_noise_is_refused_or_is_a_message(topic: str, noise: bytes) -> None:
 def test_cut_and_flipped_messages_never_raise_anything_else(message: object, data: st.DataObject) -> None:
     packed = bytearray(envelope.pack_stream(message))
     at = data.draw(st.integers(0, len(packed) - 1))
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         envelope.unpack_stream(bytes(packed[:at]))
     packed[at] ^= data.draw(st.integers(1, 255))
     try:
         envelope.unpack_stream(bytes(packed))
-    except Malformed as error:
+    except MalformedMessageError as error:
         assert error.kind and error.why
 
 
 def test_other_version_is_distinguished_from_noise() -> None:
     data = envelope.pack_stream(EXAMPLES[3]).replace(b"status\0\1", b"status\0\7")
-    with pytest.raises(OtherVersion, match="version 7") as caught:
+    with pytest.raises(OtherVersionError, match="version 7") as caught:
         envelope.unpack_stream(data)
     assert caught.value.version == 7
 
@@ -343,8 +343,8 @@ def test_each_kind_of_malformed_message_is_logged_once(caplog: pytest.LogCapture
     rejects = envelope.Rejects("a test")
     with caplog.at_level(logging.WARNING):
         for _ in range(50):
-            rejects.add(Malformed("pose", "noise"))
-            rejects.add(Malformed("status", "noise"))
+            rejects.add(MalformedMessageError("pose", "noise"))
+            rejects.add(MalformedMessageError("status", "noise"))
     assert rejects.total == 100 and rejects.counts["pose"] == 50
     assert len(caplog.records) == 2
 

@@ -15,7 +15,7 @@ from msgspec import inspect
 from enliven.document import ArapSettings, Character, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import REQUESTS, TOPICS, envelope, requests, scans, streams, topics
-from enliven.wire.envelope import Malformed, check_character, check_request, pack_checked
+from enliven.wire.envelope import MalformedMessageError, check_character, check_request, pack_checked
 
 STREAM_KINDS = [topic.type for topic in TOPICS if topic.way == "stream"]
 ANSWERS = [*requests.Answer.__args__]
@@ -39,7 +39,7 @@ def test_accepted_values_survive_encoding(name: str, data: st.DataObject) -> Non
     if kind in STREAM_KINDS:
         try:
             packed = pack_checked(message)
-        except Malformed as error:
+        except MalformedMessageError as error:
             assert "bytes are more than" in error.why
         else:
             assert envelope.unpack_stream(packed)[1] == message
@@ -68,7 +68,7 @@ def test_each_field_out_of_its_range_is_refused_at_both_doors(name: str, data: s
             except (TypeError, ValueError):
                 continue
             if kind in STREAM_KINDS:
-                with pytest.raises(Malformed):
+                with pytest.raises(MalformedMessageError):
                     pack_checked(wrong)
             elif kind in REQUESTS:
                 with pytest.raises(InputError) as error:
@@ -88,20 +88,20 @@ def test_noise_has_no_number(noise: bytes) -> None:
     for data in (noise, b"\1" + noise, b"\1\x82\xa2id" + noise):
         try:
             assert isinstance(envelope.reply_number(data), int)
-        except Malformed as error:
+        except MalformedMessageError as error:
             assert error.why
 
 
 @pytest.mark.parametrize("name", ["a\ud800b", "\udcff"])
 def test_text_that_cannot_be_encoded_is_refused(name: str) -> None:
     """File names of other encodings have such letters."""
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         pack_checked(streams.SizeMessage(name, 1.0))
     with pytest.raises(InputError, match="cannot be sent"):
         check_request(requests.GetState(name))
     with pytest.raises(InputError, match="cannot be sent"):
         check_character(replace(soft(), id=name))
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         pack_checked(streams.SizeMessage("chair", 1.0, 2**70))
 
 
@@ -161,7 +161,7 @@ def test_ranges_between_fields_hold_too() -> None:
     assert scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 2, 0])).faces
     with pytest.raises(ValueError, match="beyond the 3 vertices"):
         scans.ScanPieceMessage(**piece, faces=bytes([0, 0, 1, 0, 3, 0]))
-    with pytest.raises(Malformed):
+    with pytest.raises(MalformedMessageError):
         pack_checked(streams.SizeMessage("chair", 0.0))
 
 

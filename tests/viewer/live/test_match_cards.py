@@ -11,7 +11,7 @@ from swaying import swaying
 
 from enliven.document.character import Character, SkinWeights
 from enliven.matching import body_source, limb_number
-from enliven.matching.board import Board, MatchRow
+from enliven.matching.match_list import MatchList, MatchRow
 from enliven.person import BONES
 from enliven.person.body import Body
 from enliven.wire.matches import board_to_message, message_to_board
@@ -40,10 +40,10 @@ CHARACTER = Character(
 )
 RIGHT, LEFT, UP = (PIVOTS[[0, k]].astype(float) for k in (1, 2, 3))
 ROWS = (MatchRow("1-1", 0, 1.9, (RIGHT, LEFT)), MatchRow("1-1", 1, 1.2, (UP, LEFT)))
-BOARD = Board("cross", "choosing", 1, 5, 0, ROWS, 3, 0.5)
+BOARD = MatchList("cross", "choosing", 1, 5, 0, ROWS, 3, 0.5)
 
 
-def scene(board: Board = BOARD) -> Scene:
+def scene(board: MatchList = BOARD) -> Scene:
     return Scene(
         (SceneCharacter(CHARACTER, CHARACTER.rest_pose()),), (), SceneStyle(body=0.0), boards={"cross": board}
     )
@@ -81,7 +81,7 @@ def test_driven_limbs_are_thinner_and_have_no_cards() -> None:
     np.testing.assert_allclose(thin[:, 3], rows[:, 3] / 2)
     assert shallow == pytest.approx(deep / 2)
     assert cards_of(scene(playing), front().view(1.5)) == ()
-    assert len(match_rows({"cross": Board("cross", "off")})[0]) == 0
+    assert len(match_rows({"cross": MatchList("cross", "off")})[0]) == 0
 
 
 def test_cards_show_each_match_as_it_is_seen() -> None:
@@ -217,7 +217,7 @@ def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) ->
         limbs = tuple(limb_number(chain) for chain in chains)
         lines = tuple(LEFT if k else LEFT[:0] for k in range(len(chains)))
         row = MatchRow("1-1", 0, 1.0, lines, limbs, 1)
-        board = Board("cross", "choosing", 1, 5, 0, (row,), 1)
+        board = MatchList("cross", "choosing", 1, 5, 0, (row,), 1)
         plain = capsules_of((performer,), 1.0)
         rows = capsules_of((performer,), 1.0, limb_tints({"cross": board}))
         card = cards_of(scene(board), front().view(1.5))[0]
@@ -235,7 +235,7 @@ def standing_joints() -> np.ndarray:
 
 def test_the_limbs_of_a_match_come_over_the_wire_and_older_edges_send_none() -> None:
     row = MatchRow("1-1", 0, 1.5, (RIGHT, LEFT), (1, 4), 7)
-    board = Board("cross", "choosing", 7, 5, 0, (row,), 1)
+    board = MatchList("cross", "choosing", 7, 5, 0, (row,), 1)
     again = message_to_board(msgspec.msgpack.decode(packed(board), type=MatchesMessage))
     assert (again.rows[0].limbs, again.rows[0].body) == ((1, 4), 7)
     older = msgspec.msgpack.decode(packed(board))
@@ -245,5 +245,5 @@ def test_the_limbs_of_a_match_come_over_the_wire_and_older_edges_send_none() -> 
     assert len(match_rows({"cross": old})[0]) == len(match_rows({"cross": board})[0])
 
 
-def packed(board: Board) -> bytes:
+def packed(board: MatchList) -> bytes:
     return msgspec.msgpack.encode(board_to_message(board))

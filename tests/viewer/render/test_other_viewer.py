@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_gltf import Made
+from gltf_builder import GltfBuilder
 from PIL import Image
 from three_viewer import MISSING
 from web_pictures import SIZE, compare
@@ -78,7 +78,7 @@ def chequered() -> bytes:
 
 def rigged(path: Path) -> Path:
     """Writes two textured spheres: one jumps, is rotated by cubic keys and mirrored; one is skinned to it."""
-    gltf, (vertices, faces, uv) = Made(), sphere(20, 30)
+    gltf, (vertices, faces, uv) = GltfBuilder(), sphere(20, 30)
     picture = gltf.view(chequered())
     gltf.json["images"] = [{"bufferView": picture, "mimeType": "image/png"}]
     gltf.json["samplers"] = [{"wrapS": 33648, "wrapT": 10497}]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from enliven.document.character import Character
-from enliven.matching import Board, MatchRow
+from enliven.matching import MatchList, MatchRow
 from enliven_viewer.playback import CueFrame
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
@@ -24,7 +24,7 @@ def tower(make_character, make_box) -> Character:
 
 
 def scene_with(
-    one: Character, nodes: np.ndarray, state: str = "preview", board: Board | None = None
+    one: Character, nodes: np.ndarray, state: str = "preview", board: MatchList | None = None
 ) -> Scene:
     cues = CueFrame(one.id, nodes.astype(np.int32), np.ones(len(nodes), np.float32), state)
     boards = {} if board is None else {one.id: board}
@@ -37,9 +37,9 @@ def end(one: Character, *, top: bool) -> np.ndarray:
     return np.flatnonzero((height > 1.5) == top)
 
 
-def chosen(points: np.ndarray) -> Board:
+def chosen(points: np.ndarray) -> MatchList:
     row = MatchRow("limb", 0, 1.0, (points,))
-    return Board("box", "choosing", 1, 0, 0, (row,), 1)
+    return MatchList("box", "choosing", 1, 0, 0, (row,), 1)
 
 
 def seen_share(editor: Editor, points: np.ndarray) -> float:

@@ -22,7 +22,7 @@ from enliven.modeling.edits import vertices_of
 from enliven.modeling.puppet import make_puppet
 from enliven.person.body import Body
 from enliven.samples import load_sample
-from enliven.takes.performed import Performed
+from enliven.takes.performed import PerformedMotion
 from enliven.wire import CALLS, CallMessage
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.session import PerformSession
@@ -76,7 +76,7 @@ def test_unmoved_or_absent_performer_does_not_end_the_recording() -> None:
 
 def test_the_still_end_is_left_out() -> None:
     frames = [BodyFrame([standing(1)], n * STEP, "edge") for n in range(10)]
-    kept = Performed("take 1", 0, frames=frames).until(4 * STEP)
+    kept = PerformedMotion("take 1", 0, frames=frames).until(4 * STEP)
     assert [frame.time_ns // STEP for frame in kept.frames] == [0, 1, 2, 3, 4]
 
 

@@ -10,7 +10,7 @@ from strokes import limb
 from swaying import possessed_chair
 
 from enliven.document import Pose, Project, character_of
-from enliven.matching import Board, MatchRow
+from enliven.matching import MatchList, MatchRow
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.evaluate import pose_of
 from enliven.motion.layers.retarget import bind_chain
@@ -55,7 +55,7 @@ def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
 
 def test_project_character_is_shown_while_editing(editor: Editor) -> None:
     twins = Twins(editor)
-    board = Board("arm", "choosing", 1, 5, 0, (), 0)
+    board = MatchList("arm", "choosing", 1, 5, 0, (), 0)
     scene = twins.shown(Scene((on_stage(),), boards={"arm": board}), Telling(performs=False))
     assert scene.actors == () and scene.boards == {} and twins.hidden == frozenset()
 
@@ -63,7 +63,7 @@ def test_project_character_is_shown_while_editing(editor: Editor) -> None:
 def test_matches_lie_on_the_bones_as_they_are_shown(editor: Editor) -> None:
     editor.time = 0.7
     line = ARM.skeleton.positions[[0, 1]] + ASIDE
-    board = Board("arm", "choosing", 1, 5, 0, (MatchRow("1-1", 0, 1.0, (line, line[:0])),), 1)
+    board = MatchList("arm", "choosing", 1, 5, 0, (MatchRow("1-1", 0, 1.0, (line, line[:0])),), 1)
     shown = Twins(editor).shown(Scene((on_stage(),), boards={"arm": board}), Telling())
     (there, nothing) = shown.boards["arm"].rows[0].lines
     np.testing.assert_allclose(there, pose_of(editor.project, "arm", 0.7).joints[[0, 1]] + ASIDE, atol=1e-5)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "modeling"))
 from test_character_laws import WORLDS
 
-from enliven.document import KEY_STEP, SLOWEST, Layer, same
+from enliven.document import KEY_STEP, MIN_SPEED, Layer, same
 from enliven.modeling.edits import change_layers, keys_of, layer_keys, rig_of, set_key, vertices_of
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.studio.curves import CurveInput, Scale
@@ -276,7 +276,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
         curves.drag(x, y + 5000)
         curves.release(x, y + 5000)  # below the playable minimum: the minimum is used, and reported
         keys = layer_keys(editor.project, name, 0, number)
-        assert keys[1].value == (0.0 if number == "weights" else SLOWEST)
+        assert keys[1].value == (0.0 if number == "weights" else MIN_SPEED)
         assert editor.toasts.shown
         curves.press(*at(curves, 0, 0))
         curves.release(*at(curves, 0, 0))

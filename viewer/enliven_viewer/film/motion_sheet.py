@@ -14,7 +14,7 @@ from enliven.deformation import skin_vertices
 from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
 from enliven.exporters import sticks
 from enliven.formats.rig import playing
-from enliven.mapping import Retargeted
+from enliven.mapping import RetargetedShape
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
@@ -48,7 +48,7 @@ class MotionRow:
 
 
 def write_motion_sheet(
-    path: Path, made: Retargeted, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
+    path: Path, made: RetargetedShape, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
 ) -> None:
     """Draws the sheet as PNG.
 
@@ -86,13 +86,13 @@ def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[fl
     return MotionRow(character_of(shape), [player.pose(second) for second in seconds], facing + SIDE)
 
 
-def _model(retargeted: Retargeted, times: Float) -> MotionRow:
+def _model(retargeted: RetargetedShape, times: Float) -> MotionRow:
     player = Player(retargeted.project, retargeted.shape_id)
     shape = retargeted.project.shape(retargeted.shape_id)
     return MotionRow(character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + SIDE)
 
 
-def _take(retargeted: Retargeted, times: Float) -> MotionRow:
+def _take(retargeted: RetargetedShape, times: Float) -> MotionRow:
     return performer_row(retargeted.clip, retargeted.take_facing, retargeted.plan.travel, times)
 
 

@@ -26,9 +26,9 @@ from enliven.wire import (
     Endpoint,
     GetState,
     Hello,
-    Malformed,
+    MalformedMessageError,
     Order,
-    OtherVersion,
+    OtherVersionError,
     Ping,
     Pong,
     PoseCodec,
@@ -258,9 +258,9 @@ class EdgeConnection:
         self._requests.forget()
         self.stage.restart()
 
-    def _reject(self, error: Malformed) -> None:
+    def _reject(self, error: MalformedMessageError) -> None:
         """Counts a message that cannot be read. Notifies the user if it is of another version."""
-        if isinstance(error, OtherVersion) and self._other_version != error.version:
+        if isinstance(error, OtherVersionError) and self._other_version != error.version:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
         if error.kind in STREAMS:
@@ -288,7 +288,7 @@ class EdgeConnection:
                 self._watch(topic).took(topic.key(message))
             if self._after_silence and not latched:
                 self._known_again()
-        except Malformed as error:
+        except MalformedMessageError as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:
             self._watch(topic).failed()
@@ -314,7 +314,7 @@ class EdgeConnection:
         if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
             return True
         if len(self._unknown) >= _MOST_UNKNOWN:
-            raise Malformed(topic.name, "it is about a character that the edge does not list")
+            raise MalformedMessageError(topic.name, "it is about a character that the edge does not list")
         self._unknown.add(message.character)
         return True
 

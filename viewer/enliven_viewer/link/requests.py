@@ -17,7 +17,7 @@ from enliven.wire import (
     Answer,
     Ask,
     Endpoint,
-    Malformed,
+    MalformedMessageError,
     Reply,
     Request,
     make_socket,
@@ -78,7 +78,7 @@ class Requests:
         self._pending[self._last] = _Pending(key, time.monotonic() + seconds, on_reply)
         return True
 
-    def poll(self, malformed: Callable[[Malformed], None]) -> None:
+    def poll(self, malformed: Callable[[MalformedMessageError], None]) -> None:
         """Calls back each answered request with its reply, and each timed-out request with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
@@ -90,7 +90,7 @@ class Requests:
                 break
             try:
                 self._take(parts)
-            except Malformed as error:
+            except MalformedMessageError as error:
                 malformed(error)
         now = time.monotonic()
         for number in [n for n, p in self._pending.items() if p.deadline < now]:
@@ -125,18 +125,18 @@ class Requests:
         """Processes one reply.
 
         Raises:
-            Malformed: if it cannot be read, or does not belong to a request.
+            MalformedMessageError: if it cannot be read, or does not belong to a request.
         """
         if len(parts) != 1:
             self._count_unasked(sum(map(len, parts)))
-            raise Malformed("reply", f"{len(parts)} parts instead of one")
+            raise MalformedMessageError("reply", f"{len(parts)} parts instead of one")
         number = reply_number(parts[0])
         if number not in self._pending:
             if number in self._late:
                 self._late.remove(number)
                 return
             self._count_unasked(len(parts[0]))
-            raise Malformed("reply", "it answers nothing that was asked")
+            raise MalformedMessageError("reply", "it answers nothing that was asked")
         reply: Reply = unpack_control(parts[0], REPLY)
         self._pending.pop(number).on_reply(reply.body)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven_viewer.language import tr
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
 from enliven_viewer.render.overlay import tints_of
@@ -65,7 +65,7 @@ def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
 
 
 def _cards(
-    actor: SceneCharacter, board: Board, view: CameraView, number_of_row: int, several: bool
+    actor: SceneCharacter, board: MatchList, view: CameraView, number_of_row: int, several: bool
 ) -> list[Card]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
     every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]

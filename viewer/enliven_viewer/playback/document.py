@@ -12,7 +12,7 @@ from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
 from enliven.logs import escaped
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven.person import Body
 from enliven.wire import Topic
 from enliven_viewer.playback.timeline import CueFrame, Timeline, TimelineMoment
@@ -80,7 +80,7 @@ class Document:
         """Adds the props of one time to the timeline."""
         self.timeline.add_props(props)
 
-    def add_board(self, board: Board) -> None:
+    def add_board(self, board: MatchList) -> None:
         """Adds a character's match list to the timeline."""
         self.timeline.add_board(board)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Pose, Props
-from enliven.matching import Board, MatchRow
+from enliven.matching import MatchList, MatchRow
 from enliven.person import Body
 from enliven.rotation import from_matrix, slerp, to_matrix
 
@@ -100,7 +100,9 @@ def blend_props(before: Props | None, after: Props | None, share: float, time_ns
     return replace(nearer, time_ns=time_ns, positions=positions, turns=turns)
 
 
-def blend_boards(before: dict[str, Board], after: dict[str, Board], share: float) -> dict[str, Board]:
+def blend_boards(
+    before: dict[str, MatchList], after: dict[str, MatchList], share: float
+) -> dict[str, MatchList]:
     """Returns the match lists between two moments: the earlier ones.
 
     Their lines are interpolated if both moments have them.

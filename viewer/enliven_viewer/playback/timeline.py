@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float32, Int32
 from enliven.document import Character, Pose, Props
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
@@ -63,7 +63,7 @@ class TimelineMoment:
     bodies_ns: int = 0
     cues: dict[str, CueFrame] = field(default_factory=dict)
     props: Props | None = None
-    boards: dict[str, Board] = field(default_factory=dict)
+    boards: dict[str, MatchList] = field(default_factory=dict)
     others: dict[str, dict[str, Any]] = field(default_factory=dict)
     characters: dict[str, Character] = field(default_factory=dict)
 
@@ -120,7 +120,7 @@ class Timeline:
         """Adds the props of one time; they replace earlier ones at the same time."""
         self._put(replace(self._at(props.time_ns), props=props))
 
-    def add_board(self, board: Board) -> None:
+    def add_board(self, board: MatchList) -> None:
         """Adds a match list at its time."""
         old = self._at(board.time_ns)
         self._put(replace(old, boards={**old.boards, board.character: board}))

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.document import BOX, Character, Pose, Props
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven.person import Body
 from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
 from enliven_viewer.render.camera import Box
@@ -72,7 +72,7 @@ class Scene:
     bodies: tuple[Body, ...] = ()
     style: SceneStyle = field(default_factory=SceneStyle)
     props: Props | None = None
-    boards: dict[str, Board] = field(default_factory=dict)
+    boards: dict[str, MatchList] = field(default_factory=dict)
     extent: Box | None = None
     """Lowest and highest corner of all surfaces, if known; shadows cover this range."""
 

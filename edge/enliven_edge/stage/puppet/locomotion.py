@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
 from enliven.examples import PuppetTravel, State
-from enliven.examples.spacetime import Following, from_floor, on_floor, stand
+from enliven.examples.spacetime import PathFollower, from_floor, on_floor, stand
 from enliven.mapping import turned_about_y
 from enliven.person import Body, Joint
 
@@ -188,7 +188,7 @@ class Locomotion:
         self._sole = float(rest[self._feet, 1].min()) if len(self._feet) else 0.0
         large = float(np.linalg.norm(np.ptp(rest, axis=0))) or 1.0
         self._grip = settings.grip * large
-        self._new = lambda: Following(large, settings, step, len(self._feet) if self._steps.any() else 0)
+        self._new = lambda: PathFollower(large, settings, step, len(self._feet) if self._steps.any() else 0)
         self._following, self._from = self._new(), (0j, 0j)
         self._roots: deque[Float] = deque(maxlen=max(round(settings.throw / step), 1) + 1)
         self._velocity = np.zeros(3)

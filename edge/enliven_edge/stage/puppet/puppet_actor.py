@@ -13,7 +13,7 @@ from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of, travel_of
 from enliven.person import MIRROR, Body, parts_named
-from enliven.possession import Actor, Cues, Easing, Mode, cues_of
+from enliven.possession import Actor, Cues, Mode, PoseBlend, cues_of
 from enliven.rotation import rotate
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.hold import ControlPointHold
@@ -54,7 +54,7 @@ class PuppetActor(Actor):
         self._live = LivePuppet(mapping, locomotion, self.settings.rate, self.settings.lag)
         self._live.rest = puppet.rest
         self._state = State(puppet.rest.copy(), 0.0, np.zeros(3))
-        self._easing = Easing(self.settings.fade, self.settings.fade_pace)
+        self._easing = PoseBlend(self.settings.fade, self.settings.fade_pace)
         self._lead: ControlPointHold | None = None
         self._yaw_offset = 0.0
         self._restarts = self._placed = False

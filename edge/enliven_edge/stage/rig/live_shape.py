@@ -12,7 +12,7 @@ from enliven.document import Clip, Pose, Project, Shape
 from enliven.matching import ScreenView
 from enliven.motion.layers import Player, bind_chain, pose_from
 from enliven.person import PARENTS, Body
-from enliven.possession import Easing
+from enliven.possession import PoseBlend
 from enliven.rotation import conjugate, multiply
 from enliven.takes import clip_of_bodies, turns_of
 
@@ -86,7 +86,7 @@ class LiveShape:
 
     def __init__(self, shape: Shape, fade: float) -> None:
         self.shape, self.bindings = shape, list[Binding]()
-        self._easing, self._fade = Easing(fade), fade
+        self._easing, self._fade = PoseBlend(fade), fade
         self._count, self._time_ns = 0, 0
         self._rebuild()
         self.joints: Float = self._player.at(0.0).joints

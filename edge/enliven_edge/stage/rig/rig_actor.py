@@ -13,7 +13,7 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Shape, character_of
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
-from enliven.matching import Board, MatchRow, ScreenView, limb_number
+from enliven.matching import MatchList, MatchRow, ScreenView, limb_number
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.person import Body, parts_named
 from enliven.possession import Cues, Mode, cues_of
@@ -102,17 +102,17 @@ class RigActor(ChosenActor):
         preview = (self.chooser.body, _strengths(count, targets)) if targets else None
         return cues_of(held, preview)
 
-    def board(self) -> Board:
+    def board(self) -> MatchList:
         own, chooser = self.character.id, self.chooser
         if self.holds:
             # While a performer drives the rig, another performer's match would hide the driven chains.
             rows = tuple(self._driven(hold) for hold in self.holds)
-            return Board(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
+            return MatchList(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)
         if shown < 0:
-            return Board(own, "off", time_ns=self._time_ns)
+            return MatchList(own, "off", time_ns=self._time_ns)
         details = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
-        return Board(own, "choosing", *details)
+        return MatchList(own, "choosing", *details)
 
     def _driven(self, hold: Binding) -> MatchRow:
         """Returns the chains that a performer drives, each with the limb that drives it."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.kernels import Held, hold
+from enliven.kernels import HeldArguments, hold
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import minimise
 from enliven_edge.tracking.fit.structures import FitConstants, FitModel, weights_of
@@ -111,7 +111,7 @@ class Fitter:
         self._strict = strict
         self.limber: Fitter = Fitter(settings, self) if strict is None else self
         self._stiffness, self._relaxedness = settings.temporal * _TEMPORAL_FACTORS, settings.rest * _RELAXED
-        self._constants: dict[tuple[float, bool, bool], Held] = {}
+        self._constants: dict[tuple[float, bool, bool], HeldArguments] = {}
 
     def fit(
         self,
@@ -158,7 +158,7 @@ class Fitter:
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
         return self._strict is not None and float(posture.position[1]) < _LOW_HIP_RATIO * leg
 
-    def _constants_of(self, width: float | None, bends_far: bool) -> Held:
+    def _constants_of(self, width: float | None, bends_far: bool) -> HeldArguments:
         """Returns the constant data, with weights and body, for a width in metres.
 
         The default is the width in the settings.

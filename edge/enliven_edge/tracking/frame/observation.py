@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt16
 from enliven.camera import Intrinsics, rays
-from enliven.kernels import Held, hold, njit
+from enliven.kernels import HeldArguments, hold, njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.reduction import reduce_depth
 
@@ -95,7 +95,7 @@ class Observation:
         return SeenPerson(self.surface, self.affinity, self.view, self.landmarks)
 
     @cached_property
-    def held(self) -> Held:
+    def held(self) -> HeldArguments:
         """Returns the observation unpacked once for all fits."""
         return hold(self.seen)
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.kernels import Held, hold, njit
+from enliven.kernels import HeldArguments, hold, njit
 from enliven_edge.tracking.body_model import Posture, capsules_of, frames_of, joints_into, model
 from enliven_edge.tracking.estimator import Estimate
 from enliven_edge.tracking.fit import FitReport, PlacedFrames, cholesky, point_row
@@ -75,7 +75,7 @@ _UNSEEN, _NO_SPREAD = np.zeros((0, 3)), np.zeros(0)
 
 
 @cache
-def _body() -> Held:
+def _body() -> HeldArguments:
     """Returns the constant data of the model, held."""
     return hold((_SKELETON, _SURFACE, _TURNS, _JOINTS, _FIRST, _SECOND))
 

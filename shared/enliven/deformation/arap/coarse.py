@@ -36,7 +36,7 @@ _DETOUR = 1.25
 _MOST_ROUNDS = 6
 """Maximum number of corrections of the spacing. After that, the last sample count is accepted even if it
 is more than 15 % off."""
-_FINEST = 1.5
+_MIN_SPACING_IN_EDGES = 1.5
 """Minimum spacing of samples in mean edge lengths of the mesh. Below it, nearly all vertices would be
 samples."""
 
@@ -135,7 +135,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
     if awake is not None:
         held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
-    finest = _FINEST * float(net[2].mean()) if len(net[2]) else 0.0
+    finest = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MOST_ROUNDS):
         riding = riding_on(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))

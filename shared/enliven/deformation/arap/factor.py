@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from enliven.arrays import Float, Float32, Int, Int32
 from enliven.kernels import njit
 
-_WIDEST = 64
+_MAX_SUPERNODE_COLUMNS = 64
 """Maximum columns of a supernode. The inverted triangle on its diagonal grows with their square."""
 _FEW_ZEROS = 0.25
 """Maximum fraction of stored zeros in a panel for merging a supernode with its parent. More zeros cost
@@ -112,7 +112,7 @@ def _supernodes(start, row):
             below = start[first[size]] - start[first[size] - 1] - 1
             dense = width * (width + 1) // 2 + width * below
             real = entries[size - 2] + entries[size - 1]
-            if width > _WIDEST or (dense - real > _FEW_ZEROS * dense and width > 4):
+            if width > _MAX_SUPERNODE_COLUMNS or (dense - real > _FEW_ZEROS * dense and width > 4):
                 break
             size -= 1
             first[size] = c + 1

@@ -10,7 +10,7 @@ from enliven.deformation.embedded.energy import Planes
 from enliven.errors import InputError
 from enliven.kernels import njit
 
-_FARTHEST = 1e4
+_MAX_TARGET_M = 1e4
 """Distance, metres, beyond which a target is not a measurement."""
 _NONE = np.empty(0)
 NO_PLANES = Planes(
@@ -76,7 +76,7 @@ def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, 
     normals = np.zeros((len(nodes), 4))
     normals[:, :3] = planes.normals
     weights = weight * np.asarray(planes.weights, np.float64)
-    usable = np.isfinite(normals).all(1) & (np.abs(planes.offsets) < _FARTHEST) & np.isfinite(weights)
+    usable = np.isfinite(normals).all(1) & (np.abs(planes.offsets) < _MAX_TARGET_M) & np.isfinite(weights)
     return Planes(
         nodes,
         rows,
@@ -95,7 +95,7 @@ def take_usable(targets, weights, scale, out, pulls):
     for m in range(len(pulls)):
         usable = weights[m] > 0.0 and np.isfinite(weights[m])
         for a in range(3):
-            usable = usable and abs(targets[m, a]) < _FARTHEST
+            usable = usable and abs(targets[m, a]) < _MAX_TARGET_M
         pulls[m] = scale * weights[m] if usable else 0.0
         for a in range(3):
             out[m, a] = targets[m, a] if usable else 0.0

@@ -21,7 +21,7 @@ _PAIRS = 5
 _ANEW = 12
 """Number of steps after which the matrix is computed again within a frame, because the nodes have moved
 far."""
-_ASSEMBLY = 2
+_ASSEMBLY_STEPS = 2
 """Cost, in steps, of assembling the terms of a new matrix."""
 _NEGLIGIBLE = 1e-9
 """An invisible energy. With the default weights, it means that every point is 3 micrometres off."""
@@ -136,7 +136,7 @@ def record_energies(work, energies):
 @njit(cache=True, nogil=True)
 def worth_of(system):
     """Returns the cost of a new matrix in steps: its products of blocks over the blocks of a solve."""
-    return _ASSEMBLY + system.product.shape[0] // system.row.shape[0]
+    return _ASSEMBLY_STEPS + system.product.shape[0] // system.row.shape[0]
 
 
 @njit(cache=True, nogil=True)

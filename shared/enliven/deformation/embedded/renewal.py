@@ -14,7 +14,7 @@ from functools import cache
 from enliven.arrays import Float
 from enliven.deformation.embedded.energy import Planes, Terms
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
-from enliven.kernels import Held, hold
+from enliven.kernels import HeldArguments, hold
 
 _DEAR = 200
 """Number of nodes above which a matrix is computed after every frame. With fewer nodes, waking the thread
@@ -39,7 +39,9 @@ class MatrixRenewal:
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
-        self._two: list[tuple[RigidSystem, Held]] = [(twin, hold(twin)) for twin in (system, system.twin())]
+        self._two: list[tuple[RigidSystem, HeldArguments]] = [
+            (twin, hold(twin)) for twin in (system, system.twin())
+        ]
         self.always = always or len(system.start) > _DEAR
         self._under_way: Future[None] | None = None
 
@@ -49,7 +51,7 @@ class MatrixRenewal:
         return self._two[0][0]
 
     @property
-    def held(self) -> Held:
+    def held(self) -> HeldArguments:
         """The matrix in use, held."""
         return self._two[0][1]
 

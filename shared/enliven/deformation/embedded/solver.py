@@ -29,10 +29,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints import PlaneConstraints, PointConstraints
-from enliven.deformation.embedded.afterwards import lower_state
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
 from enliven.deformation.embedded.budget import allowance_of
 from enliven.deformation.embedded.energy import Terms, gradient
+from enliven.deformation.embedded.final_refinement import lower_state
 from enliven.deformation.embedded.frame import SolverState, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,

@@ -28,7 +28,7 @@ _MOST_VERTICES = 200_000
 memory and time."""
 _CELLS = 6
 """Cells of the net along one node spacing."""
-_LONGEST = 1 / 3
+_MAX_EDGE_IN_SPACINGS = 1 / 3
 """Maximum edge length, in node spacings. Longer edges are halved."""
 _CROWDED = 20_000
 """Minimum number of points for testing whether a net is a triangle soup. A smaller net is cheap in any
@@ -94,7 +94,7 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
         welded: the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
     """
     whole, welded_of = welded or weld(mesh)
-    vertices, faces, origin = _halved(whole, _LONGEST * spacing)
+    vertices, faces, origin = _halved(whole, _MAX_EDGE_IN_SPACINGS * spacing)
     cell = spacing / _CELLS
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.clusters(faces, cells)

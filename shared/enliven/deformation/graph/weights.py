@@ -36,7 +36,7 @@ SLACK = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
 _APART = 0.6
 """Minimum distance, in node spacings, between two nodes that carry vertices."""
-_FARTHEST = 2.0
+_MAX_DISTANCE_IN_SPACINGS = 2.0
 """Distance, in node spacings, beyond which a node has no weight, unless it is the nearest or nearly so."""
 _MEAN = 0.6
 """Radius, in node spacings, of the surface around a point over which its weights are averaged."""
@@ -115,7 +115,7 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
         # With too few nodes, a fifth one is missing. Use a slightly larger radius than the distance of the
         # farthest node, so that this node keeps a little weight.
         most = near[k] if near_count > k else 1.25 * near[near_count - 1] + 1e-12
-        most = min(most, max(_FARTHEST * spacing, 1.5 * near[0]))
+        most = min(most, max(_MAX_DISTANCE_IN_SPACINGS * spacing, 1.5 * near[0]))
         total = 0.0
         for m in range(min(near_count, k)):
             total += max(0.0, 1.0 - near[m] / most)

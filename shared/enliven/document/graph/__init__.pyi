@@ -1,4 +1,4 @@
-from .layers import GraphLayer as GraphLayer, GraphPart as GraphPart, Ride as Ride, Solved as Solved
+from .layers import GraphLayer as GraphLayer, GraphPart as GraphPart, Ride as Ride, SolvedLayer as SolvedLayer
 from .shape import (
     GraphShape as GraphShape,
     character_of_graph as character_of_graph,

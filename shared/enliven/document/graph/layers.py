@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int, freeze
 from enliven.document.body_take import Possession
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
@@ -51,7 +51,7 @@ class Ride:
             raise InputError(problem, where="part of a merged mesh", mend="Merge the meshes again.")
 
 
-class Solved(Playing):
+class SolvedLayer(LayerBase):
     """A layer with a stream that was solved from performers, and can be solved from them again.
 
     Attributes:
@@ -80,7 +80,7 @@ class Solved(Playing):
 
 
 @dataclass(frozen=True, eq=False)
-class GraphPart(Solved):
+class GraphPart(SolvedLayer):
     """Nodes that play one stream.
 
     Attributes:
@@ -129,7 +129,7 @@ class GraphPart(Solved):
 
 
 @dataclass(frozen=True, eq=False)
-class GraphLayer(Solved):
+class GraphLayer(SolvedLayer):
     """A layer performed on top of the motion of a graph shape: the displacement of each node from its rest
     position.
 
@@ -145,7 +145,7 @@ class GraphLayer(Solved):
             displacement d becomes size axes S d, as in :class:`GraphPart`.
         weight: from 0 to 1, its strength.
         muted: true leaves it out.
-        possession: of :class:`Solved`.
+        possession: of :class:`SolvedLayer`.
         feet: foot lock mode, for a layer that locks feet: see :mod:`enliven.modeling.edits.graph_feet`; empty
             for any other.
     """

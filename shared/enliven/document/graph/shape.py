@@ -14,7 +14,7 @@ from enliven.document.graph.layers import GraphLayer, GraphPart
 from enliven.document.graph.stream import PoseStream
 from enliven.document.layers import RootLayer
 from enliven.document.rig import RigBase
-from enliven.document.time_map import Playing
+from enliven.document.time_map import LayerBase
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
@@ -65,7 +65,7 @@ class GraphShape(RigBase):
     drawn_by = ("mesh", "skin", "positions")
 
     @property
-    def playing(self) -> tuple[Playing, ...]:
+    def playing(self) -> tuple[LayerBase, ...]:
         """Its parts, the layers on top of them, and the root layers."""
         return (*self.parts, *self.over, *self.root_layers)
 
@@ -74,7 +74,7 @@ class GraphShape(RigBase):
         """The number of nodes."""
         return len(self.positions)
 
-    def with_playing(self, *layers: Playing) -> GraphShape:
+    def with_playing(self, *layers: LayerBase) -> GraphShape:
         """Returns the shape with other parts and layers."""
         parts = tuple(layer for layer in layers if isinstance(layer, GraphPart))
         over = tuple(layer for layer in layers if isinstance(layer, GraphLayer))
@@ -111,7 +111,7 @@ class GraphShape(RigBase):
         return tuple(np.cumsum([0, *(len(part.nodes) for part in self.parts)]).tolist())
 
 
-_REST = "rest"
+_REST_STREAM_ID = "rest"
 """The id of the stream of a possessed mesh at rest."""
 
 
@@ -122,8 +122,8 @@ def graph_shape_at_rest(name: str, nodes: Float, edges: Int32, mesh: Mesh) -> tu
     skin = SkinWeights(
         np.zeros((count, 4), np.uint16), np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1))
     )
-    stream = PoseStream(_REST, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
-    part = GraphPart(_REST, np.arange(len(nodes)))
+    stream = PoseStream(_REST_STREAM_ID, np.tile(np.eye(3), (1, len(nodes), 1, 1)), nodes[None], 1.0)
+    part = GraphPart(_REST_STREAM_ID, np.arange(len(nodes)))
     return GraphShape(name, nodes, edges, mesh, skin, (part,)), stream
 
 

@@ -1,7 +1,7 @@
 from .anchoring import stand as stand
 from .bounded import Nodes as Nodes
 from .constraints import Conditions as Conditions, conditions_of as conditions_of
-from .following import Following as Following, from_floor as from_floor, on_floor as on_floor
+from .following import PathFollower as PathFollower, from_floor as from_floor, on_floor as on_floor
 from .locomotion import (
     PlacedMotion as PlacedMotion,
     check_switches as check_switches,

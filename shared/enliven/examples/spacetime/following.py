@@ -1,7 +1,7 @@
 """Drift correction: keeps a mesh near its performer's scaled path over the floor while it walks with its own
 steps.
 
-    following = Following(size, settings, step, feet=2)
+    following = PathFollower(size, settings, step, feet=2)
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
 
 The feet of a mesh slip a little at every step, so its own steps lead it away from a performer that stays in
@@ -35,7 +35,7 @@ _SLIDING_S = 0.2
 """Time constant, in seconds, of that correction: short, but without a jump."""
 
 
-class Following:
+class PathFollower:
     """The pull of a mesh towards its path, frame by frame.
 
     Args:

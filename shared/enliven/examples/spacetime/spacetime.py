@@ -27,7 +27,7 @@ from enliven.kernels import njit
 
 _MOST_STEPS = 60
 """Maximum number of Newton steps. The last one changes no quadratic piece and is exact."""
-_SHORTEST = 1e-6
+_MIN_STEP_FRACTION = 1e-6
 """Minimum fraction of a Newton step in the line search."""
 
 
@@ -153,7 +153,7 @@ class _System:
                 break
             # Halve the step until the dual energy does not increase.
             share = 1.0
-            while new > value + 1e-12 * (abs(value) + 1.0) and share > _SHORTEST:
+            while new > value + 1e-12 * (abs(value) + 1.0) and share > _MIN_STEP_FRACTION:
                 share *= 0.5
                 mid = y + share * (to_y - y), nu + share * (to_nu - nu)
                 _, new = self._answer(*mid, places)

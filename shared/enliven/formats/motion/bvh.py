@@ -13,7 +13,7 @@ from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
 from enliven.formats.motion.capture import Capture, composed
-from enliven.meshes import WrongWord, blocks, lines_of, numbers_in, word_starts
+from enliven.meshes import WrongWordError, blocks, lines_of, numbers_in, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
@@ -288,7 +288,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         before = first_line + body.count(b"\n", 0, offset)
         try:
             numbers = numbers_in(block)
-        except WrongWord as error:
+        except WrongWordError as error:
             frame = total // max(width, 1) + 1
             problem = f"near frame {frame}, a word is not a number: {error.what}"
             raise words.wrong(problem, line=before + error.line) from None

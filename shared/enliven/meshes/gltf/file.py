@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float
 from enliven.errors import EnlivenError, InputError, plain_reason
-from enliven.files import DAMAGE, Beside, read_file
+from enliven.files import DAMAGE, ReferencedFiles, read_file
 from enliven.meshes.gltf.compression import MOST_UNPACKED, check_meshopt, draco_arrays, meshopt_bytes
 from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
@@ -51,7 +51,7 @@ class GltfFile:
         self.path = Path(path)
         self.document, self.parents, self._blob = _parsed(self.path)
         self._human = human_bones(self.document)
-        self._beside = Beside(self.path)
+        self._beside = ReferencedFiles(self.path)
         self._buffers: dict[int, bytes] = {}
         self._decoded: dict[int, AnyArray] = {}
         self._unpacked: dict[int, bytes] = {}
@@ -229,7 +229,7 @@ class GltfFile:
 
     def data_of_uri(self, uri: str) -> bytes:
         """Returns the bytes of a data URI, or of a file next to this one: see
-        :class:`enliven.files.Beside`."""
+        :class:`enliven.files.ReferencedFiles`."""
         return self._beside.uri(uri)
 
 

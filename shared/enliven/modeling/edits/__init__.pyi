@@ -1,4 +1,4 @@
-from .alternatives import (
+from .take_comping import (
     alternatives_of as alternatives_of,
     as_take as as_take,
     choose_take as choose_take,
@@ -34,7 +34,10 @@ from .clips import (
     trim_clip as trim_clip,
 )
 from .feet import feet_while as feet_while, lock_feet as lock_feet
-from .given import give_performance as give_performance, performance_in as performance_in
+from .performance_transfer import (
+    transfer_performance as transfer_performance,
+    performance_in as performance_in,
+)
 from .groups import (
     copy_characters as copy_characters,
     middle_of as middle_of,
@@ -45,7 +48,7 @@ from .groups import (
     shift_characters as shift_characters,
     turn_characters as turn_characters,
 )
-from .handling import (
+from .visibility import (
     delete_take as delete_take,
     handle_characters as handle_characters,
     order_characters as order_characters,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from enliven.arrays import AnyArray
-from enliven.document import Playing, Project, RigBase, same, unused
+from enliven.document import LayerBase, Project, RigBase, same, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import handle_number, rig_of
 from enliven.modeling.mesh import CutSurface
@@ -272,6 +272,6 @@ def _layers(character: RigBase, numbers: set[int]) -> None:
         raise InputError(problem, where=character.where, mend=f"It has {count}.")
 
 
-def _changed(layer: Playing, changes: dict[str, Any]) -> Playing:
+def _changed(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
     check_names(changes, type(layer), f"layer of {layer.take!r}")
     return replace(layer, **changes)

@@ -14,15 +14,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from enliven.document import Playing, Project, RigBase, Segment
+from enliven.document import LayerBase, Project, RigBase, Segment
 from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
-_SHORTEST = 1e-3
+_MIN_CLIP_S = 1e-3
 """Minimum duration of a clip in seconds. A shorter one shows no frame of its take."""
-_SLOWEST = 0.02
+_MIN_CLIP_SPEED = 0.02
 """Minimum playback speed of a clip, relative to the recording: one fiftieth."""
-_FASTEST = 50.0
+_MAX_CLIP_SPEED = 50.0
 """Maximum playback speed of a clip, relative to the recording."""
 _Lane = Callable[[tuple[Segment, ...]], Sequence[Segment]]
 
@@ -48,7 +48,9 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     project_time, time = time, _layer(project.character(character_id), numbers[0]).even(time)
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        inside = [k for k, clip in enumerate(clips) if clip.begin + _SHORTEST < time < clip.end - _SHORTEST]
+        inside = [
+            k for k, clip in enumerate(clips) if clip.begin + _MIN_CLIP_S < time < clip.end - _MIN_CLIP_S
+        ]
         if not inside:
             problem, mend = (
                 f"no clip is there at {project_time:.2f} s",
@@ -92,8 +94,8 @@ def trim_clip(
         # A clip cannot be extended beyond its take. If it already extends beyond, it keeps that length and
         # holds the first or last frame.
         low, high = min(ends[0], one.begin), max(ends[1], one.end)
-        start = one.begin if begin is None else min(max(begin, low), one.end - _SHORTEST)
-        stop = one.end if end is None else max(min(end, high), start + _SHORTEST)
+        start = one.begin if begin is None else min(max(begin, low), one.end - _MIN_CLIP_S)
+        stop = one.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
         return replace(one, begin=start, end=stop, first=one.second(start))
 
     return _changed(project, character_id, numbers, clip, change)
@@ -143,7 +145,7 @@ def stretch_clip(
         start, stop = one.begin if begin is None else begin, one.end if end is None else end
         lasts = one.end - one.begin
         factor = lasts / max(stop - start, 1e-9)
-        speed = min(max(abs(one.speed) * factor, _SLOWEST), _FASTEST)
+        speed = min(max(abs(one.speed) * factor, _MIN_CLIP_SPEED), _MAX_CLIP_SPEED)
         lasts *= abs(one.speed) / speed
         # Keep the end that is not being dragged in place.
         start, stop = (stop - lasts, stop) if end is None else (start, start + lasts)
@@ -187,12 +189,14 @@ def blend_clips(
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         _number(clips, clip, character_id)
-        if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _SHORTEST:
+        if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _MIN_CLIP_S:
             mend = "Move the next clip up to it first."
             raise InputError("no clip follows it there", where=f"character {character_id!r}", mend=mend)
         before, after = clips[clip], clips[clip + 1]
         middle = (before.end + after.begin) / 2.0
-        half = min(max(seconds, 0.0) / 2.0, middle - before.begin - _SHORTEST, after.end - middle - _SHORTEST)
+        half = min(
+            max(seconds, 0.0) / 2.0, middle - before.begin - _MIN_CLIP_S, after.end - middle - _MIN_CLIP_S
+        )
         start = middle - half
         blended = (
             replace(before, end=middle + half),
@@ -243,7 +247,7 @@ def _with_clips(project: Project, character_id: str, numbers: Iterable[int], cha
     return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
 
 
-def _layer(character: RigBase, number: int) -> Playing:
+def _layer(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
         mend = f"It has {len(playing)}."

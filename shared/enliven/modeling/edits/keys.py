@@ -22,8 +22,8 @@ from enliven.document import (
     KEY_STEP,
     Clip,
     GraphLayer,
+    LayerBase,
     MotionKey,
-    Playing,
     PoseStream,
     Project,
     RigBase,
@@ -204,7 +204,7 @@ def _frame(second: float) -> int:
     return round(second / KEY_STEP)
 
 
-def _keyed(project: Project, layer: Playing) -> Clip | PoseStream:
+def _keyed(project: Project, layer: LayerBase) -> Clip | PoseStream:
     """Returns the take of keys that a layer plays."""
     take: Clip | PoseStream = getattr(project, layer.source)[layer.take]
     return take
@@ -222,7 +222,7 @@ def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple
     return number, keys[key]
 
 
-def _second(project: Project, layer: Playing, time: float) -> float:
+def _second(project: Project, layer: LayerBase, time: float) -> float:
     """Returns the time within a layer's keys at a time of the project, also after their end.
 
     Raises:

@@ -10,12 +10,12 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
-from enliven.modeling.edits.rooted import set_down, taken_up
+from enliven.modeling.edits.root_motion_rig import set_down, taken_up
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 
 _SEAM = SeamSettings()
-_LONGEST = 20.0
+_LOOPED_RECORDING_S = 20.0
 """Time after a merge that is recorded, in seconds, for loops with different lengths or loops that travel."""
 _SAME = 1e-6
 """Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
@@ -98,6 +98,6 @@ def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, b
             count = max(round(rounds[0] * rig.frames), 2)
             return np.asarray(time + rounds[0] / count * np.arange(count + 1, dtype=np.float64)), True
     start = min([time, *(layer.offset for layer in heard)])
-    end = max([time, project.end_of(character), *([time + _LONGEST] if rounds else [])])
+    end = max([time, project.end_of(character), *([time + _LOOPED_RECORDING_S] if rounds else [])])
     before, after = np.ceil((time - start) * rig.frames), max(np.ceil((end - time) * rig.frames), 1.0)
     return np.asarray(time + np.arange(-before, after + 1.0) / rig.frames), False

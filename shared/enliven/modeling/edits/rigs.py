@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
-from enliven.modeling.edits.rooted import RootedRig, set_down
+from enliven.modeling.edits.root_motion_rig import RootMotionRig, set_down
 from enliven.modeling.possessed import GraphRig
 from enliven.modeling.puppet import PuppetRig
 from enliven.modeling.rig import RigEdits
@@ -24,7 +24,7 @@ RIGS: dict[str, RigEdits] = {
 def rig_of(character: RigBase) -> RigEdits:
     """Returns the edits of a character's rig, wrapped for its root layers if it has some."""
     own = RIGS[character.kind]
-    return RootedRig(own) if character.root_layers else own
+    return RootMotionRig(own) if character.root_layers else own
 
 
 def as_standing(project: Project, character: RigBase, time: float) -> RigBase:

@@ -47,7 +47,7 @@ class _Cloud(NamedTuple):
     tree: scipy.spatial.cKDTree
 
 
-class _Found(NamedTuple):
+class _MirrorFit(NamedTuple):
     """A plane (``normal`` x = ``offset``), and the mean distance of the mirror image as a fraction of the
     size."""
 
@@ -101,7 +101,7 @@ def _candidates(points: Float) -> Float:
     return np.concatenate([np.eye(3), np.linalg.eigh(points.T @ points)[1].T, around])
 
 
-def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _Found:
+def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _MirrorFit:
     """Refines a plane to the nearest symmetry plane with a number of pairing steps."""
     points = cloud.points
     for _ in range(steps):
@@ -125,7 +125,7 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
     distances = np.linalg.norm(gaps, axis=1)
     through = np.abs((gaps * cloud.normals[nearest]).sum(1))
     spacing = 2.0 / np.sqrt(len(points))
-    return _Found(float(np.maximum(through, distances - spacing).mean()), normal, offset)
+    return _MirrorFit(float(np.maximum(through, distances - spacing).mean()), normal, offset)
 
 
 def _nearest(cloud: _Cloud, normal: Float, offset: float) -> Float:
@@ -139,16 +139,16 @@ def _mirrored(points: Float, normal: Float, offset: float) -> Float:
     return np.asarray(points - 2 * (points @ normal - offset)[:, None] * normal)
 
 
-def _different(planes: list[_Found]) -> list[_Found]:
+def _different(planes: list[_MirrorFit]) -> list[_MirrorFit]:
     """Returns the best few planes that differ from one another."""
-    distinct: list[_Found] = []
+    distinct: list[_MirrorFit] = []
     for plane in planes:
         if all(abs(plane.normal @ other.normal) < _ALIKE for other in distinct):
             distinct.append(plane)
     return distinct[:_KEPT]
 
 
-def _breadth(points: Float, plane: _Found) -> float:
+def _breadth(points: Float, plane: _MirrorFit) -> float:
     """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
     extents tie."""
     return float(np.round(np.ptp(points @ plane.normal), 1))

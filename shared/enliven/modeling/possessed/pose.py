@@ -84,7 +84,7 @@ def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
 
 
 @dataclass(frozen=True)
-class _Within:
+class _LayerMotion:
     """The motion that a layer gives to the nodes of a shape at rest.
 
     Attributes:
@@ -102,14 +102,14 @@ def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[F
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 
-def _layered(base: tuple[Float, Float], over: Sequence[_Within], nodes: Int) -> tuple[Float, Float]:
+def _layered(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
     """Returns the maps and positions of some nodes with the layers on top applied."""
     for layer in over:
         base = over_base(base, layer.linear[nodes], layer.apart[nodes])
     return base
 
 
-def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _Within:
+def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _LayerMotion:
     """Evaluates a layer at a time for the ``count`` nodes of its shape."""
     linear, offsets = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     moves = np.zeros(count, bool)
@@ -125,7 +125,7 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
         maps = axes @ (maps * flip * flip[:, None]) @ axes.T
         offsets[layer.own] = weight * layer.size * ((places - layer.rest[layer.nodes]) * flip) @ axes.T
         linear[layer.own] += weight * (maps - np.eye(3))
-    return _Within(moves, linear, offsets)
+    return _LayerMotion(moves, linear, offsets)
 
 
 def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:

@@ -22,7 +22,7 @@ from enliven.document import (
 from enliven.modeling.possessed.following import followers
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
-from enliven.modeling.rig import Player, Posed, RigEdits
+from enliven.modeling.rig import CharacterState, Player, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.person import MIRROR
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
@@ -48,7 +48,7 @@ class GraphRig(RigEdits):
 
     def player(self, project: Project, shape: GraphShape) -> Player:
         """Returns a function that gives poses. There are no handles, since nodes play recorded motion."""
-        return lambda time: Posed(pose_of_graph(project, shape, time), np.zeros((0, 3)))
+        return lambda time: CharacterState(pose_of_graph(project, shape, time), np.zeros((0, 3)))
 
     def key_layer(self, project: Project, shape: GraphShape, handle: int) -> int | None:
         """Returns the first layer with keys of the node."""

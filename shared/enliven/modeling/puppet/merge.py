@@ -36,7 +36,7 @@ from enliven.rotation import nearest_rotation
 
 _NEAR = 0.08
 """Radius of the surface region around a point, as a fraction of the puppet's size: about a limb's girth."""
-_FEWEST = 12
+_MIN_REGION_VERTICES = 12
 """Minimum number of vertices in a region, for a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
 _MOST = 16
 """Maximum number of new control points. The user sees each of them and may have to drag it."""
@@ -319,7 +319,7 @@ def _around(points: Float, middle: Float, puppet: Puppet) -> Int:
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     away = np.linalg.norm(points - middle, axis=1)
     order = np.argsort(away, kind="stable")
-    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_FEWEST, len(points)))
+    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_MIN_REGION_VERTICES, len(points)))
     return order[:count]
 
 

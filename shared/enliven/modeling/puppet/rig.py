@@ -24,7 +24,7 @@ from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
 from enliven.modeling.puppet.parts import state_at, surface_of_puppet
 from enliven.modeling.puppet.surgery import cut_puppet
-from enliven.modeling.rig import Player, Posed, RigEdits
+from enliven.modeling.rig import CharacterState, Player, RigEdits
 from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
@@ -52,10 +52,10 @@ class PuppetRig(RigEdits):
         """Returns a function that gives its frame and control points. The renderer solves the surface between
         them."""
 
-        def at(time: float) -> Posed:
+        def at(time: float) -> CharacterState:
             state = state_at(project, puppet, time)
             pose = pose_of_state(puppet, state, round(time * 1e9))
-            return Posed(pose, in_world(puppet, state, state.places))
+            return CharacterState(pose, in_world(puppet, state, state.places))
 
         return at
 

@@ -22,7 +22,7 @@ from enliven.document import (
     unused,
 )
 from enliven.modeling.mesh import posed_vertices
-from enliven.modeling.rig import Merge, Player, Posed, RigEdits
+from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
 from enliven.modeling.rigged.axes import Axes, moved_mesh
 from enliven.modeling.rigged.bones import bones_of, rebuilt
 from enliven.modeling.rigged.merging import merge as merge_shapes
@@ -64,9 +64,9 @@ class ShapeRig(RigEdits):
         """Prepares the compiled evaluation of the layers. The handles are the joints."""
         prepared = ShapePlayer(project, shape.id)
 
-        def at(time: float) -> Posed:
+        def at(time: float) -> CharacterState:
             moment = prepared.at(time)
-            return Posed(pose_from(shape, moment, time), moment.joints)
+            return CharacterState(pose_from(shape, moment, time), moment.joints)
 
         return at
 

@@ -15,4 +15,4 @@ from .pin import (
     rebuild as rebuild,
     unpin as unpin,
 )
-from .standing import Standing as Standing, standing_of as standing_of, window_of as window_of
+from .foot_lock import FootLock as FootLock, foot_lock_of as foot_lock_of, window_of as window_of

@@ -30,12 +30,12 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Pose, Project, Shape, stretched
 from enliven.errors import InputError
-from enliven.motion.contact import Contacts, Standing, held_pins, standing_of, window_of
+from enliven.motion.contact import Contacts, FootLock, foot_lock_of, held_pins, window_of
 from enliven.motion.kinematics import compose, upright
 from enliven.motion.layers.end_effector import lead_at, led_chains
 from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
-from enliven.motion.layers.stretching import Stretching
+from enliven.motion.layers.stretching import StretchLayers
 from enliven.motion.layers.travel import Travel
 from enliven.rotation import to_matrix
 
@@ -87,7 +87,7 @@ class Player:
         self.project, self.shape = project, project.shape(shape_id)
         self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
         parts = self._sampler
-        self._stretching = Stretching.of(parts, self.shape)
+        self._stretching = StretchLayers.of(parts, self.shape)
         self._led = [
             (number, part, chain)
             for number, (layer, line, part) in enumerate(
@@ -96,7 +96,7 @@ class Player:
             for chain in led_chains(self.shape, layer, line)
         ]
         self._pins, self._live = held_pins(self.shape), False
-        self._standing: Standing | None = None
+        self._standing: FootLock | None = None
         travelling = [] if self._travel.layer is None else [self._travel.layer]
         self._window = window_of([*parts.layers, *travelling], project.takes)
 
@@ -198,7 +198,7 @@ class Player:
         self._travel.feed(take, root)
         self._live = True
 
-    def standing(self) -> Standing | None:
+    def standing(self) -> FootLock | None:
         """Returns the contacts of the pinned feet, found once by playing the whole shape; None without
         pins or live.
         """
@@ -206,7 +206,7 @@ class Player:
             return None
         if self._standing is None:
             modes = foot_modes(self.project, self.shape, self._pins)
-            self._standing = standing_of(self._pins, self._window, self.free, modes)
+            self._standing = foot_lock_of(self._pins, self._window, self.free, modes)
         return self._standing
 
     def contacts(self) -> dict[str, Contacts]:

@@ -22,7 +22,7 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.motion.kinematics import between, conj, load, mul, store
 
-SHORTEST = 1e-6
+MIN_LENGTH_FRACTION = 1e-6
 """Fraction of a polyline that a bone of zero length still occupies, so that its rotation has its own
 place."""
 _NO_LENGTH = 1e-9
@@ -100,7 +100,7 @@ def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
     lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)
     total = lengths.sum()
     none = lengths <= _NO_LENGTH * total
-    lengths = np.where(none, SHORTEST * total, lengths) if total > 0 else np.ones(len(lengths))
+    lengths = np.where(none, MIN_LENGTH_FRACTION * total, lengths) if total > 0 else np.ones(len(lengths))
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.asarray(arc / arc[-1] if arc[-1] > 0 else arc)
 

@@ -1,6 +1,6 @@
 """The lengths and stretches that layers give the bones of a shape, in addition to their rotations.
 
-    stretching = Stretching.of(sampler, shape)              # None if no layer's take stretches anything
+    stretching = StretchLayers.of(sampler, shape)           # None if no layer's take stretches anything
     offsets, strains = stretching.at(times)                 # (T, N, 3) metres, (T, N, 6)
 
 A bone of the take passes its strain to all bones of the shape on its interval. It passes its offset in
@@ -32,7 +32,7 @@ _REFLECTED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretched:
+class _StretchLayer:
     """One layer that stretches bones.
 
     Attributes:
@@ -83,14 +83,14 @@ class _Stretched:
         return np.where(heard, rows[:, most], 1.0)
 
 
-class Stretching:
+class StretchLayers:
     """All the layers of a shape that stretch bones."""
 
-    def __init__(self, layers: list[_Stretched]) -> None:
+    def __init__(self, layers: list[_StretchLayer]) -> None:
         self._layers = layers
 
     @staticmethod
-    def of(sampler: Sampler, shape: Shape) -> Stretching | None:
+    def of(sampler: Sampler, shape: Shape) -> StretchLayers | None:
         """Returns the layers of a shape that use the lengths and stretches of their takes; None without
         any.
         """
@@ -107,7 +107,7 @@ class Stretching:
             _stretched(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
             for (layer, line), ratio in zip(heard, ratios, strict=True)
         ]
-        return Stretching(stretched) if stretched else None
+        return StretchLayers(stretched) if stretched else None
 
     def at(self, times: Float) -> tuple[Float, Float]:
         """Returns (T, N, 3) metres and (T, N, 6) at times (T,): offsets and strains in the form of a clip."""
@@ -126,7 +126,7 @@ class Stretching:
         return matrices
 
 
-def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _Stretched:
+def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
     """Returns one layer, prepared; ``ratios`` (N,) are metres of each bone per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
@@ -149,7 +149,7 @@ def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _St
             taken[1, j] += share * common / (high - low)
     signs = np.where(upward, -1.0, 1.0)
     bones = line.bones.tolist()
-    return _Stretched(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *taken)
+    return _StretchLayer(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *taken)
 
 
 def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import PARENTS, Joint
 
-_SURELY = 45.0
+_MAX_PERSON_COST = 45.0
 """Cost of five ends below which a mesh is certainly a person: a bear has 35, a chair with arm rests 56."""
 
 
@@ -48,7 +48,7 @@ class BodyInMesh:
     @property
     def certain(self) -> bool:
         """Whether the mesh is so certainly a person that it is treated as one by default."""
-        return self.human and not self.doubts and self.strangeness < _SURELY
+        return self.human and not self.doubts and self.strangeness < _MAX_PERSON_COST
 
     @property
     def leg(self) -> float:

@@ -11,14 +11,14 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh, submesh
 from enliven.scanning.cutting.parts import CutOut, set_down
-from enliven.scanning.ground import Ground, above_plane
+from enliven.scanning.ground_plane import GroundPlane, above_plane
 from enliven.scanning.settings import CutOutSettings
 
 _UNDER = 0.02
 """If a box reaches at least this far below the floor, metres, it includes the floor."""
 
 
-def upright_frame(ground: Ground, focus: Float) -> Float:
+def upright_frame(ground: GroundPlane, focus: Float) -> Float:
     """Returns (4, 4) the upright frame of a scan, from its world.
 
     +y is up, y = 0 is the floor, and the origin lies below ``focus`` (3,), the point that the cameras look

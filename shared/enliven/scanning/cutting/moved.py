@@ -17,7 +17,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, shells, submesh
 from enliven.scanning.cutting.box import upright_frame
 from enliven.scanning.cutting.parts import CutOut, set_down
-from enliven.scanning.ground import Ground, above_plane, find_ground
+from enliven.scanning.ground_plane import GroundPlane, above_plane, find_ground
 from enliven.scanning.rigid import inverse
 from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 
@@ -106,7 +106,7 @@ def _look_through(points, pose, camera, depth, limits, seen, through):
 def cut_what_is_new(
     mesh: Mesh,
     images: Sequence[KnownImage],
-    ground: Ground | None = None,
+    ground: GroundPlane | None = None,
     settings: CutOutSettings | None = None,
     noise: DepthNoiseModel | None = None,
 ) -> CutOut:
@@ -183,10 +183,10 @@ def _smoothed(faces: Int32, states: Int32) -> Int32:
     return states
 
 
-def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Ground:
+def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: GroundPlane | None) -> GroundPlane:
     """Returns the plane that an object stands on: the table top below it, or else the floor."""
     up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
-    frame = upright_frame(Ground(up, 0.0, 0.0), np.zeros(3))[:3, :3]
+    frame = upright_frame(GroundPlane(up, 0.0, 0.0), np.zeros(3))[:3, :3]
     place, own = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
     low, high = own.min(0) - [_ROUND, _BELOW, _ROUND], own.max(0) + _ROUND
     high[1] = own[:, 1].min() + _BELOW
@@ -197,4 +197,4 @@ def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: Ground | None) -> Groun
         plane = None
     if plane is not None:
         return plane
-    return ground or Ground(up, float((thing.vertices @ up).min()), 0.0)
+    return ground or GroundPlane(up, float((thing.vertices @ up).min()), 0.0)

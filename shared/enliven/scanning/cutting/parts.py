@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh, shells, submesh
-from enliven.scanning.rims import close_holes
+from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
 _SPECK = 0.02

@@ -9,7 +9,7 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.ground import Ground
+from enliven.scanning.ground_plane import GroundPlane
 
 _BAND = 0.05
 """Height range about the floor, metres, in which points count as floor if an image is misaligned."""
@@ -17,14 +17,14 @@ _ALONG = 0.96
 """Minimum cosine (16 degrees) between a floor point's normal and the floor's."""
 _AROUND = 1.2
 """Radius around the object, metres, in which the floor is examined. Depth is noisy farther away."""
-_FEWEST = 200
+_MIN_FLOOR_POINTS = 200
 """Minimum number of floor points for estimating the floor."""
 _STRIDE = 2
 """Half-size pixels from one used point to the next."""
 
 
 def floor_plane(
-    view: DepthView, world_from_camera: Float, ground: Ground, middle: Float, own: Bool
+    view: DepthView, world_from_camera: Float, ground: GroundPlane, middle: Float, own: Bool
 ) -> Float | None:
     """Returns (3,) the floor in an image relative to the ground: metres above it at a point, and two slopes.
 
@@ -47,7 +47,7 @@ def floor_plane(
         & (view.normals[some] @ turn.T @ ground.normal > _ALONG)
         & (np.square(level).sum(-1) < _AROUND**2)
     )
-    if np.count_nonzero(floor) < _FEWEST:
+    if np.count_nonzero(floor) < _MIN_FLOOR_POINTS:
         return None
     tangent = rotation.unit(np.cross(ground.normal, np.eye(3)[np.abs(ground.normal).argmin()]))
     columns = np.stack(

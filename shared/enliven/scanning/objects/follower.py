@@ -12,9 +12,9 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.frames import DepthFrame
-from enliven.scanning.camera_tracker import Alignment, CameraTracker
 from enliven.scanning.depth_view import DepthView, only
-from enliven.scanning.loops import FrameHistory
+from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
+from enliven.scanning.loop_closure import FrameHistory
 from enliven.scanning.objects.nearness import distances_in
 from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.rest import ObjectRest
@@ -49,7 +49,7 @@ known."""
 _FRESH = 10
 """Number of images after which the model of an object that never stood still is good enough to estimate
 its pose uncertainty. With fewer observations, noise looks like slopes that rotate."""
-_FEWEST = 150
+_MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _TURNED = 0.5
 """Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
@@ -59,7 +59,7 @@ place."""
 
 
 @dataclass(frozen=True)
-class Followed:
+class ObjectTrackingResult:
     """The tracking result of an object in an image.
 
     Attributes:
@@ -107,7 +107,7 @@ class ObjectFollower:
         """(4, 4) the camera's newest pose in the object's frame."""
         return self._pose
 
-    def find(self, view: DepthView, room_from_camera: Float) -> Followed:
+    def find(self, view: DepthView, room_from_camera: Float) -> ObjectTrackingResult:
         """Returns the object's pose in an image, before the room is tracked in it.
 
         Args:
@@ -123,7 +123,7 @@ class ObjectFollower:
         pose = alignment.world_from_camera if sure and alignment is not None else self._pose
         distance = distances_in(self._model.volumes[_FAR], view, pose)
         own = np.abs(distance) < _ABOUT
-        return Followed(sure, pose, own & self._above(view, room_from_camera), alignment)
+        return ObjectTrackingResult(sure, pose, own & self._above(view, room_from_camera), alignment)
 
     def _begun(self, room_from_camera: Float) -> list[Float]:
         """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
@@ -146,7 +146,9 @@ class ObjectFollower:
             poses.append(pose)
         return poses
 
-    def take(self, frame: DepthFrame, view: DepthView, found: Followed, room_from_camera: Float) -> None:
+    def take(
+        self, frame: DepthFrame, view: DepthView, found: ObjectTrackingResult, room_from_camera: Float
+    ) -> None:
         """Updates the motion from a tracking result, and fuses the image if the result is reliable.
 
         Args:
@@ -197,7 +199,7 @@ class ObjectFollower:
             _ABOUT if coarsest < _FAR else _ABOUT_FAR
         )
         near &= self._above(view, room_from_camera)
-        if np.count_nonzero(near) < _FEWEST:
+        if np.count_nonzero(near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
         return tracker.align(only(view, near), start, coarsest=coarsest)

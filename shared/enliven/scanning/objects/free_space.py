@@ -14,7 +14,7 @@ from enliven.scanning.rigid import inverse
 
 _THIN = 4
 """Subsampling factor from half-size pixels to the stored image."""
-_NEAREST = 0.2
+_MIN_SENSOR_DISTANCE_M = 0.2
 """Distance from a camera, metres, below which it cannot measure."""
 _LOOKS = 2
 """Minimum number of images that must see through a point, because one may be wrong."""
@@ -55,7 +55,7 @@ def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) ->
     for view in views:
         back = inverse(view.frame_from_camera)
         local = points @ back[:3, :3].T + back[:3, 3]
-        ahead = np.flatnonzero(local[:, 2] > _NEAREST)
+        ahead = np.flatnonzero(local[:, 2] > _MIN_SENSOR_DISTANCE_M)
         x, y, z = local[ahead].T
         lens = view.intrinsics
         column = np.floor((lens.fx * x / z + lens.cx + 0.5) / view.scale).astype(int)

@@ -10,14 +10,14 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning.ground import largest
+from enliven.scanning.ground_plane import largest
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.objects.surface_points import nearest_grid, sampled
 from enliven.scanning.settings import ScanSettings
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _POINTS = 40_000
 """Points of the surface with which a rest is aligned: some millimetres apart on a chair."""
@@ -43,7 +43,7 @@ def joined_object(
     """Returns the surface of an object from all images at rests and in between, metres, the first rest's
     world.
     """
-    volume = DistanceVolume(settings.volume)
+    volume = TsdfVolume(settings.volume)
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue

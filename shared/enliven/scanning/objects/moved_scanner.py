@@ -12,16 +12,16 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.scanning.ground import cut_out, find_ground, focus_of, whole_part
-from enliven.scanning.loops import FrameHistory
+from enliven.scanning.ground_plane import cut_out, find_ground, focus_of, whole_part
+from enliven.scanning.loop_closure import FrameHistory
 from enliven.scanning.objects.follower import ObjectFollower
 from enliven.scanning.objects.joining import joined_object
 from enliven.scanning.objects.moved_step import MovedStep, ObjectState
 from enliven.scanning.objects.object_model import ObjectModel
-from enliven.scanning.objects.registration import Scanned, registered
+from enliven.scanning.objects.registration import ScannedSurface, registered
 from enliven.scanning.objects.rest import ObjectRest, known_of
 from enliven.scanning.rigid import inverse
-from enliven.scanning.scanner import LeftAside, Scanner, ScanState, ScanStep
+from enliven.scanning.scanner import ExcludedPixels, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
 _AGAIN = 1.6
@@ -72,7 +72,7 @@ class MovedScanner:
         self.unplaced: list[ObjectRest] = []
         self._trial: ObjectRest | None = None
         self._search, self._doubts, self._sought = 0.0, 0, 0
-        self._known: tuple[int, Scanned] | None = None
+        self._known: tuple[int, ScannedSurface] | None = None
         self.model: ObjectModel | None = None
         self.followers: list[ObjectFollower] = []
         self._follower: ObjectFollower | None = None
@@ -110,13 +110,13 @@ class MovedScanner:
                     return self._step(step, ObjectState.LOST, None)
         return self._try(frame, up)
 
-    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> LeftAside | None:
+    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
         """Returns the pixels of an object that may begin to move, so that the camera tracking does not
         follow it.
         """
         if not self.settings.moved.followed or rest.ground is None:
             return None
-        return LeftAside(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
+        return ExcludedPixels(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
 
     def _begin(self, rest: ObjectRest, step: ScanStep) -> bool:
         """Starts tracking the object from its last rest pose; returns whether that pose is known."""
@@ -135,7 +135,7 @@ class MovedScanner:
         assert follower is not None and room is not None
         view = room.scanner.prepared(frame)
         followed = follower.find(view, room.scanner.predicted)
-        step = room.scanner.add(frame, up, LeftAside(followed.own))
+        step = room.scanner.add(frame, up, ExcludedPixels(followed.own))
         follower.take(frame, view, followed, step.world_from_camera)
         if follower.missed > self.settings.moved.missed:
             self._follower = None
@@ -292,7 +292,7 @@ class MovedScanner:
                 return True
         return False
 
-    def _scanned(self) -> Scanned | None:
+    def _scanned(self) -> ScannedSurface | None:
         """Returns the known surface of the object from all rests in which it was found; None if there is
         none.
         """

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.scanning.objects.follower import Followed
+from enliven.scanning.objects.follower import ObjectTrackingResult
 from enliven.scanning.scanner import ScanState, ScanStep
 
 
@@ -44,7 +44,7 @@ class MovedStep:
     object_from_room: Float | None
     rests: int
     sought: int = 0
-    followed: Followed | None = None
+    followed: ObjectTrackingResult | None = None
 
     @property
     def told(self) -> ScanStep:

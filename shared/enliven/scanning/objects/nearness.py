@@ -6,16 +6,16 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.kernels import njit
-from enliven.scanning.alignment import look_up
 from enliven.scanning.depth_view import DepthView
+from enliven.scanning.icp import look_up
 from enliven.scanning.threads import in_pieces
-from enliven.scanning.volume import DistanceVolume
+from enliven.scanning.tsdf_volume import TsdfVolume
 
 _ROWS = 16
 """Rows of points that a thread processes at a time."""
 
 
-def distances_in(volume: DistanceVolume, view: DepthView, world_from_camera: Float) -> Float32:
+def distances_in(volume: TsdfVolume, view: DepthView, world_from_camera: Float) -> Float32:
     """Returns (h, w) signed distances, metres, of a view's points in front of a volume's surface, NaN if
     unknown.
 

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 from enliven.arrays import Bool, Float
 from enliven.meshes import Mesh
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.ground import Ground
+from enliven.scanning.ground_plane import GroundPlane
 from enliven.scanning.objects.surface_points import sampled
 
 _CELL = 0.01
@@ -32,7 +32,7 @@ class ObjectRegion:
 
     origin: Float
     near: Bool
-    ground: Ground
+    ground: GroundPlane
     clearance: float
 
     def holds(self, points: Float) -> Bool:
@@ -43,7 +43,7 @@ class ObjectRegion:
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
 
 
-def region_about(mesh: Mesh, ground: Ground, clearance: float, width: float) -> ObjectRegion:
+def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
     """Returns the space within ``width`` metres of a surface."""
     points = sampled(mesh, _DENSE).points
     origin = points.min(0) - width - _CELL

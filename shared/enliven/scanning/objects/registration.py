@@ -55,7 +55,7 @@ class Registration:
 
 
 @dataclass(frozen=True)
-class Scanned:
+class ScannedSurface:
     """A surface, and images that saw it with its surroundings, in one frame."""
 
     surface: SurfacePoints
@@ -80,7 +80,7 @@ def turns(count: int) -> Float:
 
 
 def registered(
-    model: Scanned, part: Scanned, settings: RegistrationSettings | None = None
+    model: ScannedSurface, part: ScannedSurface, settings: RegistrationSettings | None = None
 ) -> Registration | None:
     """Returns the pose of a part relative to the earlier scan of the object, or None if it is not certain.
 
@@ -115,7 +115,7 @@ def registered(
     )
 
 
-def _through(model: Scanned, part: Scanned, pose: Float, s: RegistrationSettings) -> float:
+def _through(model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings) -> float:
     """Returns the fraction of points in space that the other's images saw through, the larger of both
     directions.
     """

@@ -13,12 +13,12 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning.depth_view import DepthView, only
-from enliven.scanning.ground import Ground, find_ground, focus_of, parts_about
+from enliven.scanning.ground_plane import GroundPlane, find_ground, focus_of, parts_about
 from enliven.scanning.marching_cubes import surface_of
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import SeenDepth, seen_depth
 from enliven.scanning.objects.region import ObjectRegion, region_about, shown_in
-from enliven.scanning.objects.registration import Scanned
+from enliven.scanning.objects.registration import ScannedSurface
 from enliven.scanning.objects.surface_points import SurfacePoints, sampled
 from enliven.scanning.objects.vacated import share_vacated
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
@@ -74,7 +74,7 @@ class ObjectRest:
         self.settings = settings
         self.scanner = Scanner(settings)
         self.object_from_room: Float | None = None
-        self.ground: Ground | None = None
+        self.ground: GroundPlane | None = None
         self.parts: list[Mesh] = []
         self.images: int | None = None
         self._choice = choice
@@ -84,7 +84,7 @@ class ObjectRest:
         self._next = settings.moved.known_after
         self._apart = 0
         self._stood: list[Float] = []
-        self._scanned: tuple[int, Scanned] | None = None
+        self._scanned: tuple[int, ScannedSurface] | None = None
 
     @property
     def count(self) -> int:
@@ -210,7 +210,7 @@ class ObjectRest:
             view, pose = self.scanner.prepared(frame), self.scanner.poses[number][1]
             yield only(view, shown_in(region, view, pose)), pose
 
-    def scanned(self, number: int = 0) -> Scanned:
+    def scanned(self, number: int = 0) -> ScannedSurface:
         """Returns points of a part, and free space observations from some of the images, in the room's
         world.
         """
@@ -219,13 +219,13 @@ class ObjectRest:
             chosen = numbers[:: max(len(numbers) // _VIEWS, 1)]
             frames = self.scanner.history.frames(chosen)
             views = [seen_depth(self.scanner.prepared(f), self.scanner.poses[n][1]) for n, f in frames]
-            self._scanned = self.count, Scanned(sampled(self.parts[0], _POINTS), views)
+            self._scanned = self.count, ScannedSurface(sampled(self.parts[0], _POINTS), views)
         if not number:
             return self._scanned[1]
-        return Scanned(sampled(self.parts[number], _POINTS), self._scanned[1].views)
+        return ScannedSurface(sampled(self.parts[number], _POINTS), self._scanned[1].views)
 
 
-def known_of(rests: Sequence[ObjectRest]) -> Scanned | None:
+def known_of(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
     """Returns the surface of an object from all rests, in its own frame; None if no rest shows it."""
     points, normals, views = list[Float](), list[Float](), list[SeenDepth]()
     for rest in rests:
@@ -240,4 +240,4 @@ def known_of(rests: Sequence[ObjectRest]) -> Scanned | None:
         views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in own.views]
     if not points:
         return None
-    return Scanned(SurfacePoints(np.concatenate(points), np.concatenate(normals)), views)
+    return ScannedSurface(SurfacePoints(np.concatenate(points), np.concatenate(normals)), views)

@@ -9,12 +9,12 @@ from enliven.arrays import Float
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import inverse
 
-_NEAREST = 0.2
+_MIN_SENSOR_DISTANCE_M = 0.2
 """Distance from a camera, metres, below which it cannot measure."""
 _BESIDE = 3
 """Window, half-size pixels, over which the nearest depth is used. At an edge, a point may be projected
 next to it."""
-_FEWEST = 50
+_MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 
 
@@ -28,7 +28,7 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     """
     back = inverse(world_from_camera)
     local = points @ back[:3, :3].T + back[:3, 3]
-    x, y, z = local[local[:, 2] > _NEAREST].T
+    x, y, z = local[local[:, 2] > _MIN_SENSOR_DISTANCE_M].T
     # Set unknown depth to 1e9, so that the minimum around a pixel considers only known depth.
     depth = np.where(view.worth > 0, view.points[..., 2], np.float32(1e9))
     nearest = minimum_filter(depth, _BESIDE, mode="nearest")
@@ -39,4 +39,6 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     measured, z = nearest[row[inside], column[inside]], z[inside]
     shown = (measured < 1e8) & (z < measured + clearance)
     count = int(np.count_nonzero(shown))
-    return float(np.count_nonzero(shown & (z < measured - clearance))) / count if count >= _FEWEST else 0.0
+    return (
+        float(np.count_nonzero(shown & (z < measured - clearance))) / count if count >= _MIN_POINTS else 0.0
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Float32
-from enliven.matching import Board, MatchRow, joints_of_limb
+from enliven.matching import MatchList, MatchRow, joints_of_limb
 from enliven_viewer.render.overlay.tubes import tube_rows
 from enliven_viewer.theme import LIMBS
 
@@ -19,7 +19,7 @@ bone of a thick limb.
 """
 
 
-def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
+def match_rows(boards: dict[str, MatchList]) -> tuple[Float32, float]:
     """Returns (N, 12) rows for ``Tubes``, and the depth in metres up to which they show through."""
     rows, deepest = [np.zeros((0, 12), np.float32)], 0.0
     for board in boards.values():
@@ -33,7 +33,7 @@ def match_rows(boards: dict[str, Board]) -> tuple[Float32, float]:
     return np.concatenate(rows), deepest
 
 
-def meant_rows(board: Board) -> tuple[MatchRow, ...]:
+def meant_rows(board: MatchList) -> tuple[MatchRow, ...]:
     """Returns the match that drives the character, or the highlighted candidate; empty if there is none."""
     if board.state == "off" or board.shown < 0:
         return ()
@@ -47,7 +47,7 @@ def tints_of(row: MatchRow) -> tuple[Tint, ...]:
     return tuple(tints[limb % len(tints)] for limb in limbs)
 
 
-def limb_tints(boards: dict[str, Board]) -> dict[int, dict[int, Tint]]:
+def limb_tints(boards: dict[str, MatchList]) -> dict[int, dict[int, Tint]]:
     """Returns the colours of bones by their outer joint for each performer's id, as shown on the model."""
     tints: dict[int, dict[int, Tint]] = {}
     for row in (row for board in boards.values() for row in meant_rows(board)):

@@ -9,7 +9,17 @@ from typing import Any, Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.document import GraphShape, MotionKey, Playing, Pose, Project, Puppet, RigBase, Shape, key_values
+from enliven.document import (
+    GraphShape,
+    LayerBase,
+    MotionKey,
+    Pose,
+    Project,
+    Puppet,
+    RigBase,
+    Shape,
+    key_values,
+)
 from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
 from enliven.rotation import (
     conjugate,
@@ -173,7 +183,7 @@ def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
     return _speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
 
 
-def layer_of_thing(project: Project, thing: Thing) -> Playing | None:
+def layer_of_thing(project: Project, thing: Thing) -> LayerBase | None:
     """Returns the selected layer of an object, or else the first audible one."""
     number = layer_number(project, thing)
     return None if number is None else project.character(thing.character).playing[number]
@@ -252,7 +262,7 @@ def _unwrapped(turns: Float) -> Float:
     return np.asarray(np.degrees(vectors))
 
 
-def _speed(layer: Playing, time: float, length: float, wide: float = 1e-4) -> float:
+def _speed(layer: LayerBase, time: float, length: float, wide: float = 1e-4) -> float:
     """Returns the playback speed at a time: seconds of the take per second of the project.
 
     The speed is 0 if the take stands still.

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from enliven.document import FASTEST, SLOWEST, Project
+from enliven.document import MAX_SPEED, MIN_SPEED, Project
 from enliven.errors import InputError
 from enliven.modeling.edits import (
     ease_key,
@@ -25,7 +25,7 @@ from enliven_viewer.studio.curves.channels import NUMBERS, Dot, Thing, layer_of_
 
 KEYED = {"keys": "degrees", "moves": "metres"}
 """The groups of motion keys, and the attribute of a key that each shows."""
-_ENDS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
+_ENDS = {"weight": (0.0, 1.0), "speed": (MIN_SPEED, MAX_SPEED)}
 """Minimum and maximum value of the keys of a layer's weight and speed."""
 Lane = tuple[int, ...]
 
@@ -94,7 +94,9 @@ def beyond(project: Project, thing: Thing, group: str, time: float, value: float
         return ""
     if group == "weight":
         return tr("A weight is from 0 to 1")
-    return tr("A clip plays {0:g} to {1:g} times as fast: time does not stand or go back", SLOWEST, FASTEST)
+    return tr(
+        "A clip plays {0:g} to {1:g} times as fast: time does not stand or go back", MIN_SPEED, MAX_SPEED
+    )
 
 
 def _pose_moved(project: Project, thing: Thing, dot: Dot, time: float, value: float) -> Project:

@@ -13,7 +13,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, Project, Puppet
 from enliven.errors import EnlivenError
 from enliven.examples import (
-    Suggested,
+    SuggestedPoses,
     distance_to,
     further_poses,
     material_of,
@@ -56,7 +56,7 @@ class CoverageCache:
 
     def __init__(self) -> None:
         self._known: dict[tuple[object, ...], tuple[tuple[object, ...], TakeCoverage | None]] = {}
-        self._alone: dict[tuple[object, ...], tuple[Clip, Suggested | None, Float]] = {}
+        self._alone: dict[tuple[object, ...], tuple[Clip, SuggestedPoses | None, Float]] = {}
 
     def of(self, project: Project, puppet: Puppet, take: str) -> TakeCoverage | None:
         """Returns the coverage of a take by the puppet's examples; None if the performer never moves."""
@@ -94,7 +94,7 @@ class CoverageCache:
             take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step
         )
 
-    def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[Suggested | None, Float]:
+    def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
         """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
         cached = self._alone.get(key)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.document import Playing, Project, Puppet, RigBase
+from enliven.document import LayerBase, Project, Puppet, RigBase
 from enliven.modeling.edits import key_layer
 
 _SAME = 1e-3
@@ -41,7 +41,7 @@ def key_moments(
 
 def _chosen_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
-) -> Playing | None:
+) -> LayerBase | None:
     """Returns the layer of keys that belongs to the selection; None if it is not audible."""
     playing, number = character.playing, layer
     keyed = [

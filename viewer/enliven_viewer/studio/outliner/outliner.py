@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from enliven.document import FREE, Handling, Project
+from enliven.document import FREE, DisplayState, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
 from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor import Editor
@@ -128,7 +128,7 @@ class Outliner:
 
     # Visibility, locks and order --------------------------------------------------------------------------
 
-    def handling(self, name: str) -> Handling:
+    def handling(self, name: str) -> DisplayState:
         """Returns the visibility and lock state of a character."""
         return self.editor.project.handling.get(name, FREE)
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 from imgui_bundle import ImVec2, imgui
 
-from enliven.document import FEET, Layer, Playing, Project, RigBase, Shape
+from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
 from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
 from enliven_viewer.language import labelled, later, tr
@@ -93,7 +93,7 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         _feet(workspace, character, number, feet)
 
 
-def _takes(workspace: Workspace, layer: Playing) -> None:
+def _takes(workspace: Workspace, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
     takes = workspace.commands.takes
     beside = takes_beside(workspace.editor.project, layer.alternatives)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from enliven.matching import Board
+from enliven.matching import MatchList
 from enliven.wire import CALLS, CAMERA, CameraMessage, Topic
 from enliven_viewer.language import tr
 from enliven_viewer.link import EdgeClient, EdgeFeed
@@ -126,7 +126,7 @@ def together(scene: Scene, guests: Sequence[Guest]) -> Scene:
     return replace(scene, actors=tuple(actors), bodies=tuple(bodies), boards=boards)
 
 
-def _carried(board: Board, ids: int) -> Board:
+def _carried(board: MatchList, ids: int) -> MatchList:
     """Returns a match list of another edge, with ``ids`` added to the known ids of its performers."""
     rows = tuple(replace(row, body=row.body + ids) if row.body >= 0 else row for row in board.rows)
     return replace(board, body=board.body + ids if board.body >= 0 else -1, rows=rows)

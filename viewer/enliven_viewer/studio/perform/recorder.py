@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from enliven.frames import BodyFrame
-from enliven.takes import Performed
+from enliven.takes import PerformedMotion
 from enliven.wire import BODIES, HOLDS, POSE, Topic
 from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
@@ -33,7 +33,7 @@ class LiveRecorder:
         self.newest_ns: int | None = None
         self.cut, self.stillness = False, Stillness()
         self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
-        self._kept: Performed | None = None
+        self._kept: PerformedMotion | None = None
         self._delay_ns: int | None = None
 
     @property
@@ -64,12 +64,12 @@ class LiveRecorder:
         Args:
             delay_ns: latency from a performer's movement to its arrival here.
         """
-        self._kept, self.cut, self._delay_ns = Performed(name), False, delay_ns
+        self._kept, self.cut, self._delay_ns = PerformedMotion(name), False, delay_ns
         self.stillness = Stillness()
         if self.newest_ns is not None:
             self._count_from(self._kept, self.newest_ns + delay_ns)
 
-    def _count_from(self, performed: Performed, since: int) -> None:
+    def _count_from(self, performed: PerformedMotion, since: int) -> None:
         """Starts a recording at a time of the sensor's clock, including the attachments made before it."""
         performed.since_ns, self._delay_ns = since, None
         first = min(
@@ -78,14 +78,14 @@ class LiveRecorder:
         performed.frames = [frame for frame in self._frames if frame.time_ns >= first]
         performed.events = [event for events in self.holders.since_free.values() for event in events]
 
-    def end(self) -> Performed:
+    def end(self) -> PerformedMotion:
         """Ends the recording and returns it."""
         assert self._kept is not None
         kept, self._kept, self._delay_ns = self._kept, None, None
         kept.events.sort(key=lambda event: event.time_ns)
         return kept
 
-    def so_far(self) -> Performed | None:
+    def so_far(self) -> PerformedMotion | None:
         """Returns a copy of the unfinished recording, which continues; None without a recording."""
         if self._kept is None:
             return None

@@ -8,7 +8,7 @@ from typing import Literal
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import alternatives_of, choose_take
-from enliven.takes import Performed, with_performed
+from enliven.takes import PerformedMotion, with_performed
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
@@ -236,7 +236,7 @@ class StageRecording:
         fresh, self._fresh = self._fresh, ""
         return fresh
 
-    def _ended(self) -> list[Performed]:
+    def _ended(self) -> list[PerformedMotion]:
         """Ends all recorders and returns their recordings, the primary edge's first."""
         return [
             recorder.end()
@@ -287,7 +287,7 @@ class StageRecording:
 
 
 def _recorded(
-    project: Project, performed: Sequence[Performed], start: float, *, replaces: bool, beside: str
+    project: Project, performed: Sequence[PerformedMotion], start: float, *, replaces: bool, beside: str
 ) -> tuple[Project, list[str]]:
     """Returns a project with a recording inserted at a time, and the ids of its new items.
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Character, GraphShape, Project, RigBase, Shape
-from enliven.matching import Board
-from enliven.takes import LiveLayer, LiveOver, plays
+from enliven.matching import MatchList
+from enliven.takes import LiveLayer, LiveOverdub, plays
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 
@@ -48,7 +48,7 @@ class Twins:
     editor: Editor
     hidden: frozenset[str] = frozenset()
     _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
-    _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
+    _overs: dict[str, tuple[Project, Character, LiveOverdub]] = field(default_factory=dict)
 
     def shown(self, scene: Scene, told: Telling) -> Scene:
         """Returns the scene without duplicates.
@@ -100,7 +100,7 @@ class Twins:
         """Returns a possessed mesh with its own motion and the live motion added."""
         cached = self._overs.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
-            live_over = LiveOver(self.editor.project, shape.id, actor.character)
+            live_over = LiveOverdub(self.editor.project, shape.id, actor.character)
             cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
         posed = self.editor.posed(shape.id)
         pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
@@ -120,7 +120,7 @@ def _alone(character: RigBase, actor: SceneCharacter, told: Telling, *, playing:
     return told.heard and (not playing or (_same(character, actor) and character.id in told.held))
 
 
-def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:
+def _carried(board: MatchList, shape: Shape, actor: SceneCharacter, joints: Float) -> MatchList:
     """Returns a character's matches with their lines moved to its joints (N, 3) as shown."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from enliven.document import Playing, Project, Switch
+from enliven.document import LayerBase, Project, Switch
 from enliven.modeling.edits import change_layers, choose_take, move_marker
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Edit, Editor
@@ -135,7 +135,7 @@ class TimelineInput:
                 self._switches = tuple(self.rows.details.switches(handle.number))
             self.rows.press(handle, layout, x)
 
-    def _layer(self, handle: LaneHandle) -> Playing:
+    def _layer(self, handle: LaneHandle) -> LayerBase:
         """Returns the first layer of the pressed lane."""
         return self.editor.project.characters[handle.character].playing[handle.number]
 

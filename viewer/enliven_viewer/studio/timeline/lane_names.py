@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from enliven.document import Playing, RigBase, Shape
+from enliven.document import LayerBase, RigBase, Shape
 
 _PLAIN = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
 """Words of the retargeting code, and the artist's words for them."""
@@ -12,7 +12,7 @@ _LEGS = {"shoulder": "hip"}
 """The artist's word for a girdle that legs are attached to."""
 
 
-def lane_name(character: RigBase, layer: Playing) -> str:
+def lane_name(character: RigBase, layer: LayerBase) -> str:
     """Returns the label of a layer's lane, such as "left arm, wave".
 
     A narrow lane shows only its beginning.

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
-from enliven.document import Marker, Playing, Project, RigBase, Segment
+from enliven.document import LayerBase, Marker, Project, RigBase, Segment
 from enliven_viewer.language import tr
 from enliven_viewer.studio.timeline.lane_names import lane_name
 
@@ -95,7 +95,7 @@ class Lane:
     clips: tuple[Segment, ...] = ()
 
     @property
-    def layer(self) -> Playing:
+    def layer(self) -> LayerBase:
         """Returns the first of its layers."""
         return self.character.playing[self.layers[0]]
 
@@ -240,7 +240,7 @@ class TimelineLayout:
         names = list(dict.fromkeys(alternative.recorded for alternative in alternatives))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
-    def _unheard(self, playing: Sequence[Playing]) -> set[int]:
+    def _unheard(self, playing: Sequence[LayerBase]) -> set[int]:
         """Returns the layers without a lane.
 
         They are inaudible takes in a closed group of alternatives.

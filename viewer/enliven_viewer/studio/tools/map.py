@@ -9,7 +9,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.mapping import (
     MotionQuality,
     Plan,
-    Retargeted,
+    RetargetedShape,
     automatic,
     is_own_take,
     looped,
@@ -162,7 +162,7 @@ class MapTool(Tool):
             editor.toasts.complain(error)
             return
 
-        def fitted(project: Project) -> Retargeted:
+        def fitted(project: Project) -> RetargetedShape:
             """Returns the shape with the take in place of all its previous motion."""
             still = stilled(project, shape.id)
             still_shape = still.shape(shape.id)
@@ -174,13 +174,13 @@ class MapTool(Tool):
                 retargeted = retarget(still_shape, clip, used_plan, still, clips)
             return replace(retargeted, project=looped(retargeted.project, shape.id)) if loop else retargeted
 
-        def work() -> tuple[Retargeted, MotionQuality]:
+        def work() -> tuple[RetargetedShape, MotionQuality]:
             retargeted = fitted(before)
             return retargeted, quality_of(
                 retargeted.project, retargeted.shape_id, clip, retargeted.duration, retargeted.plan
             )
 
-        def then(fitted_take: tuple[Retargeted, MotionQuality]) -> None:
+        def then(fitted_take: tuple[RetargetedShape, MotionQuality]) -> None:
             retargeted, quality = fitted_take
 
             def change(project: Project) -> Project:

@@ -7,7 +7,7 @@ from functools import partial
 
 from enliven.document import GraphShape, Project, RigBase, Shape
 from enliven.errors import InputError
-from enliven.modeling.edits import give_performance, move_character, performance_in
+from enliven.modeling.edits import move_character, performance_in, transfer_performance
 from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
 from enliven_viewer.language import later, tr
@@ -113,7 +113,7 @@ class MotionClipboard:
         beside = aside(self.editor, [target])
 
         def work() -> _Solved:
-            solved_project, moved = give_performance(project, source, name, time=time, notes=notes)
+            solved_project, moved = transfer_performance(project, source, name, time=time, notes=notes)
             return (
                 solved_project if moved == name else move_character(solved_project, moved, beside),
                 moved,

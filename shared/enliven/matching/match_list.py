@@ -1,0 +1,54 @@
+"""The list of matches that a viewer shows: the best matches as lines in the world, and the chosen one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from enliven.arrays import Float
+
+
+@dataclass(frozen=True, eq=False)
+class MatchRow:
+    """One match.
+
+    Attributes:
+        name: name of the joint where the branches begin.
+        place: position in the ranking, from 0.
+        score: sum of cosines.
+        lines: for each branch of the source (K, 3) metres, the joints that it would drive; (0, 3) for none.
+        limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty if unknown.
+        body: id of the performer of these limbs; -1 if unknown.
+    """
+
+    name: str
+    place: int
+    score: float
+    lines: tuple[Float, ...]
+    limbs: tuple[int, ...] = ()
+    body: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class MatchList:
+    """The best matches of a performer's pose on a character, and the state of the choice.
+
+    Attributes:
+        character: its id.
+        state: "off": no choice is being made; "choosing"; "playing": the shown match drives the character.
+        body: the performer's id; -1 for none.
+        time_ns: the sensor's clock.
+        shown: the chosen row; -1 for none.
+        rows: the best matches, and the chosen one.
+        total: the number of matches.
+        held: 0..1, elapsed fraction of the time to hold still.
+    """
+
+    character: str
+    state: Literal["off", "choosing", "playing"]
+    body: int = -1
+    time_ns: int = 0
+    shown: int = -1
+    rows: tuple[MatchRow, ...] = ()
+    total: int = 0
+    held: float = 0.0

@@ -1,0 +1,125 @@
+"""Transfers a performance to another character: the performers possess that character's mesh."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import GraphLayer, GraphPart, GraphShape, Project, Puppet, RigBase, TimeMap, unused
+from enliven.errors import InputError
+from enliven.modeling.edits.characters import move_character, scale_character
+from enliven.modeling.edits.rigs import foot_of, vertices_of
+from enliven.modeling.possessed import possess_another
+from enliven.possession import as_moved, settings_of
+
+_OF_RECORDING = ("recorded", "alternatives")
+"""Attributes of a layer that identify its recording. The others say when it plays."""
+
+
+def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
+    """Returns the first part of a shape that performers moved, or else the first layer that they performed on
+    top."""
+    return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
+
+
+def transfer_performance(
+    project: Project,
+    source_id: str,
+    target_id: str,
+    *,
+    time: float = 0.0,
+    nodes: int = 128,
+    progress: Callable[[float], None] | None = None,
+    notes: list[str] | None = None,
+) -> tuple[Project, str]:
+    """Transfers the motion of performers from one mesh to another. Returns the project and the new mesh's id.
+
+    The performers possess the mesh in its pose at ``time``, scaled to the size that they need. Then the mesh
+    gets its own size again, and starts at its old position. A mesh without motion, bones and key poses
+    becomes the performed character itself. Any other character is copied and stays unchanged.
+
+    Args:
+        time: seconds.
+        nodes: number of nodes of the deformation graph.
+        progress: is called with the completed fraction, from 0 to 1.
+        notes: receives a sentence about each attachment that the mesh refused.
+
+    Raises:
+        InputError: if the first is not a mesh that performers moved. Also if the second has no surface or is
+            the first, or if the performers cannot attach to any part of it.
+    """
+    shape, target = project.graph(source_id), project.character(target_id)
+    layer = performance_in(shape)
+    if layer is None or layer.possession is None:
+        raise InputError("performers moved no part of it", where=shape.where, mend="Possess it first.")
+    if target is shape:
+        mend = "Choose another character, or possess it again."
+        raise InputError("it is already performed this way", where=shape.where, mend=mend)
+    if target.mesh is None or not len(target.mesh.faces):
+        raise InputError("it has no surface", where=target.where, mend="Choose one with a mesh.")
+    posed = vertices_of(project, target_id, time)
+    mesh = replace(target.mesh, vertices=posed, name=target_id)
+    take = project.bodies[layer.possession.take]
+    # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
+    # is placed where the performer meets it.
+    settings = replace(settings_of(layer.possession), place="meet")
+    possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
+    ends, joints = _known(target, posed)
+    new_project, name = possess_another(
+        project,
+        mesh,
+        take,
+        possession,
+        ends=ends,
+        joints=joints,
+        nodes=nodes,
+        progress=progress,
+        notes=notes,
+    )
+    new_project = _as_it_stood(new_project, name, posed)
+    new = new_project.graph(name)
+    when = {
+        attribute.name: getattr(layer, attribute.name)
+        for attribute in fields(TimeMap)
+        if attribute.name not in _OF_RECORDING
+    }
+    new = new.with_changes(parts=(replace(new.parts[0], **when),))
+    if _is_plain(project, target):
+        return new_project.without(name).with_characters(new.with_changes(id=target_id)), target_id
+    called = unused(f"{target_id} performed", project.characters)
+    return new_project.without(name).with_characters(new.with_changes(id=called)), called
+
+
+def _known(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
+    """Returns the known ends and joints of a mesh, in its pose."""
+    if not isinstance(target, GraphShape):
+        return None, None
+    rest = target.mesh.vertices
+    ends, joints = (
+        as_moved(points, rest, posed) if len(points) else None for points in (target.ends, target.joints)
+    )
+    return ends, joints
+
+
+def _as_it_stood(project: Project, name: str, posed: Float) -> Project:
+    """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
+    shape = project.graph(name)
+    first = project.streams[shape.parts[0].take].linear[0]
+    grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
+    project = scale_character(project, name, _height(posed) / grown)
+    return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
+
+
+def _height(vertices: Float) -> float:
+    """Returns the vertical extent of vertices (V, 3), in metres."""
+    return max(float(np.ptp(vertices[:, 1])), 1e-6)
+
+
+def _is_plain(project: Project, character: RigBase) -> bool:
+    """Returns True if a character is a mesh without motion: as opened, sketched or scanned."""
+    plain = isinstance(character, GraphShape) or (isinstance(character, Puppet) and len(character.poses) < 2)
+    return plain and not any(project.length_of(layer) > 0.0 for layer in character.playing)

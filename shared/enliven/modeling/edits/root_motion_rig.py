@@ -1,0 +1,170 @@
+"""Root layers for every rig: they rotate and move the result of the rig as a whole.
+
+Rigs do not know about root layers. This wrapper applies them on top, once for all rigs. Cuts and merges work
+on a character with its root layers baked into its placement at that time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Character, GraphShape, MotionKey, PoseStream, Project
+from enliven.modeling.edits.root_layers import RigidMotion, root_motion, root_motions
+from enliven.modeling.mesh import CutSurface
+from enliven.modeling.rig import CharacterState, Merge, Player, RigEdits
+from enliven.modeling.rigged import Axes
+from enliven.rotation import multiply, normalized, rotate, to_matrix
+
+
+class RootMotionRig(RigEdits):
+    """The edits of a rig, for characters with root layers.
+
+    Args:
+        own: the edits of the rig.
+    """
+
+    def __init__(self, own: RigEdits) -> None:
+        self.own, self.frames = own, own.frames
+
+    def centre(self, character: Any) -> Float:
+        """Returns the centre without root layers."""
+        return self.own.centre(character)
+
+    def rest(self, character: Any) -> Float:
+        """Returns the rest vertices, which root layers do not change."""
+        return self.own.rest(character)
+
+    def drawn(self, character: Any) -> Character:
+        """Returns the mesh and pivots, which root layers do not change."""
+        return self.own.drawn(character)
+
+    def seen(self, project: Project, character: Any, time: float) -> Float:
+        """Returns the vertices, moved by the root layers."""
+        return root_motion(project, character, time)(self.own.seen(project, character, time))
+
+    def player(self, project: Project, character: Any) -> Player:
+        """Returns a function that gives poses and handles, moved by the root layers."""
+        own = self.own.player(project, character)
+
+        def at(time: float) -> CharacterState:
+            (pose, handles), motion = own(time), root_motion(project, character, time)
+            linear, positions = _moved(motion, pose.linear, pose.positions)
+            moved = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
+            return CharacterState(moved, motion(handles))
+
+        return at
+
+    def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
+        """Returns a function that gives the surface, moved by the root layers."""
+        own = self.own.surface(project, character)
+        return lambda time: root_motion(project, character, time)(own(time))
+
+    def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
+        """Returns the rig's own list. Root layers do not change it."""
+        return self.own.lacking(project, character)
+
+    def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
+        """Checks the layers that belong to the rig."""
+        count = len(character.playing) - len(character.root_layers)
+        self.own.check_layers(project, character, {number for number in numbers if number < count})
+
+    def dragged(self, project: Project, character: Any, handle: int, place: Float, time: float) -> Project:
+        """Drags the handle to the position that corresponds to ``place`` without root layers."""
+        back = root_motion(project, character, time).inverse
+        return self.own.dragged(project, character, handle, back(place[None])[0], time)
+
+    def key_layer(self, project: Project, character: Any, handle: int) -> int | None:
+        """Returns the rig's own layer number. Root layers come after all others."""
+        return self.own.key_layer(project, character, handle)
+
+    def with_key_layer(self, project: Project, character: Any, handle: int, key: MotionKey) -> Project:
+        """Adds the layer to the rig. Root layers stay."""
+        return self.own.with_key_layer(project, character, handle, key)
+
+    def moved(self, character: Any, offset: Float, turn: Float, about: Float) -> Any:
+        """Moves the character, and with it the centre and the axes of each root layer."""
+        moved = self.own.moved(character, offset, turn, about)
+        layers = tuple(
+            replace(
+                layer,
+                about=rotate(turn, layer.about - about) + about + offset,
+                basis=normalized(multiply(turn, layer.basis)),
+            )
+            for layer in character.root_layers
+        )
+        return moved.with_changes(root_layers=layers)
+
+    def scaled(self, character: Any, factor: float) -> Any:
+        """Scales the character and the path of its root layers."""
+        centre = self.centre(character)
+        layers = tuple(
+            replace(layer, about=centre + factor * (layer.about - centre), size=factor * layer.size)
+            for layer in character.root_layers
+        )
+        return self.own.scaled(character, factor).with_changes(root_layers=layers)
+
+    def mirrored(self, project: Project, character: Any, axes: Axes) -> Any:
+        """Mirrors the character and the path of its root layers."""
+        centre = self.centre(character)
+        layers = tuple(
+            axes.layer(replace(layer, about=centre + axes.vectors(layer.about - centre)))
+            for layer in character.root_layers
+        )
+        return self.own.mirrored(project, character, axes).with_changes(root_layers=layers)
+
+    def as_graph(
+        self, project: Project, character: Any, times: Float, stream_id: str
+    ) -> tuple[GraphShape, PoseStream, str]:
+        """Converts to a graph with the root layers baked into the motion of the nodes."""
+        graph, stream, note = self.own.as_graph(project, character, times, stream_id)
+        seconds = times[0] + stream.step * np.arange(len(stream.positions))
+        motions = root_motions(project, character, seconds)
+        linear, positions = _moved(motions, stream.linear, stream.positions)
+        stream = replace(stream, linear=linear, positions=positions)
+        return graph.with_changes(root_layers=()), stream, note
+
+    def cut(
+        self, project: Project, name: str, stroke: CutSurface, time: float, *, notes: list[str]
+    ) -> tuple[Project, tuple[str, ...]]:
+        """Cuts the character in its pose at ``time``. The root layers keep moving all parts."""
+        character = project.character(name)
+        project, parts = self.own.cut(
+            set_down(self.own, project, name, time), name, stroke, time, notes=notes
+        )
+        for part in parts:
+            project = taken_up(self.own, project, part, character, time)
+        return project, parts
+
+    def merged(self, project: Project, merge: Merge) -> Project:
+        """Merges without root layers. Both characters had theirs baked before."""
+        return self.own.merged(project, merge)
+
+
+def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project:
+    """Replaces a character's root layers by a placement with the same position at a time."""
+    character = project.character(name)
+    if not character.root_layers:
+        return project
+    turn, move = root_motion(project, character, time)
+    bare = character.with_changes(root_layers=())
+    return project.with_characters(own.moved(bare, move, turn, np.zeros(3)))
+
+
+def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
+    """Restores the root layers of ``before`` that ``set_down`` replaced at a time."""
+    character = project.character(name)
+    if not before.root_layers:
+        return project
+    turn, move = root_motion(project, before, time).inverse
+    moved = own.moved(character, move, turn, np.zeros(3))
+    return project.with_characters(moved.with_changes(root_layers=before.root_layers))
+
+
+def _moved(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
+    """Applies a motion to linear maps (..., N, 3, 3) and positions (..., N, 3)."""
+    return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

@@ -1,0 +1,168 @@
+"""Alternative takes (take comping): a repeated performance is kept next to the earlier ones, and one of them
+plays.
+
+    takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
+    choose_take(project, "take 1", "take 1")       # the first plays again, on every character
+    drop_take(project, "take 1", "take 2")         # removes its layers and its takes
+
+Each layer stores the recording it came from, and the group of alternatives that this recording belongs to.
+Both survive cuts, merges and copies. Each edit maps a project to a project. An invalid edit raises InputError
+and changes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from enliven.document import GraphPart, LayerBase, PoseStream, Project, RigBase, unused
+from enliven.errors import InputError
+
+
+def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
+    """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
+    plays: dict[str, bool] = {}
+    for character in project.characters.values():
+        for layer in character.playing:
+            if alternatives and layer.alternatives == alternatives:
+                plays[layer.recorded] = plays.get(layer.recorded, False) or not layer.muted
+    return plays
+
+
+def alternatives_of(project: Project, recorded: str) -> str:
+    """Returns the name of the group of alternatives of a recording. It is empty if no layer of the recording
+    is left."""
+    layers = (layer for character in project.characters.values() for layer in character.playing)
+    return next((layer.alternatives for layer in layers if recorded and layer.recorded == recorded), "")
+
+
+def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
+    """Selects the alternative that plays, on every character. An empty name mutes all of them.
+
+    Raises:
+        InputError: if the recording is not in the group.
+    """
+    takes = takes_beside(project, alternatives)
+    if recorded and recorded not in takes:
+        mend = f"Known: {', '.join(takes) or 'none'}."
+        raise InputError(
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+        )
+
+    def heard(layer: LayerBase) -> LayerBase:
+        if layer.alternatives != alternatives:
+            return layer
+        changes: dict[str, Any] = {"muted": layer.recorded != recorded}
+        return replace(layer, **changes)
+
+    changed = [
+        character.with_playing(*map(heard, character.playing))
+        for character in project.characters.values()
+        if any(layer.alternatives == alternatives for layer in character.playing)
+    ]
+    return project.with_characters(*changed) if alternatives else project
+
+
+def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
+    """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
+
+    def labelled(layer: LayerBase) -> LayerBase:
+        takes, earlier_takes = (getattr(each, layer.source) for each in (project, before))
+        if takes[layer.take] is earlier_takes.get(layer.take):
+            return layer
+        changes: dict[str, Any] = {"recorded": recorded, "alternatives": alternatives}
+        return replace(layer, **changes)
+
+    changed = [
+        character.with_playing(*map(labelled, character.playing))
+        for name, character in project.characters.items()
+        if character is not before.characters.get(name)
+    ]
+    project = project.with_characters(*changed)
+    is_listed = recorded in takes_beside(project, alternatives)
+    return choose_take(project, alternatives, recorded) if is_listed else project
+
+
+def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
+    """Removes one of several alternatives: its layers, and takes that are no longer played.
+
+    The first recording of a possessed mesh drives its nodes. There the nodes keep the pose of its first frame
+    instead. If the removed alternative was playing, its predecessor plays next, or else its successor.
+
+    Raises:
+        InputError: if the recording is not in the group.
+    """
+    takes = takes_beside(project, alternatives)
+    if recorded not in takes:
+        mend = f"Known: {', '.join(takes) or 'none'}."
+        raise InputError(
+            f"{recorded!r} is not one of these takes", where=f"takes {alternatives!r}", mend=mend
+        )
+    before = project
+    for character in list(project.characters.values()):
+        if any(_is(layer, alternatives, recorded) for layer in character.playing):
+            project = _without(project, character, alternatives, recorded)
+    names = list(takes)
+    remaining = [name for name in names if name != recorded]
+    if takes[recorded] and remaining:
+        place = names.index(recorded)
+        project = choose_take(project, alternatives, remaining[max(place - 1, 0)])
+    return _tidied(before, project)
+
+
+def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
+    """Keeps only one of the alternatives.
+
+    Raises:
+        InputError: if the recording is not in the group.
+    """
+    project = choose_take(project, alternatives, recorded)
+    for name in takes_beside(project, alternatives):
+        if name != recorded:
+            project = drop_take(project, alternatives, name)
+    return choose_take(project, alternatives, recorded)
+
+
+def _is(layer: LayerBase, alternatives: str, recorded: str) -> bool:
+    return layer.alternatives == alternatives and layer.recorded == recorded
+
+
+def _without(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
+    """Removes the layers of a recording from a character."""
+    for number in reversed(range(len(character.playing))):
+        layer = character.playing[number]
+        if not _is(layer, alternatives, recorded):
+            continue
+        if isinstance(layer, GraphPart):
+            still, stream = _still(project, layer)
+            character = character.with_playing(
+                *character.playing[:number], still, *character.playing[number + 1 :]
+            )
+            project = project.with_streams(stream)
+        else:
+            character = character.without_layer(number)
+    return project.with_characters(character)
+
+
+def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
+    """Returns a part that holds the first frame of its stream, and a stream of that frame."""
+    stream = project.streams[part.take]
+    name = unused(f"{part.take} still", project.streams)
+    first = PoseStream(name, stream.linear[:1], stream.positions[:1], stream.step)
+    how = {"muted": False, "possession": None, "recorded": "", "alternatives": "", "segments": ()}
+    return replace(part.timeless(), take=name, **how), first  # type: ignore[arg-type]
+
+
+def _tidied(before: Project, project: Project) -> Project:
+    """Removes takes that a character of ``before`` needed and that no character needs now."""
+
+    def needed(one: Project, kind: str) -> set[str]:
+        return set().union(*(character.needed()[kind] for character in one.characters.values()))
+
+    changes: dict[str, Any] = {}
+    for kind in ("takes", "streams", "bodies"):
+        unneeded = needed(before, kind) - needed(project, kind)
+        stored = getattr(project, kind)
+        if unneeded & set(stored):
+            changes[kind] = {name: take for name, take in stored.items() if name not in unneeded}
+    return replace(project, **changes) if changes else project

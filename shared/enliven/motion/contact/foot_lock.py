@@ -1,0 +1,211 @@
+"""Computes when the pinned feet of a shape stand, and applies the foot lock.
+
+    window_of(layers, takes) -> Window                       # the time that is analysed
+    foot_lock_of(pins, window, free) -> FootLock             # contacts, and how far the root is lowered
+    foot_lock.hold(times, on, tree, turns, joints)           # pins the feet of a pose, in place
+
+The whole motion is played once with free feet and analysed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from enliven.arrays import Bool, Float, Int, Int32
+from enliven.document import Clip, LayerBase, PoseStream
+from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
+from enliven.motion.contact.pin import HeldPin, pin_limb
+
+_RATE = 60.0
+"""Samples per second at which feet are analysed."""
+_MAX_LOOPED_ANALYSIS_S = 120.0
+"""Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
+pinned."""
+_STRETCH = 0.998
+"""Maximum fraction of its length to which a limb is stretched before the root is lowered."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The seconds of the project that contain all of a shape's motion.
+
+    Attributes:
+        start: start of the first layer.
+        end: end of the last one.
+        looped: whether all layers restart together at the end.
+    """
+
+    start: float
+    end: float
+    looped: bool
+
+    def folded(self, times: Float) -> Float:
+        """Returns the times (T,) within the window that look the same, if all layers are looped."""
+        if not self.looped or self.end <= self.start:
+            return times
+        return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
+
+
+def window_of(layers: Sequence[LayerBase], takes: Mapping[str, Clip | PoseStream]) -> Window:
+    """Returns the window of layers that are played together; an empty window without layers."""
+    if not layers:
+        return Window(0.0, 0.0, False)
+    lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
+    start = min(layer.offset for layer in layers)
+    end = max(layer.offset + length for layer, length in zip(layers, lengths, strict=True))
+    looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]
+    if len(looped) == len(layers) and np.ptp(looped) < 1e-9:
+        return Window(start, start + looped[0], True)
+    return Window(start, max(end, start + _MAX_LOOPED_ANALYSIS_S) if looped else end, False)
+
+
+@dataclass(frozen=True, eq=False)
+class FootLock:
+    """The contacts of a shape's feet, and the lowering of its root.
+
+    Attributes:
+        pins: each with its contacts, in seconds of the project.
+        grounds: (P, ...) the times at which each is only kept above the floor; empty if no layer asks for
+            that.
+        window: the seconds that were analysed.
+        times: (F,) seconds.
+        drops: (F,) metres, how far the root is lowered at these times.
+    """
+
+    pins: tuple[tuple[HeldPin, Contacts], ...]
+    window: Window
+    times: Float
+    drops: Float
+    grounds: tuple[Contacts, ...] = ()
+
+    def hold(self, times: Float, on: Float, tree: tuple[Int32, Float], turns: Float, joints: Float) -> None:
+        """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
+
+        ``tree`` contains the joints' parents, and (T or 1, N, 3) metres from each parent to its joint,
+        unrotated. ``on`` (T, 3) metres is the distance that the shape travelled in earlier loops.
+        """
+        drops = np.interp(times, self.times, self.drops)
+        joints[:, :, 1] -= drops[:, None]
+        for pin, contacts in self.pins:
+            weights, goals = _held(pin, contacts, times)
+            goals += on
+            limb = (pin.chain, pin.middle, pin.side, pin.kept)
+            pin_limb(*tree, *limb, pin.settings.rise, pin.settings.sink, weights, goals, drops, turns, joints)
+        for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
+            _lift(pin, 0.0, _held(pin, ground, times)[0], tree, turns, joints)
+        for pin in (pin for pin, _ in self.pins if pin.settings.above):
+            _lift(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
+
+
+def foot_lock_of(
+    pins: Sequence[HeldPin],
+    window: Window,
+    free: Callable[[Float], tuple[Float, Float]],
+    modes: Callable[[Float], Int] | None = None,
+) -> FootLock:
+    """Returns the contacts of the pinned feet, found by playing the whole window once.
+
+    Args:
+        free: returns rotations and joints (T, N, 3) at times (T,), with no foot pinned.
+        modes: returns the foot mode of each pin at times (T,): (P, T) indices into
+            :data:`enliven.document.FEET`.
+    """
+    count = int(np.ceil((window.end - window.start) * _RATE)) + 1
+    step = (window.end - window.start) / max(count - 1, 1)
+    times: Float = window.start + np.arange(count, dtype=np.float64) * step
+    _, joints = free(times)
+    contacts, drops, grounds = [], np.zeros(count), []
+    foot_modes = None if modes is None else modes(times)
+    for number, pin in enumerate(pins):
+        mode, most = None, np.full(count, pin.settings.drop)
+        if foot_modes is not None:
+            mode = foot_modes[number]
+            # A foot that is always held must be reached, however deep the knees bend.
+            most[mode == ALWAYS] = 1.0
+            grounds.append(_while(mode == GROUND, times))
+        foot_contacts = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
+        foot_contacts = replace(
+            foot_contacts, starts=foot_contacts.starts + window.start, ends=foot_contacts.ends + window.start
+        )
+        if pin.settings.above:
+            foot_contacts.places[:, 1] = np.maximum(foot_contacts.places[:, 1], pin.ground + pin.stance)
+        contacts.append((pin, foot_contacts))
+        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, foot_contacts, times), most))
+    wide = max((pin.settings.blend for pin in pins), default=0.0)
+    return FootLock(
+        tuple(contacts),
+        window,
+        times,
+        _even(drops, round(wide / step) if step else 0, window.looped),
+        tuple(grounds),
+    )
+
+
+def _while(on: Bool, times: Float) -> Contacts:
+    """Returns the seconds of runs of true values; unbounded if the first or the last frame is included."""
+    runs, last = runs_of(on), len(on) - 1
+    starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
+    ends = np.array([np.inf if b == last else times[b] for _, b in runs])
+    return Contacts(starts, ends, np.zeros((len(runs), 3)))
+
+
+def _lift(
+    pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
+) -> None:
+    """Raises a foot with its sole below a floor (metres), with the weight ``weights`` (T,).
+
+    Changes turns (T, N, 4) and joints (T, N, 3) in place.
+    """
+    lift = weights * np.maximum(floor + pin.sole - joints[:, pin.below, 1].min(1), 0.0)
+    if not (lift > 0.0).any():
+        return
+    goals = joints[:, pin.chain[-1]] + lift[:, None] * [0.0, 1.0, 0.0]
+    limb = (pin.chain, pin.middle, pin.side, pin.kept)
+    up = np.asarray(lift > 0.0, np.float64)
+    pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(lift)), turns, joints)
+
+
+def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
+    """Returns the weights (T,) of a foot's contacts at times (T,), and their positions (T, 3)."""
+    weights, goals = np.empty(len(times)), np.empty((len(times), 3))
+    hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
+    return weights, goals
+
+
+def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
+    """Returns (F,) how far the root must be lowered, metres, for a limb to reach its contact.
+
+    The result is at most ``most`` (F,) lengths of the limb. A hip above the goal at height sqrt(reach^2 -
+    across^2) just reaches it. The reach is slightly less than the limb, so that a knee does not snap
+    straight. A limb that is not held needs no lowering.
+    """
+    start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
+    now = np.linalg.norm(end - start, axis=1)
+    limb = np.linalg.norm(middle - start, axis=1) + np.linalg.norm(end - middle, axis=1)
+    goal = goals.copy()
+    above = end[:, 1] - goals[:, 1]
+    goal[:, 1] += pin.settings.rise * np.maximum(above, 0.0) + pin.settings.sink * np.minimum(above, 0.0)
+    goal = end + weights[:, None] * (goal - end)
+    reach = limb * _STRETCH
+    reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
+    across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
+    needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
+    return np.asarray(np.clip(needed, 0.0, most * pin.size))
+
+
+def _even(drops: Float, wide: int, looped: bool) -> Float:
+    """Returns (F,) a smooth curve that is nowhere below ``drops``.
+
+    It is the maximum over a window, then averaged with the same smooth window.
+    """
+    if wide < 1 or not drops.any():
+        return drops
+    mode = "wrap" if looped else "nearest"
+    size = 2 * wide + 1
+    window = np.hanning(size + 2)[1:-1]
+    high = scipy.ndimage.maximum_filter1d(drops, size, mode=mode)
+    return np.asarray(scipy.ndimage.convolve1d(high, window / window.sum(), mode=mode))

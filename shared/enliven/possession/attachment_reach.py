@@ -1,0 +1,75 @@
+"""Attaches a body to the part of a mesh within its reach, and explains why if nothing is within reach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.graph import DeformationGraph
+from enliven.errors import InputError
+from enliven.person import Body, parts_named
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment import Growth, attach
+from enliven.possession.performer_attachment import TransformedAttachment
+from enliven.possession.rest_transform import RestTransform
+
+_ALL = 0.9
+"""Fraction of the bones that must attach if the joints already lie inside the mesh: nearly all of them."""
+
+
+def attach_within_reach(
+    graph: DeformationGraph,
+    settings: ActorSettings,
+    body: Body,
+    parts: str,
+    rest_transform: RestTransform,
+    deformed: tuple[Float, Float] | None,
+) -> TransformedAttachment:
+    """Returns the attachment of a body after the transform ``rest_transform``.
+
+    Lengths in the settings are the performer's.
+
+    Args:
+        rest_transform: transform from the world into the rest space.
+        deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, None at rest.
+    """
+    own, metre = settings.attachment, 1.0 / rest_transform.scale
+    near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
+    grow = Growth(_ALL if rest_transform.fits else settings.enough, metre * settings.farthest_reach)
+    joints, start_turns = rest_transform(body.joints), rest_transform.turns
+    if rest_transform.at_rest is not None:
+        joints, deformed, start_turns = rest_transform.at_rest, None, None
+    attachment = attach(graph, joints, body.confidence, parts, near, deformed, grow)
+    return TransformedAttachment(attachment, rest_transform, parts, start_turns)
+
+
+def out_of_reach(
+    character: str,
+    settings: ActorSettings,
+    body: Body,
+    grip: TransformedAttachment,
+    nodes: Float,
+    *,
+    comes: bool = False,
+) -> InputError:
+    """Returns the error that explains why a body could not attach, and suggests a remedy.
+
+    Args:
+        grip: the empty grip.
+        nodes: (N, 3) metres, current positions of the nodes in the rest space.
+        comes: whether the mesh moves to the body, so that stepping nearer changes nothing.
+    """
+    joints = grip.rest_transform(body.joints)[sorted(parts_named(grip.parts))]
+    distances = np.linalg.norm(joints[:, None] - nodes, axis=2)
+    metres = float(np.nanmin(distances, initial=np.inf)) * grip.rest_transform.scale
+    away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"
+    mend = "Step into the mesh, or set place = 'meet', or how = 'beside'."
+    if comes:
+        mend = "Hold it with the whole body, or with other parts of it."
+    return InputError(
+        f"no part of the mesh is within {settings.farthest_reach} m of the body{away}",
+        where=f"possessing {character!r} with {grip.parts}",
+        mend=mend,
+    )

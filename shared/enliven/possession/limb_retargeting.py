@@ -1,0 +1,193 @@
+"""Limb-to-limb retargeting: maps a performer's joints to the skeleton that was found in a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Float, Float32
+from enliven.person import PARENTS, Body, J, Joint
+from enliven.possession.bone_cylinders import bone_rotations, filled_joints
+from enliven.possession.likeness import BodyInMesh
+from enliven.possession.placement import facing, turn_about_y, wrapped
+from enliven.possession.standing_placement import standing_figure
+from enliven.rotation import unit
+
+_HIP = Joint.HIP_CENTER
+_AS_IN_THE_MESH = frozenset(
+    joint for joint in Joint if joint.name.split("_")[0] in ("ELBOW", "WRIST", "KNEE", "ANKLE")
+)
+"""Child joints of arm and leg bones, which point in the same direction as the performer's. The trunk, a
+hand or a foot of a mesh may be built differently, so these bones rotate by the same amount as the
+performer's."""
+_SWING = 1.5 * np.pi / 2
+"""Maximum slope of the cubic easing (1.5) times pi / 2, the ratio of arc to chord of a half turn."""
+
+
+class LimbRetargeting:
+    """A limb-to-limb retargeting: each bone of the mesh's own skeleton rotates as the performer's bone has
+    rotated.
+
+    Joints are chained down the mesh's skeleton: j = parent + Q R Q^T (rest bone). R is the rotation of the
+    performer's bone since its reference pose. Q is the rotation from the direction that the mesh faces in the
+    world to the direction that it faces in its rest space. A human-like mesh moves from its own pose into its
+    performer's pose, and always faces in the performer's direction. Any other mesh keeps its pose when the
+    performer attaches, and rotates by the same amount as the performer. The hip moves as the performer's hip
+    does, scaled by the ratio of the leg lengths if the mesh has legs.
+
+    While a human-like mesh moves into the pose, R is split into the heading of the performer's hips, a
+    rotation about +Y, and the remaining rotation. Only the remaining rotation is interpolated. Interpolating
+    all of R would show only a part of each turn of the performer, and would jump when a turn passes 180
+    degrees.
+
+    Args:
+        likeness: the mesh's skeleton.
+        body: the performer when attaching.
+        scale: metres of the performer per metre of the rest space.
+        travel: fraction of the performer's travel over the floor that the mesh follows.
+        seconds: how long the mesh takes to move into the performer's pose.
+        pace: metres of the performer per second, the maximum speed of that move.
+        inside: whether the mesh is at the performer's position, so that it travels exactly as the performer
+            does.
+        front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
+            performer's direction.
+
+    Attributes:
+        turns: (19, 3, 3) rotation of each bone of the mesh since rest, for the last joints.
+        turned: radians about +Y by which the performer's hips turned between the last two calls.
+    """
+
+    fits = True
+
+    def __init__(
+        self,
+        likeness: BodyInMesh,
+        body: Body,
+        scale: float,
+        travel: float = 1.0,
+        seconds: float = 0.0,
+        pace: float = np.inf,
+        inside: bool = False,
+        front: float | None = None,
+    ) -> None:
+        self.likeness, self.scale, self.body = likeness, scale, body.id
+        self._last = current = filled_joints(body.joints, body.joints)
+        self._front = facing(body) if front is None or not likeness.human else front
+        self._turn = turn_about_y(likeness.yaw - self._front)
+        self._rest = _as_the_mesh(likeness, current, self._front, self._turn) if likeness.human else current
+        self._heading, self.turned = _hip_heading(current), 0.0
+        self._start_gap = wrapped(self._heading - self._front)
+        self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
+        self._home = self._rest[_HIP].copy()
+        measure = scale
+        if np.isfinite(likeness.leg):
+            of_legs = BodyInMesh(self._rest, 0.0).leg / likeness.leg
+            measure = float(np.clip(of_legs, scale / 5, 5 * scale))
+        over_floor = travel / (scale if inside else measure)
+        self._steps = np.array([over_floor, 1.0 / measure, over_floor])
+        self._share, self._start_ns, self._seconds = 1.0, -1, seconds
+        if likeness.human and seconds > 0:
+            farthest = float(np.linalg.norm(self(body.joints) - likeness.joints, axis=1).max())
+            self._seconds = max(seconds, _SWING * farthest * scale / pace)
+            self._share = 0.0
+
+    @property
+    def at_rest(self) -> Float | None:
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
+        current joints.
+        """
+        return self.likeness.joints if self.likeness.human else None
+
+    def goes_on(self, other: LimbRetargeting) -> None:
+        """Continues the move into the performer's pose that an earlier transform of the same performer has
+        begun.
+        """
+        self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
+        self._start_gap = other._start_gap
+
+    def at(self, time_ns: int) -> None:
+        """Advances the move of the mesh into the performer's pose, until it is complete."""
+        if self._share < 1.0:
+            self._start_ns = time_ns if self._start_ns < 0 else self._start_ns
+            part = float(np.clip((time_ns - self._start_ns) * 1e-9 / self._seconds, 0.0, 1.0))
+            self._share = part * part * (3.0 - 2.0 * part)
+
+    def __call__(self, joints: Float) -> Float:
+        """Returns (20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN for joints that the
+        mesh lacks.
+        """
+        current = filled_joints(joints, self._last)
+        self._last = current
+        before, self._heading = self._heading, _hip_heading(current)
+        self.turned = wrapped(self._heading - before)
+        since_rest = bone_rotations(self._rest, current)[0]
+        if self._share < 1.0:
+            since_rest = self._partly(since_rest, self._heading - self._front)
+        self.turns = turns = self._turn @ since_rest @ self._turn.T
+        own = self.likeness.joints
+        way = (current[_HIP] - self._home) * self._steps
+        out = np.empty((J, 3))
+        out[_HIP] = own[_HIP] + self._share * (self._turn @ way)
+        for child in range(1, J):
+            parent = PARENTS[child]
+            out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
+        return out
+
+    def _partly(self, since_rest: Float, heading: float) -> Float:
+        """Returns (19, 3, 3) bone rotations interpolated from rest to ``since_rest``, in the world.
+
+        Args:
+            heading: radians about +Y from the mesh's front at rest to the front of the performer's hips.
+        """
+        level = rotation.from_matrix(turn_about_y(-heading) @ since_rest)
+        part = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
+        shown = heading - (1.0 - self._share) * self._start_gap
+        return np.asarray(turn_about_y(shown) @ rotation.to_matrix(part))
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """Returns two empty arrays (0, 3): a person's surface does not fit a mesh of another shape."""
+        return np.empty((0, 3)), np.empty((0, 3))
+
+    def handed_over(self, body: Body) -> None:
+        """Continues with another body from the last position of the previous body."""
+        self.body = body.id
+        self._heading = _hip_heading(filled_joints(body.joints, self._last))
+        step = body.joints[_HIP] - self._last[_HIP]
+        if np.isfinite(step).all():
+            self._home = self._home + step
+            self._last = self._last + step
+
+
+def _hip_heading(joints: Float) -> float:
+    """Returns the heading of the hips of (20, 3) joints: radians about +Y from +Z."""
+    left = joints[Joint.HIP_LEFT] - joints[Joint.HIP_RIGHT]
+    return float(np.arctan2(-left[2], left[0]))
+
+
+def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
+    """Returns (20, 3) metres: the performer upright on the floor, with limbs that point as the mesh's limbs
+    at rest.
+
+    Args:
+        now: (20, 3) metres, the performer.
+        yaw: radians about +Y, the direction that the returned figure faces.
+        turn: (3, 3) rotation from that direction to the mesh's front.
+    """
+    figure = standing_figure() @ turn_about_y(yaw).T
+    mesh = likeness.joints @ turn
+    upright = np.empty((J, 3))
+    upright[_HIP] = now[_HIP]
+    for joint in list(Joint)[1:]:
+        parent = PARENTS[joint]
+        way = figure[joint] - figure[parent]
+        if joint in _AS_IN_THE_MESH:
+            way = mesh[joint] - mesh[parent]
+        elif Joint(parent) in _AS_IN_THE_MESH:
+            before = PARENTS[parent]
+            way = rotation.rotate(
+                rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),
+                way,
+            )
+        upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(way)
+    upright[:, 1] += now[:, 1].min() - upright[:, 1].min()
+    return upright

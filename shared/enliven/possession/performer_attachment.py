@@ -1,0 +1,160 @@
+"""One performer's hold on an embedded mesh: which bones hold which points, and the current strength."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float, Int32
+from enliven.person import Body
+from enliven.possession.attachment import Attachment
+from enliven.possession.rest_transform import RestTransform
+
+_SETTLING = 0.12
+"""Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
+would shake."""
+
+_MAX_TARGET_M = 1e4
+"""Distance from the rest origin, metres, beyond which a target is not a measurement. It is far beyond any
+room."""
+
+_SUNK = 0.06
+"""Maximum depth, in metres, to which the lowest joint may sink below its depth at the start of the hold. The
+skeleton of a half-occluded performer drops through the floor before it is lost, and is then not trusted."""
+
+
+@dataclass
+class TransformedAttachment:
+    """An attachment with its transform of joints. A performer that attaches again has several.
+
+    Attributes:
+        attachment: the points that the body drives.
+        rest_transform: transforms joints from the world into the rest space.
+        parts: the parts of the body that attached.
+        start_turns: (19, 3, 3) the rotations of the transform when the body attached; None: the identity.
+    """
+
+    attachment: Attachment
+    rest_transform: RestTransform
+    parts: str
+    start_turns: Float | None = None
+
+    def targets(self, body: Body) -> Float:
+        """Returns (L, 3) metres in the rest space, the current target positions of the held points."""
+        joints = self.rest_transform(body.joints)
+        turns = self.rest_transform.turns
+        if turns is not None and self.start_turns is not None:
+            turns = turns @ np.swapaxes(self.start_turns, 1, 2)
+        return self.attachment.targets(joints, turns)
+
+
+@dataclass
+class PerformerAttachment:
+    """All attachments of one performer to an embedded mesh.
+
+    Attributes:
+        body: the performer's id.
+        attachments: one for each time that the performer attached.
+        seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
+        active: whether the performer currently drives the mesh.
+        depth: metres, how far the performer was below the floor when attaching, because the floor height is
+            inexact.
+    """
+
+    body: int
+    attachments: list[TransformedAttachment]
+    seen_ns: int | None = None
+    active: bool = True
+    depth: float = 0.0
+    _targets: Float | None = field(default=None, repr=False)
+    _pulls: Float | None = field(default=None, repr=False)
+
+    @property
+    def rest_transform(self) -> RestTransform:
+        """The transform of the last attachment, which also transforms the performer's surface."""
+        return self.attachments[-1].rest_transform
+
+    def __len__(self) -> int:
+        return sum(len(grip.attachment) for grip in self.attachments)
+
+    def away(self, time_ns: int) -> float:
+        """Returns the seconds since, or until, the performer was last in view, because the clock may go
+        backwards.
+        """
+        return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
+
+    def with_attachment(self, grip: TransformedAttachment) -> PerformerAttachment:
+        """Returns the same hold with another attachment. The bones of the new one are removed from all
+        older ones.
+        """
+        anew = np.unique(grip.attachment.bone)
+        grips = [
+            replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew)))
+            for g in self.attachments
+        ]
+        grips = [g for g in grips if len(g.attachment)]
+        return PerformerAttachment(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
+
+    def believes(self, body: Body) -> bool:
+        """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
+        return depth_of(body) <= self.depth + _SUNK
+
+    def see(self, body: Body, time_ns: int) -> None:
+        """Updates the targets and their weights from a performer in view."""
+        before = self._targets
+        for grip in self.attachments:
+            grip.rest_transform.at(time_ns)
+        self._targets = np.concatenate([grip.targets(body) for grip in self.attachments])
+        pulls = np.concatenate([grip.attachment.target_weights(body.confidence) for grip in self.attachments])
+        lost = ~(np.abs(self._targets) < _MAX_TARGET_M).all(1)
+        pulls[lost] = 0.0
+        if self._pulls is None or before is None or len(self._pulls) != len(pulls):
+            self._pulls = pulls
+        else:
+            # Keep the last target for the points of a lost joint while their weight decays.
+            self._targets[lost] = before[lost]
+            share = 1.0 - np.exp(-self.away(time_ns) / _SETTLING)
+            self._pulls = self._pulls + share * (pulls - self._pulls)
+        self.seen_ns = time_ns
+
+    @property
+    def targets(self) -> tuple[Float, Float]:
+        """(L, 3) targets of the held points, metres in the rest space, and (L,) their weights."""
+        count = len(self)
+        if self._targets is None or self._pulls is None or len(self._targets) != count or not self.active:
+            return np.zeros((count, 3)), np.zeros(count)
+        return self._targets, self._pulls
+
+    def strengths(self, count: int) -> Float:
+        """Returns (N,) the strength, from 0 to 1, with which each of ``count`` nodes is held."""
+        firm = np.zeros(count)
+        for grip in self.attachments:
+            nodes, strengths = grip.attachment.nodes
+            firm[nodes] = np.maximum(firm[nodes], strengths)
+        return firm
+
+
+def depth_of(body: Body) -> float:
+    """Returns how far the lowest joint is below the floor, metres; 0 if no joint is below the floor."""
+    return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
+
+
+@dataclass(frozen=True)
+class ConstraintSet:
+    """The points of several holds as one set of constraints, in the order of the holds."""
+
+    points: Float
+    node_indices: Int32
+    node_weights: Float
+
+
+def joined(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
+    """Returns the points of all holds."""
+    attachments = [grip.attachment for hold in holds for grip in hold.attachments]
+    return ConstraintSet(
+        np.concatenate([np.empty((0, 3)), *(a.points for a in attachments)]),
+        np.concatenate([np.empty((0, 4), np.int32), *(a.node_indices for a in attachments)]),
+        np.concatenate([np.empty((0, 4)), *(a.node_weights for a in attachments)]),
+    )

@@ -1,0 +1,65 @@
+"""Eases a mesh that has not been held yet into the pose of the performer that may attach next.
+
+The mesh stays at its waiting place, and its limbs ease into the performer's pose. So a T-posed mesh lowers
+its arms before its performer attaches, and no part of it jumps at that moment.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.deformation.embedded import EmbeddedSolver
+from enliven.deformation.graph import DeformationGraph
+from enliven.person import Body
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.attachment_reach import attach_within_reach
+from enliven.possession.limb_retargeting import LimbRetargeting
+from enliven.possession.performer_attachment import PerformerAttachment, depth_of, joined
+
+State = tuple[Float, Float]
+"""(N, 3, 3) linear parts and (N, 3) positions in the rest space."""
+
+
+class PoseApproach:
+    """A preview hold of one performer on a mesh, solved like a real hold but without travel over the floor.
+
+    Args:
+        rest_transform: limb-to-limb retargeting, without travel.
+        start: the state to begin from; None: at rest.
+    """
+
+    def __init__(
+        self,
+        graph: DeformationGraph,
+        settings: ActorSettings,
+        body: Body,
+        rest_transform: LimbRetargeting,
+        stiffness: Float | None,
+        start: State | None = None,
+    ) -> None:
+        self.rest_transform = rest_transform
+        grip = attach_within_reach(graph, settings, body, "all", rest_transform, None)
+        self._hold = PerformerAttachment(body.id, [grip], depth=depth_of(body))
+        self._solver = EmbeddedSolver(graph, joined([self._hold]), settings.embedded, start, stiffness)
+
+    @property
+    def body(self) -> int:
+        """The id of the performer."""
+        return self._hold.body
+
+    def away(self, time_ns: int) -> float:
+        """Returns the seconds since the performer was last in view."""
+        return self._hold.away(time_ns)
+
+    @property
+    def state(self) -> State:
+        """The last solution."""
+        return self._solver.state()
+
+    def at(self, body: Body | None, time_ns: int) -> State:
+        """Returns the state at a moment; the last state while the performer is out of view."""
+        if body is None or not self._hold.believes(body) or not np.isfinite(body.joints).any():
+            return self.state
+        self._hold.see(body, time_ns)
+        return self._solver.solve(*self._hold.targets)

@@ -1,0 +1,125 @@
+"""Preparation of a mesh from a file for possession: scale, placement and refinement."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.meshes import Mesh, fit_height, refine
+from enliven.person import Body, Joint
+from enliven.possession.actor_settings import ActorSettings
+from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
+from enliven.possession.placement import turn_about_y
+from enliven.possession.standing_placement import fit_standing_person, standing_figure
+
+log = logging.getLogger(__name__)
+
+_HEIGHT = 1.75
+"""Height, metres, to which meshes are scaled: that of a person. The performer's own height differs from it
+only by a small factor."""
+_LONGEST_EDGE = 0.04
+"""Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
+bend with it."""
+
+
+class PreparedMesh(NamedTuple):
+    """A mesh ready for the stage, and the values for its actor.
+
+    Attributes:
+        mesh: in metres of its rest space.
+        settings: with the ends and joints of this mesh.
+        size: metres of the mesh as modelled per metre of its rest space.
+        height: metres, height of the person that the mesh shows, perhaps only in part; 0: the height of the
+            mesh.
+    """
+
+    mesh: Mesh
+    settings: ActorSettings
+    size: float
+    height: float
+
+
+def prepared_as(
+    mesh: Mesh,
+    settings: ActorSettings,
+    *,
+    fit: bool = True,
+    ends: Float | None = None,
+    joints: Float | None = None,
+) -> PreparedMesh:
+    """Returns a mesh and its settings in the form that an actor takes.
+
+    Args:
+        fit: whether the mesh is scaled to a person's size, as :func:`prepared` does; else it stays as
+            modelled.
+        ends: (5, 3) metres of the given mesh, the ends of head, left and right hand, left and right foot, if
+            known; else those of the settings are kept.
+        joints: (20, 3) metres of the given mesh, of the person that it shows, if known.
+    """
+    vertices, size, height = mesh.vertices, 1.0, 0.0
+    at = [] if ends is None else [int(np.linalg.norm(vertices - end, axis=1).argmin()) for end in ends]
+    if fit:
+        mesh, size = prepared(mesh, settings, at, joints)
+        joints = joints if joints is None else as_moved(joints, vertices, mesh.vertices[: len(vertices)])
+    if at:
+        settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
+    if joints is not None and len(joints):
+        settings = replace(settings, joints=tuple(map(tuple, joints.tolist())))
+        # Compute the person's height from the joints. If only a part of the person was in view, the mesh is
+        # lower than the person.
+        height = Body(0, joints, np.ones(len(joints))).height
+    return PreparedMesh(mesh, settings, size, height)
+
+
+def prepared(
+    mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
+) -> tuple[Mesh, float]:
+    """Returns an upright mesh ready for the stage, and the metres as modelled per metre of it.
+
+    If the mesh meets its performer, three steps follow. The mesh is scaled to a person's height, moved to
+    where a standing person fits into it, and refined if its triangles are too large to bend. A mesh that
+    stays fixed is returned as modelled. The original vertices keep their indices.
+
+    Args:
+        ends: the vertices at the ends of head, left and right hand, left and right foot, if they are known.
+        joints: (20, 3) metres of the mesh, of the person that it shows, if they are known.
+    """
+    if settings.place == "fixed":
+        return mesh, 1.0
+    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT, mesh.vertices
+    mesh = fit_height(mesh, _HEIGHT)
+    if settings.stand == "fitted":
+        if joints is not None and len(joints):
+            person = BodyInMesh.known(as_moved(joints, vertices, mesh.vertices))
+        else:
+            person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
+        if person is not None and (person.certain or len(ends)):
+            mesh = _around_figure(mesh, person)
+            log.info("%s: moved so that a standing person's back is in its own", mesh.name)
+        else:
+            mesh, fit = fit_standing_person(mesh)
+            log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
+    return refine(mesh, _LONGEST_EDGE), size
+
+
+def as_moved(points: Float, before: Float, after: Float) -> Float:
+    """Returns points (N, 3) under the affine map that took the vertices ``before`` (V, 3) to ``after``."""
+    about = before.mean(0)
+    return np.asarray(
+        after.mean(0) + (points - about) @ np.linalg.lstsq(before - about, after - after.mean(0))[0]
+    )
+
+
+def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
+    """Returns the mesh with its front at +Z and its trunk aligned with that of a figure that stands at the
+    origin.
+    """
+    trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
+    turn = turn_about_y(person.yaw)
+    offset = standing_figure(_HEIGHT)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
+    return replace(mesh, vertices=mesh.vertices @ turn + offset * [1.0, 0.0, 1.0])

@@ -1,0 +1,109 @@
+"""Transforms of a performer's joints from the world into the rest space of a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.person import Body, Joint
+from enliven.possession.placement import Placement
+
+_HIP = Joint.HIP_CENTER
+
+
+class RestTransform(Protocol):
+    """A transform of joints from the world into the rest space."""
+
+    @property
+    def scale(self) -> float:
+        """Metres of the performer per metre of the rest space."""
+
+    @property
+    def fits(self) -> bool:
+        """Whether the joints already lie inside the mesh, so that every bone should attach."""
+
+    @property
+    def at_rest(self) -> Float | None:
+        """(20, 3) metres, the joint positions at which the bones attach to the mesh at rest. None uses the
+        current joints.
+        """
+
+    @property
+    def turns(self) -> Float | None:
+        """(19, 3, 3) rotation of each bone for the last joints. None means that it is computed from the
+        joints.
+        """
+
+    def at(self, time_ns: int) -> None:
+        """Sets the time of the joints that are transformed next, by the sensor's clock."""
+
+    def __call__(self, joints: Float) -> Float:
+        """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
+
+    def handed_over(self, body: Body) -> None:
+        """Continues with another body from the last position of the previous body."""
+
+
+@dataclass
+class PlacementTransform:
+    """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
+
+    Attributes:
+        placement: where the mesh would have to stand for the performer to be inside it.
+        travel: fraction of the performer's travel over the floor that the mesh follows.
+        stays: whether the mesh stands elsewhere. If so, another performer continues from the last position.
+        home: (2,) metres, x and z of the hip when the performer attached.
+    """
+
+    placement: Placement
+    travel: float = 1.0
+    stays: bool = False
+    home: Float | None = None
+    fits: bool = field(default=False, init=False)
+    at_rest: Float | None = field(default=None, init=False)
+    turns: Float | None = field(default=None, init=False)
+    _hip: Float | None = field(default=None, repr=False)
+
+    @property
+    def scale(self) -> float:
+        """Metres of the performer per metre of the rest space."""
+        return self.placement.scale
+
+    def at(self, time_ns: int) -> None:
+        """Does nothing: this transform does not depend on time."""
+
+    def __call__(self, joints: Float) -> Float:
+        """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
+        if np.isfinite(joints[_HIP]).all():
+            self._hip = joints[_HIP, [0, 2]].copy()
+            if self.home is None:
+                self.home = self._hip
+        return self._at_rest(joints)
+
+    def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
+        """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
+        return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
+
+    def _at_rest(self, points: Float | Float32) -> Float:
+        """Returns (M, 3) world points in the rest space, minus the travel that the mesh does not follow."""
+        points = np.array(points, np.float64)
+        if self._hip is not None and self.home is not None:
+            points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
+        return self.placement.to_rest(points)
+
+    def handed_over(self, body: Body) -> None:
+        """Continues with another body: from the last position if the mesh stands elsewhere, else at the
+        body's own position.
+        """
+        if self.stays and self._hip is not None and self.home is not None:
+            step = body.joints[_HIP, [0, 2]] - self._hip
+            if np.isfinite(step).all():
+                offset = self.placement.offset + np.array([step[0], 0.0, step[1]])
+                self.placement = Placement(self.placement.scale, self.placement.yaw, offset)
+                self.home = self.home + step

@@ -1,0 +1,225 @@
+"""Visual odometry, frame to model: aligns a depth image with the surface that was fused before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.scanning.depth_view import DepthView
+from enliven.scanning.icp import BINS, MAX_CHORD, MOMENTS, SQUARES, SUMS, residuals
+from enliven.scanning.rigid import cross_matrix, moved
+from enliven.scanning.settings import TrackingSettings
+from enliven.scanning.threads import in_pieces
+from enliven.scanning.tsdf_volume import TsdfVolume
+
+_PIECE = 16
+"""Rows of points that a thread processes at a time."""
+_OPEN = 1e-6
+"""Information, 1/m^2, below which a direction counts as unobserved. It corresponds to a deviation of one
+kilometre."""
+_SHARE = 0.5
+"""Minimum fraction of the normal matrix that counts as signal in a closer step. It limits the step to
+twice the Gauss-Newton step, because a longer step may oscillate."""
+_UPPER = np.triu_indices(6)
+"""Indices of the 21 sums of the upper half in a normal matrix."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A camera pose and its uncertainty.
+
+    Attributes:
+        world_from_camera: (4, 4) pose.
+        agreeing: fraction, 0 to 1, of the points in known space that lie at its surface.
+        overlap: fraction of the image's points that lie in known space.
+        error: metres, weighted root mean square of the distances.
+        information: (6, 6) inverse covariance of a translation (m) and a rotation (rad) about the camera,
+            world axes.
+    """
+
+    world_from_camera: Float
+    agreeing: float
+    overlap: float
+    error: float
+    information: Float = field(repr=False)
+
+    @property
+    def covariance(self) -> Float:
+        """(6, 6) covariance of a translation (m) and a rotation (rad); huge along directions that the
+        image does not constrain.
+        """
+        values, vectors = np.linalg.eigh(self.information)
+        return np.asarray((vectors / np.maximum(values, _OPEN)) @ vectors.T)
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the position along its least certain direction, metres."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:3, :3])[-1]))
+
+
+class CameraTracker:
+    """Estimates the camera's pose by Gauss-Newton on the distances of its points to the surface, coarse to
+    fine.
+
+    No surface is rendered and no pixel is matched, unlike in ICP with projective data association. The
+    residual is the volume's own signed distance at a point, and its gradient is the normal (Bylow et al.,
+    "Real-time camera tracking and 3D reconstruction using signed distance functions", RSS 2013). The wide
+    truncation bands of coarse volumes let distant poses converge.
+
+    Args:
+        volumes: from the finest to the coarsest.
+    """
+
+    def __init__(self, volumes: Sequence[TsdfVolume], settings: TrackingSettings | None = None) -> None:
+        self.volumes, self.settings = list(volumes), settings or TrackingSettings()
+
+    def align(self, view: DepthView, start: Float, up: Float | None = None, coarsest: int = 1) -> Alignment:
+        """Returns the pose near ``start`` (4, 4) at which the image fits best.
+
+        Args:
+            up: (3,) unit vector, camera frame, that points up according to an accelerometer, or None.
+            coarsest: index of the first volume to use; 0 is the finest.
+        """
+        s, pose = self.settings, start.copy()
+        for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
+            for _ in range(s.coarse_steps if level else s.fine_steps):
+                move = self._step(self._normal_equations(view, pose, level), pose, up)
+                pose = moved(pose, move)
+                if np.linalg.norm(move) < s.still:
+                    break
+        return self.judged(view, pose)
+
+    def align_closely(self, view: DepthView, start: Float, up: Float | None = None) -> Alignment:
+        """Returns the pose near ``start`` (4, 4) at which the image fits best, if noise hides the signal.
+
+        On a floor with a small object on it, the noise of the slopes outweighs the information in the object.
+        Steps are then too short, and the information seems to be zero. Products of the surface's slopes and
+        the image's normals have independent noise and avoid this bias (instrumental variables: Fuller,
+        Measurement Error Models, 1987, section 1.4). This method takes more steps, each slightly longer.
+        """
+        pose = start.copy()
+        for _ in range(self.settings.close_steps):
+            sums = self._normal_equations(view, pose, 0, closely=True)
+            move = self._step(sums, pose, up, _matrix(sums[SQUARES + 1 :]))
+            pose = moved(pose, move)
+            if np.linalg.norm(move) < self.settings.still:
+                break
+        sums = self._normal_equations(view, pose, 0, closely=True)
+        return self._judged(sums, pose, _told_closely(sums, self.settings.independent))
+
+    def judged(self, view: DepthView, pose: Float) -> Alignment:
+        """Returns how well an image fits at a given pose, with its error and information."""
+        sums = self._normal_equations(view, pose, 0)
+        return self._judged(sums, pose, _told(sums))
+
+    def _judged(self, sums: Float, pose: Float, told: Float) -> Alignment:
+        """Returns the alignment for the sums at a pose; ``told`` (6, 6) is the normal matrix without
+        noise.
+        """
+        weight = max(sums[28], 1e-12)
+        error = float(np.sqrt(sums[27] / weight))
+        # Count only independent pixels, because neighbouring pixels share the same noise, and the error of
+        # the model is the same for all of them.
+        independent = self.settings.independent / max(error, 1e-4) ** 2
+        information = told * independent
+        agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
+        return Alignment(pose, float(agreeing), float(overlap), error, information)
+
+    def _normal_equations(self, view: DepthView, pose: Float, level: int, *, closely: bool = False) -> Float:
+        """Returns (SUMS,) sums over all points. Each point uses the finest volume from ``level`` on that
+        covers its depth.
+        """
+        s, total = self.settings, np.zeros(SUMS)
+        stride = s.fine_stride if level == 0 else s.coarse_stride
+        nearest = 0.0
+        for index in range(level, len(self.volumes)):
+            volume = self.volumes[index]
+            if volume.reach <= nearest:
+                continue
+            span = np.array([nearest, volume.reach if index + 1 < len(self.volumes) else np.inf])
+            nearest = volume.reach
+            rows = -(-view.points.shape[0] // stride)
+            sums = np.empty((rows, SUMS))
+            in_pieces(
+                residuals, rows, _PIECE, view.point_arrays, stride, span, pose, s.soft * volume.band.voxel,
+                volume.field, closely, sums,
+            )  # fmt: skip
+            total += sums.sum(0)
+        return total
+
+    def _step(self, sums: Float, pose: Float, up: Float | None, true: Float | None = None) -> Float:
+        """Returns (6,) the translation and rotation of a Gauss-Newton step.
+
+        Args:
+            true: (6, 6) the normal matrix without noise, if it is known. Steps are then longer, according to
+                its fraction.
+        """
+        matrix, gradient = _matrix(sums), sums[21:27].copy()
+        scale = max(sums[28], 1e-9)
+        if up is not None:
+            # A rotation w moves the measured up direction by w x felt. It should align this direction with
+            # +Y.
+            felt = pose[:3, :3] @ up
+            j = -cross_matrix(felt)
+            weight = scale * self.settings.gravity
+            matrix[3:, 3:] += weight * j.T @ j
+            gradient[3:] += weight * j.T @ (felt - np.array([0.0, 1.0, 0.0]))
+        matrix[np.diag_indices(6)] += scale * self.settings.damping
+        if true is None:
+            return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
+        # Work in the coordinates in which the normal matrix is the identity.
+        half = np.linalg.inv(np.linalg.cholesky(matrix))
+        share, ways = np.linalg.eigh(half @ true @ half.T)
+        ways = ways.T @ half
+        return np.asarray(-ways.T @ ((ways @ gradient) / share.clip(_SHARE, 1.0)), np.float64)
+
+
+def _matrix(sums: Float) -> Float:
+    """Returns the (6, 6) normal matrix from the sums of its upper half."""
+    matrix = np.zeros((6, 6))
+    matrix[_UPPER] = sums[:21]
+    return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
+
+
+def _told(sums: Float) -> Float:
+    """Returns the (6, 6) normal matrix minus the part that the noise of the slopes alone adds to it.
+
+    Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
+    variables: Fuller, Measurement Error Models, 1987, section 1.2). Without the correction, a blank wall
+    would seem to constrain the camera along the wall. A slope's noise is perpendicular to it. The angles
+    between the surface's slopes and the image's normals contain the noise of both, so the correction is
+    rather too large.
+    """
+    x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
+    weight, matrix = sums[28], _matrix(sums)
+    first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    # Build the matrix for slopes in all directions. It is the sum of A A' with A = [1; q x].
+    any_way = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
+    return np.asarray(matrix - _noise(sums[MOMENTS + 9 : SQUARES]) * (any_way - matrix))
+
+
+def _told_closely(sums: Float, independent: float) -> Float:
+    """Returns the (6, 6) products of slopes and normals, minus the noise that remains in a sum over these
+    points.
+    """
+    matrix, true = _matrix(sums), _matrix(sums[SQUARES + 1 :])
+    count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)
+    return np.asarray(true - (matrix - true) / np.sqrt(max(independent * count, 1.0)))
+
+
+def _noise(weights: Float) -> float:
+    """Returns the variance (rad^2, per axis) of slopes relative to normals, from (BINS,) weights of their
+    angles.
+
+    Angles of isotropic noise follow a Rayleigh distribution, with a median of sqrt(2 ln 2) standard
+    deviations. The median is robust, because edges and corners, where slope and normal differ, are far fewer
+    than half.
+    """
+    total = np.concatenate([[0.0], np.cumsum(weights)])
+    if total[-1] <= 0.0:
+        return 0.0
+    edges = (MAX_CHORD * np.square(np.arange(BINS + 1) / BINS)) ** 2
+    return float(np.interp(0.5 * total[-1], total, edges) / (2.0 * np.log(2.0)))

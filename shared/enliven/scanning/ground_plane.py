@@ -1,0 +1,243 @@
+"""Cuts an object that stands on the floor out of a scan: ground plane detection, hole filling, upright
+placement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven import rotation
+from enliven.arrays import Bool, Float
+from enliven.errors import InputError
+from enliven.meshes import Mesh, shells, submesh
+from enliven.scanning.holes import close_holes, lowest_rims
+from enliven.scanning.settings import CutOutSettings
+
+_GUESSES = 100
+"""Number of faces that are tried as floor hypotheses (RANSAC). It is enough if one in ten belongs to the
+floor."""
+_LOOKED_AT = 6000
+"""Number of random faces that a plane is compared with. They estimate its area to some percent."""
+_LEVEL = 0.82
+"""Cosine (35 degrees) between a face's normal and up below which the face is not part of a floor."""
+_FLAT = 0.97
+"""Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
+_RIVAL = 0.5
+"""Fraction of the largest plane's area above which a lower plane is the floor, and the largest one a
+table."""
+_ASIDE = 0.05
+"""Other objects are ignored if they have less than this fraction of the chosen object's surface near the
+focus."""
+_AGAIN = 3
+"""Number of times that a plane is fitted to its inlier faces."""
+
+
+@dataclass(frozen=True)
+class GroundPlane:
+    """The ground plane that objects stand on: normal . x = offset, world.
+
+    Attributes:
+        normal: (3,) unit, up.
+        offset: metres.
+        area: square metres of the plane that were seen.
+    """
+
+    normal: Float
+    offset: float
+    area: float
+
+    def heights(self, points: Float) -> Float:
+        """Returns (N,) heights in metres of (N, 3) points above the plane."""
+        return np.asarray(points @ self.normal - self.offset)
+
+
+def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | None = None) -> GroundPlane:
+    """Returns the lowest of the large level planes of a scan.
+
+    Args:
+        up: (3,) approximate up direction in the scan's world, up to 35 degrees off; +Y if not given.
+
+    Raises:
+        InputError: if no level surface was scanned.
+    """
+    s, up = settings or CutOutSettings(), np.array([0.0, 1.0, 0.0]) if up is None else up
+    vectors = mesh.face_vectors()
+    areas = np.linalg.norm(vectors, axis=1) / 2
+    normals = vectors / np.maximum(2 * areas, 1e-30)[:, None]
+    middles = mesh.vertices[mesh.faces].mean(1) if len(mesh.faces) else np.zeros((0, 3))
+    level = np.flatnonzero(normals @ up > _LEVEL)
+    count = len(level)
+    if not count:
+        problem = "no floor and no table top was scanned"
+        raise InputError(problem, where="scan", mend="Scan a part of the floor around the object, too.")
+    level = np.random.default_rng(0).permutation(level)[:_LOOKED_AT]
+    normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
+    planes = [
+        _fitted(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
+        for k in range(min(_GUESSES, len(level)))
+    ]
+    most = max(plane.area for plane in planes)
+    large = [plane for plane in planes if plane.area > _RIVAL * most]
+    place = np.average(middles, axis=0, weights=areas)
+    return min(large, key=lambda plane: float(plane.offset - place @ plane.normal) / float(plane.normal @ up))
+
+
+def _fitted(
+    normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
+) -> GroundPlane:
+    """Returns the plane fitted to the inlier faces of a guessed plane."""
+    inside = _lying(normal, offset, normals, middles, s)
+    for _ in range(_AGAIN):
+        weight = areas[inside]
+        if weight.sum() <= 0 or inside.sum() < 3:
+            break
+        middle = np.average(middles[inside], axis=0, weights=weight)
+        spread = (middles[inside] - middle) * np.sqrt(weight)[:, None]
+        fitted = np.linalg.svd(spread.T @ spread)[0][:, 2]
+        normal = fitted if fitted @ normal > 0 else -fitted
+        offset = float(normal @ middle)
+        inside = _lying(normal, offset, normals, middles, s)
+    return GroundPlane(normal, offset, float(areas[inside].sum()))
+
+
+def _lying(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
+    """Returns (F,) whether each face lies in a plane."""
+    near = np.abs(middles @ normal - offset) < s.thickness
+    return np.asarray(near & (normals @ normal > _FLAT))
+
+
+def focus_of(poses: list[Float]) -> Float:
+    """Returns the (3,) point nearest to the optical axes of cameras (4, 4): the point that they look at."""
+    matrix, right = 1e-6 * np.eye(3), np.zeros(3)
+    for pose in poses:
+        axis = pose[:3, 2]
+        across = np.eye(3) - np.outer(axis, axis)
+        matrix += across
+        right += across @ pose[:3, 3]
+    # If all cameras look in the same direction, the point is undetermined. A weak prior puts it one metre in
+    # front of them.
+    ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
+    return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
+
+
+def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None) -> Mesh:
+    """Returns the object that stands on the ground about ``focus`` (3,), upright, on y = 0, its box centred
+    on x and z.
+
+    If there are several objects, the settings choose one. The contact area with the ground is closed. Holes
+    with short rims are closed, and larger ones stay open.
+
+    Raises:
+        InputError: if no object stands there, or fewer than the number in the settings.
+    """
+    s = settings or CutOutSettings()
+    parts = parts_about(mesh, ground, focus, s)
+    if not parts:
+        problem = "nothing that stands on the floor was scanned"
+        raise InputError(
+            problem, where="scan", mend="Carry the camera round the object, and look at it all the time."
+        )
+    if s.number > len(parts):
+        problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
+        raise InputError(problem, where="scan", mend="Choose one of them, or look at it while you scan.")
+    thing = parts[s.number - 1]
+    vertices = levelled(thing, ground).vertices
+    # Extend the feet down again by the clearance that the cut has removed.
+    feet = vertices[:, 1] < s.clearance + 1e-9
+    vertices[feet, 1] = 0.0
+    feet |= lowest_rims(replace(thing, vertices=vertices), s.drawn)
+    vertices[feet, 1] = 0.0
+    return close_holes(replace(thing, vertices=vertices), feet, s)
+
+
+def whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
+    """Returns the largest connected part of an object that was also seen from below, upright, on y = 0.
+
+    Holes with short rims are closed.
+    """
+    part = levelled(largest(mesh), ground)
+    part.vertices[:, 1] -= part.vertices[:, 1].min()
+    return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
+
+
+def parts_about(
+    mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None
+) -> list[Mesh]:
+    """Returns the connected parts that stand on the ground about a point (3,), the most likely object first.
+
+    That is the part with the most surface near the point. Small and distant parts are left out.
+    """
+    s = settings or CutOutSettings()
+    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
+    if not len(above.faces):
+        return []
+    label = np.asarray(shells(above.faces, len(above.vertices)))[above.faces[:, 0]]
+    middles = above.vertices[above.faces].mean(1)
+    near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
+    areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
+    total_areas, worth = np.bincount(label, areas), np.bincount(label, areas * near)
+    large = (total_areas >= s.least_area) & (worth >= _ASIDE * worth.max())
+    return [submesh(above, label == n) for n in np.argsort(-worth, kind="stable") if large[n]]
+
+
+def largest(mesh: Mesh) -> Mesh:
+    """Returns the connected part of a mesh with the most surface."""
+    if not len(mesh.faces):
+        return mesh
+    label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
+    return submesh(mesh, label == np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1)).argmax())
+
+
+def largest_part(mesh: Mesh) -> Mesh:
+    """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
+    part = largest(mesh)
+    up = np.array([0.0, 1.0, 0.0])
+    return levelled(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
+
+
+def levelled(mesh: Mesh, ground: GroundPlane) -> Mesh:
+    """Returns the mesh rotated upright and moved so that the ground is y = 0, its box centred on x and z."""
+    turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
+    vertices = mesh.vertices @ turn.T
+    vertices[:, 1] -= ground.offset
+    low, high = vertices.min(0), vertices.max(0)
+    vertices[:, [0, 2]] -= ((low + high) / 2)[[0, 2]]
+    return replace(mesh, vertices=vertices)
+
+
+def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
+    """Returns the part of a mesh with normal (3,) . x > offset, cut along that plane."""
+    heights = np.asarray(mesh.vertices @ normal - offset)
+    inside = heights[mesh.faces] > 0
+    count = inside.sum(1)
+    # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
+    alone = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
+    turned = np.take_along_axis(mesh.faces, (alone[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
+    one_above, two_above = turned[count == 1], turned[count == 2]
+    ends = np.sort(
+        np.concatenate(
+            [one_above[:, [0, 1]], one_above[:, [0, 2]], two_above[:, [0, 1]], two_above[:, [0, 2]]]
+        ),
+        1,
+    )
+    edges, number = np.unique(ends, axis=0, return_inverse=True)
+    cuts = np.split(
+        number.reshape(-1) + len(mesh.vertices), np.cumsum([len(one_above), len(one_above), len(two_above)])
+    )
+    corner = [
+        turned[count == 3],
+        np.stack([one_above[:, 0], cuts[0], cuts[1]], 1),
+        np.stack([two_above[:, 1], two_above[:, 2], cuts[2]], 1),
+        np.stack([two_above[:, 2], cuts[3], cuts[2]], 1),
+    ]
+    share = heights[edges[:, :1]] / (heights[edges[:, :1]] - heights[edges[:, 1:]])
+
+    def spread(values: Float) -> Float:
+        return np.concatenate([values, values[edges[:, 0]] * (1 - share) + values[edges[:, 1]] * share])
+
+    colours = None if mesh.colours is None else np.rint(spread(mesh.colours.astype(float))).astype(np.uint8)
+    faces = np.concatenate(corner).astype(np.int32)
+    clipped = Mesh(spread(mesh.vertices), faces, mesh.name, colours)
+    return submesh(clipped, np.ones(len(faces), bool))

@@ -1,0 +1,66 @@
+"""Compressed storage of a scan's images, so that they can be fused again at better poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from enliven.frames import DepthFrame
+from enliven.recording import pack_depth, unpack_depth
+
+_PAINTED = 4
+"""One in this many images keeps its colours. Colours change slowly, and are ten times as large as the
+depth."""
+
+
+@dataclass(frozen=True)
+class _StoredFrame:
+    number: int
+    packed: bytes
+
+
+class FrameHistory:
+    """Depth images by number, some with colours. When they exceed the memory limit, every second one is
+    dropped.
+
+    Args:
+        megabytes: memory limit.
+    """
+
+    def __init__(self, megabytes: float) -> None:
+        self._most, self._held = megabytes * 1e6, 0
+        self._kept: list[_StoredFrame] = []
+        self._every = 1
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def megabytes(self) -> float:
+        """Memory of the compressed images."""
+        return self._held * 1e-6
+
+    @property
+    def numbers(self) -> list[int]:
+        """The numbers of the images that are still stored."""
+        return [stored.number for stored in self._kept]
+
+    def add(self, number: int, frame: DepthFrame) -> None:
+        """Stores an image; numbers must ascend."""
+        if number % self._every:
+            return
+        painted = number // self._every % _PAINTED == 0
+        packed = pack_depth(frame if painted else replace(frame, colour=None), 1)
+        self._kept.append(_StoredFrame(number, packed))
+        self._held += len(packed)
+        while self._held > self._most and len(self._kept) > 1:
+            self._every *= 2
+            self._kept = [stored for stored in self._kept if stored.number % self._every == 0]
+            self._held = sum(len(stored.packed) for stored in self._kept)
+
+    def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
+        """Yields the stored images with the given numbers, or all, with their numbers."""
+        wanted = None if numbers is None else set(numbers)
+        for stored in self._kept:
+            if wanted is None or stored.number in wanted:
+                yield stored.number, unpack_depth(stored.packed)

@@ -1,0 +1,251 @@
+"""Loop detection and loop closure: aligns submaps of a trajectory with one another and corrects the whole
+trajectory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.camera import project
+from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
+from enliven.scanning.keyframes import unlikeness
+from enliven.scanning.loop_closure.history import FrameHistory
+from enliven.scanning.loop_closure.pose_graph import PoseLink, settled
+from enliven.scanning.loop_closure.submaps import PlacedPiece, SubMap, piece_tracker, split_way
+from enliven.scanning.rigid import apart, between, inverse
+from enliven.scanning.settings import LoopSettings, ScanSettings
+from enliven.scanning.threads import each_in_two_threads
+
+_NEXT = 2
+"""Number of following submaps that tracking has already aligned with a submap. They are not loop
+candidates."""
+_GRID = 8
+"""Points across and down an image that are projected into another image to measure the shared view."""
+_ASIDE = 0.5
+"""Cosine (60 degrees) between two optical axes below which the cameras see different sides of objects."""
+_MIN_PROJECTION_DISTANCE_M = 0.1
+"""Distance from a camera, metres, below which no point is projected into its image."""
+_BELIEVED = 0.25
+"""Minimum trust in a loop. Below it, the loop counts as false."""
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """The result of a loop closure.
+
+    Attributes:
+        poses: (4, 4) of all images, world_from_camera.
+        pieces: the submaps of the trajectory.
+        links: pose graph edges between submaps; those that are not sure are loops.
+        loops: the number of loops that are trusted.
+        gap: metres, the largest error of a trusted loop before the correction, in the middle of an image; 0
+            if there was none.
+        moved: metres, the largest displacement of an image's middle.
+        taken: whether the scan was fused again at these poses.
+    """
+
+    poses: list[Float]
+    pieces: list[SubMap]
+    links: list[PoseLink]
+    loops: int
+    gap: float
+    moved: float
+    views: list[DepthView] = field(repr=False)
+    taken: bool = False
+
+    def agreement(self, tracker: CameraTracker, poses: Sequence[Float]) -> float:
+        """Returns the mean fraction of the submaps' points that lie at a surface, with their images at the
+        given poses.
+        """
+        shares = [
+            tracker.judged(view, poses[piece.anchor]).agreeing
+            for view, piece in zip(self.views, self.pieces, strict=True)
+        ]
+        return float(np.mean(shares))
+
+
+def correct_trajectory(
+    history: FrameHistory,
+    poses: Sequence[Float],
+    ups: Sequence[Float | None],
+    preparation: DepthPreparation,
+    settings: ScanSettings,
+) -> LoopClosure:
+    """Returns the trajectory of a camera, corrected so that surfaces seen twice coincide.
+
+    Args:
+        poses: (4, 4) of each image, from tracking.
+        ups: (3,) unit vectors, camera frame, that point up, or None, for each image.
+    """
+    s = settings.loops
+    pieces = split_way(poses, history.numbers, s.piece_metres, s.piece_radians)
+    placed = [_made(history, piece, poses, preparation) for piece in pieces]
+    links = _links(placed, settings)
+    anchors = [piece.pose for piece in placed]
+    felt = [ups[piece.anchor] for piece in pieces]
+    better, belief = settled(anchors, links, felt, s.level, s.doubt)
+    true = [link for link, trust in zip(links, belief, strict=True) if not link.sure and trust > _BELIEVED]
+    middle = np.array([0.0, 0.0, s.middle, 1.0])
+    opened = [gap for gap in (_gap(anchors, link, middle, s.opened) for link in true) if gap]
+    bent = _bent(poses, [piece.anchor for piece in pieces], better)
+    moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
+    return LoopClosure(
+        bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in placed]
+    )
+
+
+def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
+    """Returns the error of a link before the correction at an image's middle, metres; 0 within its
+    deviation.
+    """
+    off = anchors[link.second] - anchors[link.first] @ link.first_from_second
+    gap = float(np.linalg.norm(off @ middle))
+    deviation = float(np.linalg.eigvalsh(link.information[:3, :3])[0]) ** -0.5
+    return gap if gap > most * deviation else 0.0
+
+
+def _made(
+    history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
+) -> PlacedPiece:
+    """Returns a submap with its images."""
+    images = {
+        number: (frame, poses[number]) for number, frame in history.frames([piece.anchor, *piece.looks])
+    }
+    return PlacedPiece(piece, images, preparation)
+
+
+def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
+    """Returns the tracked links between successive submaps, and the loops that hold in both directions."""
+    wanted = _candidates(pieces, settings.loops)
+    alignments = _found(pieces, wanted, settings)
+    links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
+    for (n, m), laid in alignments.items():
+        if (m, n) in alignments and _agree(pieces, n, m, laid, alignments[m, n], settings.loops):
+            links.append(_link(pieces, n, m, laid, settings.loops))
+    return links
+
+
+def _found(
+    pieces: list[PlacedPiece], wanted: set[tuple[int, int]], settings: ScanSettings
+) -> dict[tuple[int, int], Alignment]:
+    """Returns the alignments of submaps m with submaps n, by (n, m), for the candidate pairs that align.
+
+    Both directions of each pair are tried.
+    """
+    alignments: dict[tuple[int, int], Alignment] = {}
+    beside: list[list[int]] = [[] for _ in pieces]
+    for n, m in wanted:
+        beside[n].append(m)
+        beside[m].append(n)
+
+    def lay(tracker: CameraTracker, n: int) -> None:
+        pieces[n].fuse_into(tracker.volumes)
+        for m in beside[n]:
+            laid = _laid(tracker, pieces[m], pieces[n], settings)
+            if laid is not None:
+                alignments[n, m] = laid
+
+    each_in_two_threads(
+        lay, [n for n, others in enumerate(beside) if others], lambda: piece_tracker(settings)
+    )
+    return dict(sorted(alignments.items()))
+
+
+def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
+    """Returns the link of a submap to the next one, from tracking."""
+    relative = inverse(pieces[n].pose) @ pieces[n + 1].pose
+    sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
+    return PoseLink(n, n + 1, relative, sure)
+
+
+def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
+    """Returns the loop candidates: pairs (n, m), n < m, of non-successive submaps that may show the same
+    place.
+    """
+    wanted: set[tuple[int, int]] = set()
+    small = [piece.small for piece in pieces]
+    for m in range(_NEXT + 1, len(pieces)):
+        before = pieces[: m - _NEXT]
+        unseen = np.array([1.0 - _shown(pieces[m], other) for other in before])
+        unlike = unlikeness(small[m], small[: m - _NEXT])
+        for measure, most in ((unseen, 1.0 - s.shared), (unlike, s.unlike)):
+            wanted |= {(int(n), m) for n in np.argsort(measure)[: s.tried] if measure[n] < most}
+    return wanted
+
+
+def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
+    """Returns the fraction of a submap's view that another camera sees from about the same side."""
+    if piece.pose[:3, 2] @ other.pose[:3, 2] < _ASIDE:
+        return 0.0
+    points = piece.view.points
+    rows = np.linspace(0, points.shape[0] - 1, _GRID).astype(int)
+    columns = np.linspace(0, points.shape[1] - 1, _GRID).astype(int)
+    some = points[np.ix_(rows, columns)].reshape(-1, 3)
+    some = some[some[:, 2] > 0]
+    other_from_piece = inverse(other.pose) @ piece.pose
+    local = some @ other_from_piece[:3, :3].T + other_from_piece[:3, 3]
+    ahead = local[:, 2] > _MIN_PROJECTION_DISTANCE_M
+    if not ahead.any():
+        return 0.0
+    lens = other.view.intrinsics
+    at = project(local[ahead], lens)
+    inside = (at >= 0).all(1) & (at[:, 0] < lens.width) & (at[:, 1] < lens.height)
+    return float(inside.sum()) / _GRID**2
+
+
+def _laid(
+    tracker: CameraTracker, piece: PlacedPiece, onto: PlacedPiece, settings: ScanSettings
+) -> Alignment | None:
+    """Returns the alignment of a submap's anchor image with another submap, or None if it fails."""
+    alignment = tracker.align(piece.view, piece.pose)
+    if not _good(alignment, settings):
+        other = tracker.align(piece.view, onto.pose)
+        alignment = max(alignment, other, key=lambda laid: laid.agreeing * laid.overlap)
+    return alignment if _good(alignment, settings) else None
+
+
+def _good(alignment: Alignment, settings: ScanSettings) -> bool:
+    """Returns whether an alignment is good enough for a link."""
+    s = settings.loops
+    return (
+        alignment.agreeing > s.agreeing
+        and alignment.overlap > settings.tracking.overlap
+        and alignment.deviation < settings.tracking.unsure
+    )
+
+
+def _agree(
+    pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
+) -> bool:
+    """Returns whether the alignment of m with n is consistent with that of n with m."""
+    correction = one.world_from_camera @ inverse(pieces[m].pose)
+    move, turn = apart(pieces[n].pose, correction @ other.world_from_camera)
+    return move < s.agree_metres and turn < s.agree_radians
+
+
+def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSettings) -> PoseLink:
+    """Returns the link for an alignment."""
+    turn = pieces[n].pose[:3, :3].T
+    both = np.kron(np.eye(2), turn)
+    covariance = both @ laid.covariance @ both.T
+    covariance += np.diag([s.metres**2] * 3 + [s.radians**2] * 3)
+    relative = inverse(pieces[n].pose) @ laid.world_from_camera
+    return PoseLink(n, m, relative, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
+
+
+def _bent(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
+    """Returns all poses, corrected by interpolating the corrections of the anchors before and after them."""
+    turned = [new @ inverse(poses[at]) for at, new in zip(anchors, better, strict=True)]
+    out = []
+    for number, pose in enumerate(poses):
+        after = int(np.searchsorted(anchors, number))
+        low, high = max(after - 1, 0), min(after, len(anchors) - 1)
+        wide = anchors[high] - anchors[low]
+        share = (number - anchors[low]) / wide if wide else 0.0
+        out.append(between(turned[low] @ pose, turned[high] @ pose, share))
+    return out

@@ -1,0 +1,115 @@
+"""Submaps of a scan's trajectory: images near one another form a rigid map, with which others are aligned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.frames import DepthFrame
+from enliven.scanning.depth_view import DepthPreparation, DepthView
+from enliven.scanning.frame_to_model_tracking import CameraTracker
+from enliven.scanning.keyframes import reduced
+from enliven.scanning.rigid import apart
+from enliven.scanning.settings import ScanSettings
+from enliven.scanning.tsdf_volume import TsdfVolume
+
+_COARSER = (2.0, 8.0)
+"""Voxel sizes of a submap's volumes, relative to the scan's: truncation bands of 3 and 13 cm at 4 mm, in a
+tenth of the time."""
+_STRIDE = 4
+"""Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
+tracking."""
+_LOOKS = 3
+"""Maximum number of images of a submap that are fused. Each further image adds less."""
+
+
+@dataclass(frozen=True)
+class SubMap:
+    """A section of a scan's trajectory.
+
+    Attributes:
+        numbers: of its images, in their order.
+    """
+
+    numbers: tuple[int, ...]
+
+    @property
+    def anchor(self) -> int:
+        """The number of the image in its middle, which represents the submap."""
+        return self.numbers[len(self.numbers) // 2]
+
+    @property
+    def looks(self) -> list[int]:
+        """The numbers of the images that are fused when other submaps are aligned with this one."""
+        keep = np.unique(np.linspace(0, len(self.numbers) - 1, min(_LOOKS, len(self.numbers))).astype(int))
+        return [self.numbers[n] for n in keep]
+
+
+def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float) -> list[SubMap]:
+    """Returns the submaps of a trajectory. Within each one, the camera stays within the limits from its
+    start.
+
+    Args:
+        poses: (4, 4) of all images.
+        numbers: of the stored images.
+        metres: maximum distance from the start of the submap.
+        radians: maximum rotation from the start of the submap.
+    """
+    pieces: list[list[int]] = []
+    for number in numbers:
+        far = not pieces
+        if pieces:
+            move, turn = apart(poses[pieces[-1][0]], poses[number])
+            far = move > metres or turn > radians
+        if far:
+            pieces.append([])
+        pieces[-1].append(number)
+    return [SubMap(tuple(piece)) for piece in pieces]
+
+
+class PlacedPiece:
+    """A submap with its images.
+
+    Attributes:
+        view: its anchor's image, without the planes of the full image, which are large and only needed for
+            fusion.
+        small: the same image, reduced as a keyframe is.
+        pose: (4, 4) its anchor's pose.
+
+    Args:
+        images: of at least its anchor and its ``looks``, with their poses, by number.
+    """
+
+    def __init__(
+        self, piece: SubMap, images: Mapping[int, tuple[DepthFrame, Float]], preparation: DepthPreparation
+    ) -> None:
+        self._images, self._preparation = [images[n] for n in piece.looks], preparation
+        frame, self.pose = images[piece.anchor]
+        view, empty = preparation.prepare(frame.depth), np.empty((0, 0), np.float32)
+        self.view: DepthView = replace(view, planes=empty, weights=empty)
+        self.small: Float32 = reduced(view)
+
+    def fuse_into(self, volumes: Sequence[TsdfVolume]) -> None:
+        """Clears the volumes and fuses the submap's ``looks`` into them."""
+        for volume in volumes:
+            volume.clear()
+        for frame, pose in self._images:
+            view = self._preparation.prepare(frame.depth)
+            for volume in volumes:
+                volume.integrate(view, pose)
+
+
+def piece_tracker(settings: ScanSettings) -> CameraTracker:
+    """Returns the tracker that aligns images with the submap that was last fused into its volumes."""
+    plain, t = replace(settings.volume, colour=False), settings.tracking
+    reaches = (plain.reach, plain.far)
+    # With a larger stride, each point carries more independent information, because the noise of neighbouring
+    # pixels is correlated.
+    independent = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
+    return CameraTracker(
+        [TsdfVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
+        replace(t, fine_stride=_STRIDE, independent=independent),
+    )

@@ -1,4 +1,0 @@
-from .closing import ClosedWay as ClosedWay, closed_way as closed_way
-from .history import FrameHistory as FrameHistory
-from .pose_graph import PoseLink as PoseLink, cost_of as cost_of, settled as settled
-from .submaps import SubMap as SubMap, split_way as split_way

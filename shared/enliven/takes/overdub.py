@@ -1,0 +1,183 @@
+"""Overdub: a performance over a possessed mesh that already plays, live or recorded, as a layer in its rest
+space.
+
+The mesh on the stage has its own nodes and its own placement. Its motion is measured relative to the mesh:
+the rigid motion that most of its nodes share is removed, so that the parts that no performer held stand
+still. The rest is transferred to the nodes of the project's mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from enliven.arrays import Float, Int
+from enliven.document import (
+    Character,
+    GraphLayer,
+    GraphShape,
+    Pose,
+    PoseStream,
+    Project,
+    unused,
+)
+from enliven.modeling.possessed import between, even_times, over_base
+from enliven.takes.body_takes import RecordedHolds
+from enliven.takes.punch_in import PunchIn
+from enliven.takes.shared_motion import shared_motion
+
+_NEAR = 2e-3
+"""Distance, metres, within which two nodes are the same: the step size of transmitted poses."""
+
+
+def plays(project: Project, shape: GraphShape) -> bool:
+    """Returns whether a possessed mesh has earlier motion that can be overdubbed."""
+    return any(project.streams[layer.take].duration > 0.0 for layer in (*shape.parts, *shape.over))
+
+
+class OverdubTransfer:
+    """A transfer of poses from a mesh on a stage to the nodes of a shape of a project, in its rest space.
+
+    Args:
+        shape: the project's.
+        character: the mesh on the stage.
+    """
+
+    def __init__(self, shape: GraphShape, character: Character) -> None:
+        pivots = np.asarray(character.pivots, np.float64)
+        surface = np.asarray(character.vertices, np.float64)
+        self._same = _similarity(surface, np.asarray(shape.mesh.vertices))
+        self._rest = shape.positions
+        self._at = self._same.back(shape.positions)
+        nearest = scipy.spatial.cKDTree(surface).query(self._at)[1]
+        self._nodes: Int = character.skin.indices[nearest].astype(np.int64)
+        self._weights: Float = character.skin.weights[nearest].astype(np.float64)
+        distances, node = scipy.spatial.cKDTree(pivots).query(self._at)
+        # If both meshes share a node, take the node's own transform instead of the motion of the surface
+        # around it.
+        is_shared = distances < _NEAR
+        self._nodes[is_shared], self._weights[is_shared] = (
+            node[is_shared, None],
+            np.array([1.0, 0.0, 0.0, 0.0]),
+        )
+        self._arms: Float = self._at[:, None] - pivots[self._nodes]
+        self._pivots, self._scale = pivots, 0.0
+
+    def __call__(self, linear: Float, positions: Float) -> tuple[Float, Float]:
+        """Returns linear maps (F, K, 3, 3) and displacements (F, K, 3) of the nodes, metres of the shape's
+        rest space.
+
+        Args:
+            linear, positions: (F, N, 3, 3) and (F, N, 3) metres, of the nodes on the stage, in the world.
+        """
+        if not self._scale:
+            # The scale comes from the placement, because a performer bends a mesh, but does not scale it. So
+            # it is computed only once.
+            self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
+        turns, places = shared_motion(positions / self._scale, self._pivots)
+        share = self._weights / self._scale
+        around = linear[:, self._nodes]
+        maps = np.einsum("kw,fkwij->fkij", share, around)
+        went = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
+        went += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
+        offsets = (went - places[:, None]) @ turns - self._at
+        turn = self._same.turn
+        back = turn @ np.swapaxes(turns, 1, 2)
+        return back[:, None] @ maps @ turn.T, self._same.size * offsets @ turn.T
+
+
+class LiveOverdub:
+    """A player of a project's possessed mesh with a live pose on top: a preview of the overdub."""
+
+    def __init__(self, project: Project, shape_id: str, character: Character) -> None:
+        self._within = OverdubTransfer(project.graph(shape_id), character)
+        self._last: tuple[Pose, Float, Float] | None = None
+
+    def pose(self, live: Pose, base: Pose) -> Pose:
+        """Returns the pose of the project's mesh, metres in the world.
+
+        Args:
+            live: of the mesh on the stage. The display rate is higher, so the last pose is reused.
+            base: the present pose of the project's mesh.
+        """
+        if self._last is None or self._last[0] is not live:
+            each = (np.asarray(values, np.float64)[None] for values in (live.linear, live.positions))
+            maps, offsets = self._within(*each)
+            self._last = live, maps[0], offsets[0]
+        plays = base.linear.astype(np.float64), base.positions.astype(np.float64)
+        linear, positions = over_base(plays, *self._last[1:])
+        return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
+
+
+def with_layer_over(
+    project: Project,
+    shape: GraphShape,
+    key: tuple[str, int],
+    character: Character,
+    poses: list[Pose],
+    begin: int,
+    holds: RecordedHolds | None,
+    punch: PunchIn | None,
+) -> Project:
+    """Returns a project in which a possessed mesh has the performance as an additional layer.
+
+    Args:
+        key: the id and the revision of the character on the stage.
+        begin: nanoseconds, the sensor's clock at 0 seconds of the project.
+        punch: the span in which all other motion of it is silenced; None keeps all of it.
+
+    Raises:
+        InputError: if the poses are inconsistent.
+    """
+    used_poses, seconds, grid = even_times(character, poses, begin)
+    values = ([pose.linear for pose in used_poses], [pose.positions for pose in used_poses])
+    linear, positions = (between(np.array(each, np.float64), seconds, grid) for each in values)
+    maps, offsets = OverdubTransfer(shape, character)(linear, positions)
+    stream = PoseStream(
+        unused(f"{shape.id} over", project.streams), maps, shape.positions + offsets, float(grid[1] - grid[0])
+    )
+    possession = None if holds is None else holds.possession(key, character, poses)
+    if holds is not None and possession is not None:
+        project = project.with_bodies(holds.take)
+    nodes = np.arange(len(shape.positions))
+    span = punch or PunchIn.of(project, float(grid[0]), float(grid[-1]))
+    layer = GraphLayer(
+        stream.id, nodes, nodes, shape.positions, possession=possession, offset=float(grid[0]), **span.played
+    )
+    if punch is not None:
+        parts = (punch(project, part) or replace(part, muted=True) for part in shape.parts)
+        over = (punch(project, old_layer) for old_layer in shape.over)
+        shape = shape.with_changes(
+            parts=tuple(parts), over=tuple(old_layer for old_layer in over if old_layer is not None)
+        )
+    shape = shape.with_changes(over=(*shape.over, layer))
+    return project.with_streams(stream).with_characters(shape)
+
+
+@dataclass(frozen=True)
+class _Similarity:
+    """A similarity transform: x maps to size turn x + move."""
+
+    size: float
+    turn: Float
+    move: Float
+
+    def back(self, points: Float) -> Float:
+        return np.asarray((points - self.move) @ self.turn / self.size)
+
+
+def _similarity(first: Float, second: Float) -> _Similarity:
+    """Returns the similarity from one mesh's vertices to the other's (Umeyama 1991); the identity if they
+    differ.
+    """
+    if first.shape != second.shape:
+        return _Similarity(1.0, np.eye(3), np.zeros(3))
+    middles = first.mean(0), second.mean(0)
+    a, b = first - middles[0], second - middles[1]
+    size = float(np.sqrt((b**2).sum() / max((a**2).sum(), 1e-12)))
+    u, _, vt = np.linalg.svd(b.T @ a)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    turn = u @ vt
+    return _Similarity(size, turn, middles[1] - size * turn @ middles[0])

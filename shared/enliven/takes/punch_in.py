@@ -1,0 +1,172 @@
+"""Punch-in: a recording replaces the present motion from its begin to its end and no further."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from enliven.document import LayerBase, Project, Ref, Segment, unused
+
+FADE = 0.1
+"""Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
+visible, and no beat of a performance is lost."""
+_STANDS = 1e-9
+"""Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
+cannot be 0."""
+_MIN_CLIP_S = 1e-3
+"""Minimum length of a clip, seconds. In a shorter one, no frame of a take is visible."""
+_Layer = TypeVar("_Layer", bound=LayerBase)
+
+
+@dataclass(frozen=True)
+class PunchIn:
+    """The time span of a recording.
+
+    Attributes:
+        begin, end: seconds of the project.
+        until: seconds of the project up to which it is played at all.
+    """
+
+    begin: float
+    end: float
+    until: float
+
+    @classmethod
+    def of(cls, project: Project, begin: float, end: float) -> PunchIn:
+        """Returns a span of a project, which is played to the end of all its content."""
+        ends = (project.end_of(character) for character in project.characters.values())
+        return cls(begin, end, max([end, *ends]))
+
+    def __call__(self, project: Project, layer: _Layer) -> _Layer | None:
+        """Returns a layer that is silenced within the span and plays elsewhere as before; None if nothing is
+        left.
+
+        A muted layer is returned unchanged.
+
+        If the layer held a frame beyond its ends, it gets clips that hold these frames. At the span it fades
+        over :data:`FADE`, or over its own ease if it does not hold.
+        """
+        if layer.muted:
+            return layer
+        if layer.weights or layer.speeds:
+            even = replace(
+                self, begin=layer.even(self.begin), end=layer.even(self.end), until=layer.even(self.until)
+            )
+            kept_lane: list[_Layer | None] = []
+
+            def lane(plain: _Layer) -> _Layer:
+                kept_lane.append(even(project, plain))
+                return kept_lane[0] or plain
+
+            changed = layer.with_lane(lane)
+            return None if kept_lane[0] is None else changed
+        ease = min(FADE if layer.hold else layer.ease, self._half)
+        low, high = self.begin + ease, self.end - ease
+        before, after = list[Segment](), list[Segment]()
+        for clip in self._clips(layer, project.length_of(layer), ease):
+            if min(clip.end, low) - clip.begin > _MIN_CLIP_S:
+                before.append(replace(clip, end=min(clip.end, low)))
+            start = max(clip.begin, high)
+            if clip.end - start > _MIN_CLIP_S:
+                after.append(replace(clip, begin=start, first=clip.second(start)))
+        # Keep the earlier motion only if some of it lies outside the fades.
+        first = min(self.begin, self.until) - _MIN_CLIP_S
+        heard = any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
+        remaining = before if heard else []
+        last = self.end + _MIN_CLIP_S
+        heard = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
+        remaining = [*remaining, *(after if heard and self.until > last else [])]
+        if not remaining:
+            return None
+        silenced = layer.with_clips(_in_order(remaining), project.length_of(layer))
+        changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
+        return replace(silenced, **changes)  # type: ignore[type-var]
+
+    def leaves(self, project: Project, layers: Sequence[LayerBase]) -> bool:
+        """Returns whether any motion of the layers is left outside of the span."""
+        return any(not layer.muted and self(project, layer) is not None for layer in layers)
+
+    @property
+    def played(self) -> dict[str, Any]:
+        """Playback settings of a recording that plays only within the span."""
+        return {"hold": False, "ease": min(FADE, self._half)}
+
+    @property
+    def _half(self) -> float:
+        return (self.end - self.begin) / 2.0
+
+    def _clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
+        """Returns the clips of a layer, including repetitions and held frames, in the order of time."""
+        clips = list(layer.clips(length))
+        if layer.loop:
+            lasts = layer.lasting(length)
+            start, ease = clips[0].begin, ease + _MIN_CLIP_S
+            first = math.floor((-ease - start) / lasts) if layer.hold and lasts > 0.0 else 0
+            rounds = range(first, math.ceil((self.until + ease - start) / lasts)) if lasts > 0.0 else (0,)
+            clips = [
+                replace(clip, begin=clip.begin + k * lasts, end=clip.end + k * lasts)
+                for k in rounds
+                for clip in clips
+            ]
+        if layer.loop or not layer.hold:
+            return clips
+        before = Segment(
+            min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _STANDS
+        )
+        extended = [before]
+        for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
+            extended.append(clip)
+            if end > clip.end + _MIN_CLIP_S:
+                extended.append(Segment(clip.end, end, clip.last, _STANDS))
+        return extended
+
+
+def _in_order(clips: Sequence[Segment]) -> list[Segment]:
+    """Returns clips with ascending ends and begins. Blended clips that the span cut at one place are
+    separated.
+    """
+    ordered = list[Segment]()
+    for clip in clips:
+        if ordered and clip.end <= ordered[-1].end:
+            clip = replace(clip, end=ordered[-1].end + _MIN_CLIP_S)
+        if ordered and clip.begin <= ordered[-1].begin:
+            start = ordered[-1].begin + _MIN_CLIP_S
+            clip = replace(clip, begin=start, first=clip.second(start))
+        ordered.append(clip)
+    return ordered
+
+
+def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: PunchIn) -> Project:
+    """Returns a project in which the layers on the bones of a chain are silenced in a span.
+
+    Other bones keep them. A layer without any remaining motion is removed from the bones; its take stays.
+
+    Args:
+        chain: joints of the shape, each the child of the one before.
+    """
+    shape = project.shape(shape_id)
+    bones = chain[1:] if len(chain) > 1 else chain
+    names = {ref.layer for bone in bones for span in shape.spans[bone] for ref in span.refs}
+    spans, layers, used_names = list(shape.spans), list(shape.layers), dict(project.layer_names)
+    instead = dict[str, str]()
+    for layer in shape.layers:
+        remaining = punch(project, layer) if layer.id in names else None
+        if remaining is layer:
+            instead[layer.id] = layer.id
+        elif remaining is not None:
+            instead[layer.id] = unused(layer.id, used_names)
+            used_names[instead[layer.id]] = None
+            layers.append(replace(remaining, id=instead[layer.id]))
+    for bone in bones:
+        spans[bone] = tuple(
+            replace(span, refs=tuple(_renamed(ref, instead) for ref in span.refs if ref.layer in instead))
+            for span in spans[bone]
+        )
+    shape = shape.with_changes(spans=tuple(spans), layers=tuple(layers))
+    return project.with_characters(shape)
+
+
+def _renamed(ref: Ref, names: dict[str, str]) -> Ref:
+    return replace(ref, layer=names[ref.layer])
