@@ -22,10 +22,10 @@ from pathlib import Path
 
 HOUSE = Path(__file__).parents[1]
 TOOLS = HOUSE / "out" / "audit"
-WANTED = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
+AUDIT_TOOLS = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
 COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
 """Matches copyleft licence names, but not the Lesser GPL."""
-CHOSEN = {"hidapi": "BSD, of three that it offers"}
+CHOSEN_LICENCES = {"hidapi": "BSD, of three that it offers"}
 """Packages that offer several licences, one of them copyleft, with the licence chosen here."""
 
 
@@ -76,7 +76,7 @@ def tool(name: str) -> str:
     scripts = TOOLS / ("Scripts" if sys.platform == "win32" else "bin")
     if not (scripts / name).exists():
         subprocess.run([sys.executable, "-m", "venv", TOOLS], check=True)
-        subprocess.run([scripts / "python", "-m", "pip", "install", "-q", *WANTED], check=True)
+        subprocess.run([scripts / "python", "-m", "pip", "install", "-q", *AUDIT_TOOLS], check=True)
     return str(scripts / name)
 
 
@@ -192,7 +192,7 @@ def objections(found: list[dict[str, str]]) -> list[str]:
         f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
         for package in found
         if package["License"] == "UNKNOWN"
-        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN)
+        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN_LICENCES)
     ]
 
 

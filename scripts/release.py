@@ -30,18 +30,18 @@ PACKAGES = {
     "synthesis": "enliven_synthesis",
 }  # fmt: skip
 """The importable package of each distribution folder. Distributions that others depend on come first."""
-BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
+EXTRA_SDIST_FILES = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
 """Files that an sdist has in addition to the package, if the distribution's folder has them."""
 FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
 """Requirements to install into an empty environment each, by the name of the environment."""
-MOST_MB = {"edge": 640, "oak": 860, "studio": 870}
+MAX_ENVIRONMENT_MB = {"edge": 640, "oak": 860, "studio": 870}
 """Maximum size of an environment in megabytes (10^6 bytes), with byte code, without Python and pip.
 
 These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains.
 """
-LARGEST = 7
+LISTED_PACKAGES = 7
 """Number of packages that are listed with their sizes for each environment."""
 EDGE = (
     *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
@@ -57,7 +57,7 @@ EXAMPLES = (
 )
 """Scripts of ``examples/`` that need no user files. They compile the kernels that the main job does not
 use."""
-MOST_COMPILED = 0
+MAX_COMPILED_KERNELS = 0
 """Maximum number of kernels that an installed edge may compile in the main job. A release that ships its
 kernels compiles none."""
 
@@ -198,7 +198,10 @@ def check_files(folder: str, built: Path) -> None:
     """
     package, inside = PACKAGES[folder], wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
-    beside = {name for name in BESIDE if (ROOT / folder / name).exists()} | {".gitignore", "PKG-INFO"}
+    beside = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
+        ".gitignore",
+        "PKG-INFO",
+    }
     packed = {
         path.removeprefix(f"{package}/") if path.startswith(f"{package}/{FIRMWARE}/") else path
         for path in inside
@@ -229,7 +232,7 @@ def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
             began = time.monotonic()
             place = Path(empty, name)
             environment = Environment(place, built, INSTALLS[name], of)
-            yield environment.size(MOST_MB[name])
+            yield environment.size(MAX_ENVIRONMENT_MB[name])
             yield environment.largest()
             yield from environment.basics()
             if name == "oak":
@@ -337,7 +340,7 @@ class Environment:
             )
             for each in distributions(path=[site])
         }
-        largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LARGEST]
+        largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LISTED_PACKAGES]
         named = ", ".join(f"{name} {size / 1e6:.0f}" for name, size in largest)
         return f"{self._asked}: the largest packages, in MB: {named}"
 
@@ -355,7 +358,7 @@ class Environment:
         self._enliven(*EDGE)
         compiled = len(list((self.place / "home" / "numba").glob("*.kernel")))
         yield self._done(f"enliven edge, {time.monotonic() - began:.0f} s, {compiled} kernels compiled")
-        if compiled > MOST_COMPILED:
+        if compiled > MAX_COMPILED_KERNELS:
             raise ReleaseError(f"an installed edge compiled {compiled} kernels that the release should bring")
 
     def library_page(self) -> Iterator[str]:

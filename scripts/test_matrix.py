@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-TWO = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
+TWO_PROCESSES = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
 """pytest options for two processes that share the files in the order of collection."""
 SEED = "20251123"
 """Seed of the shuffled order. Any fixed number works."""
@@ -41,7 +41,7 @@ class Row:
 
     name: str
     environment: dict[str, str] = dataclasses.field(default_factory=dict)
-    options: tuple[str, ...] = TWO
+    options: tuple[str, ...] = TWO_PROCESSES
     busy: int = 0
     apart: bool = False
 
@@ -53,7 +53,7 @@ def rows(load: int) -> list[Row]:
     return [
         Row("two"),
         Row("one", options=()),
-        Row("shuffled", options=(*TWO, "--shuffle", SEED)),
+        Row("shuffled", options=(*TWO_PROCESSES, "--shuffle", SEED)),
         *(Row(core.lower(), {"OPENBLAS_CORETYPE": core}) for core in cores),
         Row("generic", old, apart=True),
         Row("load", busy=load),

@@ -17,7 +17,7 @@ Field = Callable[[Float], Float]
 """(N, 3) points to (N,) signed distances in metres, negative inside."""
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
-_ON_SURFACE = 1e-9
+_SURFACE_TOLERANCE = 1e-9
 """Of a cell: a vertex that is so near to the surface stays; a step of it would take six values."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
@@ -72,7 +72,7 @@ def _cell_points(values: Float, cells: Int) -> Float:
 def _onto_surface(field: Field, points: Float, cell: float) -> Float:
     """One Newton step along the gradient, at most half a cell long, of what is not on the surface yet."""
     values = field(points)
-    off = np.abs(values) > _ON_SURFACE * cell
+    off = np.abs(values) > _SURFACE_TOLERANCE * cell
     moved = points.copy()
     moved[off] = _stepped(field, points[off], values[off], cell)
     return moved

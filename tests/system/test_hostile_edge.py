@@ -103,9 +103,12 @@ def test_names_that_the_edge_does_not_list_are_kept_for_a_few_only(
         feed.poll(document)
     edge.until(lambda: edge.link.edges[0].health().malformed > 1000)
     own = edge.link.edges[0]
-    assert len(own._unknown) <= one_edge._MOST_UNKNOWN and len(own._sequences) <= one_edge._MOST_UNKNOWN
-    assert max((len(each) for each in own.latest.values()), default=0) <= one_edge._MOST_UNKNOWN
-    assert len(document.timeline._cues) <= one_edge._MOST_UNKNOWN
+    assert (
+        len(own._unknown) <= one_edge._MAX_UNKNOWN_CHARACTERS
+        and len(own._sequences) <= one_edge._MAX_UNKNOWN_CHARACTERS
+    )
+    assert max((len(each) for each in own.latest.values()), default=0) <= one_edge._MAX_UNKNOWN_CHARACTERS
+    assert len(document.timeline._cues) <= one_edge._MAX_UNKNOWN_CHARACTERS
 
 
 def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileEdge) -> None:
@@ -114,11 +117,11 @@ def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileE
         if number % 20 == 0:
             edge.turn()
     edge.until(lambda: edge.link.edges[0]._sequences.get("chair") == 299)
-    assert one_edge._UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * one_edge._UNREAD_BYTES
+    assert one_edge._MAX_UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * one_edge._MAX_UNREAD_BYTES
 
 
 def test_pieces_of_a_scan_without_end_are_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_KEPT_BYTES", "_NEWEST_BYTES"):
+    for name in ("_MAX_STORED_BYTES", "_MAX_NEWEST_BYTES"):
         monkeypatch.setattr(one_edge, name, 1_000_000)
     for number in range(200):
         piece = scans.ScanPieceMessage(1, (number, 0, 0), 8, 0.01, NOISE[:18_000], NOISE[:3000])
@@ -136,7 +139,7 @@ def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
     monkeypatch.setattr(
         link_requests, "unpack_control", lambda data, topic: decoded.append(len(data)) or real(data, topic)
     )
-    monkeypatch.setattr(link_requests, "_REOPENED_AFTER", 0.2)
+    monkeypatch.setattr(link_requests, "_RECONNECT_DELAY_S", 0.2)
     big = pack_control(requests.Reply(99_999, requests.Welcome(edge.status, [], [NOISE] * 4)))
     (viewer,) = edge.viewers
     for _ in range(8):
@@ -174,7 +177,7 @@ def test_a_poll_ends_in_bounded_time_under_a_flood(edge: HostileEdge) -> None:
         start = time.thread_time()
         edge.link.poll()
         longest.append(time.thread_time() - start)
-    assert sorted(longest)[-3] < 4 * (one_edge._POLL_WITHIN + link_requests._POLL_WITHIN)
+    assert sorted(longest)[-3] < 4 * (one_edge._POLL_BUDGET_S + link_requests._POLL_BUDGET_S)
 
 
 def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
@@ -189,7 +192,7 @@ def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
 
     edge.names = ["chair", "lamp", "sofa"]
     sizes = one_edge._bytes_of(character("x"))
-    monkeypatch.setattr(one_edge, "_CHARACTER_BYTES", 2 * sizes)
+    monkeypatch.setattr(one_edge, "_MAX_CHARACTER_BYTES", 2 * sizes)
     edge.status = msgspec.structs.replace(edge.status, revision=2)
     edge.answer = lambda body: character(body["character"]) if body["type"] == "GetState" else None
     notices: list[str] = []

@@ -169,7 +169,7 @@ def test_unanswered_command_ends_with_a_notice(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
-    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_TIMEOUT_S", 0.1)
     replies: list[Any] = []
     link.ask(requests.Possess("chair"), replies.append)
     until(link, lambda: replies)

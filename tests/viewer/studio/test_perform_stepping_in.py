@@ -192,7 +192,7 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
 
 
 def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_TIMEOUT_S", 0.1)
     one = sitting(actor())
     one.connect()
     one.present = [person()]

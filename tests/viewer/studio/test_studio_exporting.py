@@ -119,7 +119,7 @@ def test_a_large_file_opens_in_the_background_and_can_be_cancelled(workspace, tm
     editor, path = workspace.editor, tmp_path / "model.glb"
     export(editor.project, path, [editor.project.characters["limb"]])
     write_project(tmp_path / "work.enliven", editor.project)
-    monkeypatch.setattr(workspace_module, "_LARGE_BYTES", 0)
+    monkeypatch.setattr(workspace_module, "_BACKGROUND_READ_BYTES", 0)
     before = set(editor.project.characters)
     workspace.open(path)
     assert editor.beside.progress is not None and set(editor.project.characters) == before

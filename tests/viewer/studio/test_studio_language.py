@@ -59,7 +59,7 @@ def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(langua
 
 def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
     module = """
-_MEANT = {"Play": "Only the picture"}
+_TAB_TIPS = {"Play": "Only the picture"}
 heading("A title")
 button(workspace, "Press me")
 choice(workspace, "Yes" if new else "Keep", "No")

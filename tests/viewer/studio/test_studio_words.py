@@ -121,6 +121,6 @@ def test_phrase_list_describes_every_command() -> None:
 
 
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
-    top = live.heard_below(is_scanned=True) - live._LARGE - live._AROUND
+    top = live.heard_below(is_scanned=True) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
     assert top >= scan.ADVICE, "the words lie on each other"
     assert live.heard_below(is_scanned=False) < live.heard_below(is_scanned=True)

@@ -84,19 +84,19 @@ def view(
             _window(take, addresses, chosen, seconds, start)
 
 
-_OTHERS = {
+_OTHER_COMMANDS = {
     ".glb": "Play it in enliven studio {0}, or make a film of it: enliven export {0} -o film.mp4",
     ".enliven": "Open it: enliven studio {0}",
     ".mp4": "Any player of films shows it",
 }
-_OTHERS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHERS[".glb"])
+_OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".glb"])
 """By file extension, what to do with a file that is not a take."""
 
 
 def _need_take(take: Path | None) -> None:
     """Refuses a file that other programs play, with advice."""
-    if take is not None and take.suffix.lower() in _OTHERS and take.exists():
-        mend = _OTHERS[take.suffix.lower()].format(take) + "."
+    if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
+        mend = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
         raise InputError("this is not a take", where=str(take), mend=mend)
 
 

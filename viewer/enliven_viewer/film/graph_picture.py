@@ -44,9 +44,9 @@ SIDES = (math.radians(-24), math.radians(96), math.radians(216))
 """Azimuth of each view in radians from the front right: a third of a turn apart."""
 HEADER = 88
 """Height in pixels of the title above the panels: one line of 30 pixels with margins."""
-_FOOTER = 72
+_FOOTER_HEIGHT = 72
 """Height in pixels of the legend below the panels: one line of 20 pixels with margins."""
-_SIZE = 1.75
+_MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, regardless of the mesh's own size."""
 
 
@@ -142,7 +142,7 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
 def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
     """Returns the character and the nodes scaled for drawing and placed on the floor, and the scale."""
     low, high = character.vertices.min(0), character.vertices.max(0)
-    scale = _SIZE / max(float((high - low).max()), 1e-12)
+    scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
     colours = np.tile(np.array(MESH_COLOUR, np.uint8), (len(character.vertices), 1))
     nodes = (graph.positions - foot) * scale
@@ -176,7 +176,7 @@ def write_graph_picture(
 def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
     """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
-    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER), PAPER)
+    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER_HEIGHT), PAPER)
     for number, panel in enumerate(panels):
         sheet.paste(Image.fromarray(panel), (number * width, HEADER))
     draw = ImageDraw.Draw(sheet)
@@ -200,7 +200,7 @@ def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> 
     font = ImageFont.load_default(max(min(20, width // 56), 10))
     step = (width - 56) / len(items)
     for number, (colour, ball, text) in enumerate(items):
-        x, y = 28 + number * step, top + _FOOTER / 2
+        x, y = 28 + number * step, top + _FOOTER_HEIGHT / 2
         if ball:
             draw.ellipse((x + 6, y - 8, x + 22, y + 8), fill=colour)
         else:

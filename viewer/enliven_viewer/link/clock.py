@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 
-_REMEMBERED = 64
+_MAX_BOUNDS = 64
 """Number of stored bounds on each side: about a minute, in which clocks drift by a few milliseconds at
 most.
 """
@@ -21,8 +21,8 @@ class ClockEstimate:
     """The clock offset of one edge. Add it to a time of this clock to get the edge's time."""
 
     def __init__(self) -> None:
-        self._upper: deque[int] = deque(maxlen=_REMEMBERED)
-        self._lower: deque[int] = deque(maxlen=_REMEMBERED)
+        self._upper: deque[int] = deque(maxlen=_MAX_BOUNDS)
+        self._lower: deque[int] = deque(maxlen=_MAX_BOUNDS)
 
     def answered(self, sent_ns: int, edge_ns: int, received_ns: int) -> None:
         """Adds the answer to a ping: sent and received on this clock, stamped with the edge's clock."""

@@ -28,7 +28,7 @@ from enliven_viewer.link.received import Health, Notice
 from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import TopicHealth
 
-_ALIVE = 1.6
+_HEARTBEAT_TIMEOUT_S = 1.6
 """Time without a heartbeat after which an edge of the same name no longer counts as a clash, in seconds:
 three intervals."""
 
@@ -181,11 +181,11 @@ class EdgeClient:
         """
         now = time.monotonic()
         for edge in self.edges:
-            if edge.status is not None and now - edge.last_heard < _ALIVE:
+            if edge.status is not None and now - edge.last_heard < _HEARTBEAT_TIMEOUT_S:
                 key = (edge.status.edge, edge.status.instance)
                 first, _ = self._heard.get(key, (edge.last_heard, 0.0))
                 self._heard[key] = (first, edge.last_heard)
-        self._heard = {key: span for key, span in self._heard.items() if now - span[1] < _ALIVE}
+        self._heard = {key: span for key, span in self._heard.items() if now - span[1] < _HEARTBEAT_TIMEOUT_S}
         for edge in self.edges:
             clash = edge.status is not None and self._has_rival(edge.status.edge, edge.status.instance)
             if clash and not edge.clash:

@@ -52,45 +52,45 @@ from enliven_viewer.link.stage_link import StageLink
 from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
 from enliven_viewer.link.tracks import labelled, track_of
 
-_POLL_WITHIN = 0.01
+_POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
 drawing.
 """
-_KEPT = 4000
+_MAX_STORED_FRAMES = 4000
 """Maximum number of poses, and of frames of bodies, stored for a caller that does not take them: two minutes
 of one character.
 """
-_KEPT_BYTES = 64 * 1024 * 1024
+_MAX_STORED_BYTES = 64 * 1024 * 1024
 """Maximum bytes of one topic stored for such a caller: two minutes of poses of a graph with 1,000 nodes."""
-_UNREAD_BYTES = 16 * 1024 * 1024
+_MAX_UNREAD_BYTES = 16 * 1024 * 1024
 """Maximum bytes of messages that wait for their character, or until the sending edge is known."""
-_MOST_KEYS = 4096
+_MAX_KEYS = 4096
 """Maximum number of keys of a topic with a newest value each, such as the pieces of a scan. An edge sends at
 most this number.
 """
-_NEWEST_BYTES = 128 * 1024 * 1024
+_MAX_NEWEST_BYTES = 128 * 1024 * 1024
 """Maximum bytes of a topic's newest values. The pieces of a scanned room take about 40 MB."""
-_MOST_UNKNOWN = 64
+_MAX_UNKNOWN_CHARACTERS = 64
 """Maximum number of characters that messages mention before the edge lists them: four times the number on a
 stage.
 """
-_CHARACTER_BYTES = 512 * 1024 * 1024
+_MAX_CHARACTER_BYTES = 512 * 1024 * 1024
 """Maximum bytes of all characters of an edge: four of two million vertices each."""
-_ASK_EVERY = 1.0
+_REQUEST_INTERVAL_S = 1.0
 """Seconds between two identical requests while the streams arrive."""
-_ASK_FIRST_EVERY = 0.1
+_FIRST_REQUEST_INTERVAL_S = 0.1
 """Seconds between two requests before the streams arrive. Each request makes the edge publish a heartbeat."""
-_REPLY_WITHIN = 1.0
+_REPLY_TIMEOUT_S = 1.0
 """Timeout in seconds of a hello or a ping. An edge answers within a frame."""
-_CHARACTER_WITHIN = 10.0
+_CHARACTER_TIMEOUT_S = 10.0
 """Timeout in seconds of a character request, which may transfer megabytes over a slow network."""
-_FETCHED_AT_ONCE = 4
+_MAX_PARALLEL_REQUESTS = 4
 """Maximum number of simultaneous character requests, so that poses and heartbeats are not delayed."""
-_FULL_ASK_AGAIN = 30.0
+_FULL_RETRY_INTERVAL_S = 30.0
 """Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
-_COMMAND_WITHIN = 3.0
+_COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
 
 
@@ -142,7 +142,7 @@ class EdgeConnection:
         self._lost = 0
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
-        self._unsure: BoundedQueue[bytes] = BoundedQueue(_KEPT, _UNREAD_BYTES)
+        self._unsure: BoundedQueue[bytes] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_UNREAD_BYTES)
         self._told_full = False
         self._after_silence = True
         self._told_listening = False
@@ -152,7 +152,7 @@ class EdgeConnection:
     def poll(self) -> None:
         """Processes received messages and requests missing data; does not block."""
         self._requests.poll(self._reject)
-        until = time.monotonic() + _POLL_WITHIN
+        until = time.monotonic() + _POLL_BUDGET_S
         while time.monotonic() < until:
             try:
                 parts = self._stream.recv_multipart(zmq.DONTWAIT)
@@ -195,7 +195,7 @@ class EdgeConnection:
         except InputError as error:
             replied(Refused(str(error)[:400]))
             return
-        if not self._requests.send(request, "command", _COMMAND_WITHIN, replied):
+        if not self._requests.send(request, "command", _COMMAND_TIMEOUT_S, replied):
             replied(Refused(f"no edge answers at {self.endpoint}"))
 
     def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
@@ -251,7 +251,9 @@ class EdgeConnection:
         self._revisions: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
         self._unknown: set[str] = set()
-        self._waiting: BoundedQueue[tuple[PoseMessage, int]] = BoundedQueue(_KEPT, _UNREAD_BYTES)
+        self._waiting: BoundedQueue[tuple[PoseMessage, int]] = BoundedQueue(
+            _MAX_STORED_FRAMES, _MAX_UNREAD_BYTES
+        )
         self._wanted: dict[str, int] = {}
         self._asked_at: dict[str, float] = {}
         self._hello_at = -math.inf
@@ -313,7 +315,7 @@ class EdgeConnection:
         """Returns whether a message is about a listed character, or one of a few new ones."""
         if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
             return True
-        if len(self._unknown) >= _MOST_UNKNOWN:
+        if len(self._unknown) >= _MAX_UNKNOWN_CHARACTERS:
             raise Malformed(topic.name, "it is about a character that the edge does not list")
         self._unknown.add(message.character)
         return True
@@ -321,8 +323,8 @@ class EdgeConnection:
     def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
         """Stores a value with its size in bytes for the caller, and as the newest of its key."""
         if topic.name not in self.inbox:
-            self.inbox[topic.name] = BoundedQueue(_KEPT, _KEPT_BYTES)
-            self.latest[topic.name] = NewestValues(_MOST_KEYS, _NEWEST_BYTES)
+            self.inbox[topic.name] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
+            self.latest[topic.name] = NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
         self.latest[topic.name].put(key, value, size)
         self.inbox[topic.name].append(value, size)
 
@@ -374,15 +376,15 @@ class EdgeConnection:
         now = time.monotonic()
         listening = now - self.last_heard < SILENT_AFTER
         # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
-        pause = _ASK_EVERY if listening else _ASK_FIRST_EVERY
+        pause = _REQUEST_INTERVAL_S if listening else _FIRST_REQUEST_INTERVAL_S
         behind = self.status is None or self.status.revision != self._known_revision
         if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
             hello = Hello(self._viewer, listening)
-            if self._requests.send(hello, "hello", _REPLY_WITHIN, self._welcomed):
+            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._welcomed):
                 self._hello_at = now
         elif now - self._ping_at >= pause or listening != self._told_listening:
             ping = Ping(self._viewer, time.time_ns(), listening)
-            if self._requests.send(ping, "ping", _REPLY_WITHIN, self._ponged):
+            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._ponged):
                 self._ping_at, self._told_listening = now, listening
         for character, revision in self._wanted.items():
             if (
@@ -393,9 +395,11 @@ class EdgeConnection:
 
     def _fetch(self, character: str, now: float) -> None:
         key = f"character {character}\0"
-        if self._requests.under_way("character ") < _FETCHED_AT_ONCE and not self._requests.under_way(key):
+        if self._requests.under_way("character ") < _MAX_PARALLEL_REQUESTS and not self._requests.under_way(
+            key
+        ):
             self._asked_at[character] = now
-            self._requests.send(GetState(character), key, _CHARACTER_WITHIN, self._take_character)
+            self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._take_character)
 
     def _ponged(self, answer: Answer | None) -> None:
         if isinstance(answer, Pong):
@@ -443,8 +447,8 @@ class EdgeConnection:
             return
         size = _bytes_of(answer)
         others = sum(held.size for name, held in self.held.items() if name != shown)
-        if others + size > _CHARACTER_BYTES:
-            self._asked_at[answer.id] = time.monotonic() + _FULL_ASK_AGAIN
+        if others + size > _MAX_CHARACTER_BYTES:
+            self._asked_at[answer.id] = time.monotonic() + _FULL_RETRY_INTERVAL_S
             self._tell_full()
             return
         self.held[shown] = _Held(answer.revision, character, codec, size)
@@ -459,7 +463,7 @@ class EdgeConnection:
         """Notifies the user once that not all characters fit into memory."""
         if not self._told_full:
             self._told_full = True
-            most = _CHARACTER_BYTES // 1024**2
+            most = _MAX_CHARACTER_BYTES // 1024**2
             text = f"the characters of {self.name} have more than {most} MB; some are not shown. Remove some"
             self._notify(Notice("warning", text))
 

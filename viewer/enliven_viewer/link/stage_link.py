@@ -30,17 +30,17 @@ from enliven.wire import (
     RemoveCharacter,
 )
 
-_PARTS_UNDER_WAY = 8
+_MAX_PENDING_PARTS = 8
 """Maximum number of unanswered parts: 15 MB per second if an edge answers at 30 frames per second."""
-_ASK_AGAIN = 0.03
+_STATE_REQUEST_INTERVAL_S = 0.03
 """Seconds between two requests for the state of an upload: about a frame."""
-_ANSWER_WITHIN = 5.0
+_ANSWER_TIMEOUT_S = 5.0
 """Timeout in seconds of a request. An edge answers within a frame, a busy one within a few."""
-_MOST_RESTARTS = 20
+_MAX_RESTARTS = 20
 """Maximum number of refused parts in one upload, for example because of the edge's rate limit, before it is
 given up.
 """
-_PAUSE = 0.25
+_REFUSAL_PAUSE_S = 0.25
 """Seconds to wait after a refused part. An edge counts requests per second."""
 
 Then = Callable[[Answer], None]
@@ -183,7 +183,7 @@ class StageLink:
         elif sending.under_way:
             return  # Ignore this answer, because the answers to the parts will report the state.
         elif answer.received >= len(sending.data):
-            sending.ask_at = time.monotonic() + _ASK_AGAIN
+            sending.ask_at = time.monotonic() + _STATE_REQUEST_INTERVAL_S
         else:
             sending.sent, sending.refused = answer.received, False
             self._send_parts(sending)
@@ -192,7 +192,7 @@ class StageLink:
         assert sending.order is not None
         if self._sending.get(sending.name) is not sending:
             return
-        while sending.under_way < _PARTS_UNDER_WAY and sending.sent < len(sending.data):
+        while sending.under_way < _MAX_PENDING_PARTS and sending.sent < len(sending.data):
             data = sending.data[sending.sent : sending.sent + MAX_PART_BYTES]
             part = CharacterPart(sending.name, sending.order.digest, sending.sent, data)
             sending.sent += len(data)
@@ -208,8 +208,10 @@ class StageLink:
         if sending.under_way:
             return
         sending.restarts += sending.refused
-        sending.ask_at = time.monotonic() + (_PAUSE if sending.refused else _ASK_AGAIN)
-        if sending.restarts > _MOST_RESTARTS:
+        sending.ask_at = time.monotonic() + (
+            _REFUSAL_PAUSE_S if sending.refused else _STATE_REQUEST_INTERVAL_S
+        )
+        if sending.restarts > _MAX_RESTARTS:
             self._end(sending, answer)
 
     def _end(self, sending: _Sending, answer: Answer) -> None:
@@ -229,5 +231,5 @@ class StageLink:
     def _ask(self, body: Ask, on_answer: Then) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
-        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: on_answer(answer or silent)):
+        if not self._edge.request(body, _ANSWER_TIMEOUT_S, lambda answer: on_answer(answer or silent)):
             on_answer(Refused("no edge is connected"))

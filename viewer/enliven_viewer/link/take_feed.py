@@ -29,7 +29,7 @@ from enliven_viewer.playback import Document, EdgeState
 
 log = logging.getLogger(__name__)
 
-_BATCH = 96
+_MESSAGES_PER_POLL = 96
 """Number of messages that one poll applies: about a second of a take, so that the window can draw while
 reading.
 """
@@ -87,7 +87,7 @@ class TakeFeed:
         """Does nothing: no file stays open between polls."""
 
     def _next(self) -> Iterator[tuple[int, str, bytes]]:
-        for _, message in zip(range(_BATCH), self._messages, strict=False):
+        for _, message in zip(range(_MESSAGES_PER_POLL), self._messages, strict=False):
             yield message
 
     def _apply(self, document: Document, topic: str, data: bytes) -> None:

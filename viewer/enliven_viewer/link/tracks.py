@@ -29,7 +29,7 @@ from enliven.wire import (
 from enliven_viewer.link.received import ReceivedBodies, ReceivedCues, ReceivedPose
 from enliven_viewer.playback import CueFrame, Document
 
-_OBJECT_BYTES = 500
+_OBJECT_OVERHEAD_BYTES = 500
 """Overhead in bytes of a value in addition to its numbers: object, arrays and strings."""
 
 
@@ -49,7 +49,7 @@ class TopicTrack:
 
     def size_of(self, received: int) -> int:
         """Returns the size in bytes of a value from a message of ``received`` bytes."""
-        return _OBJECT_BYTES + self.growth * received
+        return _OBJECT_OVERHEAD_BYTES + self.growth * received
 
 
 def _read_bodies(message: BodiesMessage, edge: str) -> ReceivedBodies:

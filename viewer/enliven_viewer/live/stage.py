@@ -15,9 +15,9 @@ from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
 from enliven_viewer.render import CameraView, OrbitCamera, Scene, SceneStyle, Showing, scene_of
 from enliven_viewer.settings import ViewerSettings
 
-_QUIET = 2.0
+_SILENCE_TIMEOUT_S = 2.0
 """Time without a message after which the window may idle, in seconds: four heartbeats of an edge."""
-_LONG = 12.0
+_LONG_WAIT_S = 12.0
 """Waiting time for a local stage after which the reason is shown, in seconds. Kernels are compiled at the
 first start."""
 
@@ -74,7 +74,7 @@ class LiveStage:
     @property
     def quiet(self) -> bool:
         """Returns True if nothing has arrived for a while and nothing is being played back."""
-        return self._since > _QUIET
+        return self._since > _SILENCE_TIMEOUT_S
 
     @property
     def present(self) -> tuple[str, ...]:
@@ -169,7 +169,7 @@ class LiveStage:
     @property
     def making(self) -> str:
         """Returns the text about a local stage that is still starting."""
-        more = tr(": the first time it takes some minutes") if self._since > _LONG else ""
+        more = tr(": the first time it takes some minutes") if self._since > _LONG_WAIT_S else ""
         return tr("The stage is being made ready{0}", more)
 
     def close(self) -> None:

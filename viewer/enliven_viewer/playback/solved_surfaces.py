@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-_BUDGET = 0.012
+_SOLVE_BUDGET_S = 0.012
 """Maximum time in seconds that a solve may take within a frame. A slower one runs in the background."""
-_FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
+_SOLVER_ERRORS = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """Exceptions of solving a mesh. A mesh from another machine must not end the viewer."""
-_SETTLING = 12
+_SETTLING_FRAMES = 12
 """Number of frames in which a surface is still solved after its control points have stopped, until it is at
 rest.
 """
@@ -115,7 +115,7 @@ class _SolvedSurface:
             return None
         try:
             return self._prepared.result()
-        except _FAILURES as error:
+        except _SOLVER_ERRORS as error:
             if not self._told:
                 self._told = True
                 log.warning("%s moves as one piece: %s", self.character.id, error)
@@ -130,11 +130,11 @@ class _SolvedSurface:
         same = self._places is not None and np.array_equal(places, self._places)
         self._alike = self._alike + 1 if same else 0
         self._places = places
-        return self._alike < _SETTLING
+        return self._alike < _SETTLING_FRAMES
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
         """Solves the next frame: now, or in a thread if it takes longer than a frame may."""
-        if wait or (self._seconds < _BUDGET and self._local is not None):
+        if wait or (self._seconds < _SOLVE_BUDGET_S and self._local is not None):
             self._local = self._solved(surface, places)
         else:
             self._solving = _beside(lambda: self._solved(surface, places))
@@ -144,7 +144,7 @@ class _SolvedSurface:
         began = time.perf_counter()
         try:
             vertices = surface.settle(places) if self._local is None else surface.solve(places)
-        except _FAILURES as error:
+        except _SOLVER_ERRORS as error:
             vertices = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)
         if self._local is not None:

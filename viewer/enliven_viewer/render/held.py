@@ -13,13 +13,13 @@ from enliven_viewer.render.gl import UNITS
 from enliven_viewer.render.overlay import cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
-_STEPS = 3
+_GLOW_EDGES = 3
 """Spread of the glow beyond attached nodes, in graph edges: about a hand's breadth."""
-_LEFT = 0.72
+_GLOW_PER_EDGE = 0.72
 """Fraction of the glow that remains after one edge."""
-_PREVIEW = 0.4
+_PREVIEW_GLOW = 0.4
 """Fraction of the glow on previewed parts, which are not attached yet."""
-_REACH = 0.16
+_GLOW_RADIUS = 0.16
 """Distance from a control point at which its glow has dropped to 1/e, as a fraction of the mesh's size."""
 PER_ROW = 256
 """Number of transforms in a row of the texture; shaders/mesh.vert has the same number."""
@@ -35,15 +35,17 @@ def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = (
     count = len(character.pivots)
     if cues is None or strength <= 0 or not (is_valid := (cues.nodes >= 0) & (cues.nodes < count)).any():
         return None
-    level = strength * np.clip(cues.strengths[is_valid], 0, 1) * np.where(cues.firm[is_valid], 1.0, _PREVIEW)
+    level = (
+        strength * np.clip(cues.strengths[is_valid], 0, 1) * np.where(cues.firm[is_valid], 1.0, _PREVIEW_GLOW)
+    )
     light = np.zeros((count, 3), np.float32)
     np.maximum.at(
         light, cues.nodes[is_valid], (level[:, None] * cue_tints(cues, bodies)[is_valid]).astype("f4")
     )
     edges = character.edges if character.kind == "graph" else np.zeros((0, 2), np.int32)
     directed_edges = np.concatenate([edges, edges[:, ::-1]])
-    for _ in range(_STEPS):
-        np.maximum.at(light, directed_edges[:, 1], _LEFT * light[directed_edges[:, 0]])
+    for _ in range(_GLOW_EDGES):
+        np.maximum.at(light, directed_edges[:, 1], _GLOW_PER_EDGE * light[directed_edges[:, 0]])
     return light
 
 
@@ -56,7 +58,7 @@ def reach_of_points(character: Character) -> SkinWeights:
     away = np.linalg.norm(vertices[:, None] - points[None], axis=2)
     nearest = np.argsort(away, axis=1)[:, :4]
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    share = np.exp(-((np.take_along_axis(away, nearest, 1) / (_REACH * max(size, 1e-6))) ** 2))
+    share = np.exp(-((np.take_along_axis(away, nearest, 1) / (_GLOW_RADIUS * max(size, 1e-6))) ** 2))
     padding = ((0, 0), (0, 4 - nearest.shape[1]))
     return SkinWeights(np.pad(nearest + 1, padding).astype("u2"), np.pad(share, padding).astype("f4"))
 

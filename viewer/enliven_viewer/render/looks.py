@@ -12,7 +12,7 @@ from enliven_viewer.settings import LookName, RenderSettings
 
 Light = tuple[float, float, float]
 """Linear red, green and blue; 1 is a white wall in the sun."""
-_WHITEST = 0.97
+_MAX_BACKDROP_WHITE = 0.97
 """Maximum fraction of white in a backdrop: the filmic curve never quite reaches white."""
 
 
@@ -134,6 +134,6 @@ def light_shown_as(colour: str) -> Float:
     It inverts the filmic curve of shaders/develop.glsl.
     """
     shown = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    y = np.minimum(shown, _WHITEST)
+    y = np.minimum(shown, _MAX_BACKDROP_WHITE)
     a, b, c = 6.2 * (1 - y), 0.5 - 1.7 * y, -0.06 * y
     return np.asarray((np.sqrt(b * b - 4 * a * c) - b) / (2 * a))

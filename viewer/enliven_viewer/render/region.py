@@ -14,9 +14,9 @@ from enliven_viewer.render.scene import Scene, corners
 
 ROOM = 6
 """Margin in pixels around projected points: for marks with a minimum size, and for rounding."""
-_NEAREST = 1e-3
+_MIN_DISTANCE = 1e-3
 """Minimum distance in metres in front of the camera. The projection of nearer points is unbounded."""
-_UNIT = corners((np.full(3, -1.0), np.ones(3)))
+_UNIT_CORNERS = corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 
 
@@ -26,7 +26,7 @@ def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Fl
     The balls have (N, 3) centres, and radii (N,) or a common radius.
     """
     sizes = np.broadcast_to(np.asarray(radii, np.float64), len(middles))
-    return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT).reshape(-1, 3), np.float64)
+    return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT_CORNERS).reshape(-1, 3), np.float64)
 
 
 def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
@@ -62,7 +62,7 @@ def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int],
     if not np.isfinite(points).all():
         return full_region(size)
     clip = points @ clip_from_world[:, :3].T + clip_from_world[:, 3]
-    if clip[:, 3].min() <= _NEAREST:
+    if clip[:, 3].min() <= _MIN_DISTANCE:
         return full_region(size)
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
     low = np.clip(np.floor(pixels.min(0)) - room, 0, size)

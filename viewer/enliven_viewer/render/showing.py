@@ -8,7 +8,7 @@ from enliven_viewer.playback import TimelineMoment
 from enliven_viewer.render.scene import SceneStyle
 from enliven_viewer.settings import RenderSettings
 
-_FADE = 1.2
+_FADE_S = 1.2
 """Duration in seconds of the fade-out: slow enough not to look like a jump."""
 
 
@@ -44,7 +44,7 @@ class Showing:
             return 1.0
         if self._since is None:
             self._since = second
-        left = 1 - min(max((second - self._since - self._linger) / _FADE, 0.0), 1.0)
+        left = 1 - min(max((second - self._since - self._linger) / _FADE_S, 0.0), 1.0)
         return left * left * (3 - 2 * left)
 
 

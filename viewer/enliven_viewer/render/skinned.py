@@ -26,11 +26,11 @@ from enliven_viewer.render.surface import (
 
 _PER_ROW = 256
 """Number of transforms in a row of the texture; shaders/skin.vert has the same number."""
-_FINE = 0.07
+_MAX_FINE_EDGE_M = 0.07
 """Maximum edge length in metres of a fine mesh: shorter than the detail of soft shadows and cutaways."""
-_COARSE = 0.03
+_CONTACT_DETAIL_M = 0.03
 """Level of detail in metres of the mesh drawn for the contact map."""
-_PAINT = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
+_PAINT_ATTRIBUTES = (("in_uv", "4f"), ("in_albedo", "4f"), ("in_finish", "2f"), ("in_emission", "3f"))
 """The attributes of a vertex's paint, in order."""
 
 
@@ -81,7 +81,8 @@ class SkinnedMesh:
         ]
         self.closed = is_closed(character.vertices, character.faces)
         self.fine = (
-            self.closed and longest_edge(character.vertices.astype(np.float64), character.faces) <= _FINE
+            self.closed
+            and longest_edge(character.vertices.astype(np.float64), character.faces) <= _MAX_FINE_EDGE_M
         )
         paint = painted(character, surface)
         self.parts = tuple(
@@ -94,7 +95,7 @@ class SkinnedMesh:
             ]
         )
         self._faces = ctx.buffer(faces.tobytes())
-        self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _COARSE).tobytes())
+        self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _CONTACT_DETAIL_M).tobytes())
         self._paint = ctx.buffer(paint.rows.tobytes())
         self._textures = textures
         self._boxes = boxes_of(character)
@@ -226,9 +227,9 @@ class SkinnedMesh:
         content = [(self._skinned, *layout)]
         if "in_nodes" in program:
             content += [(self._grip[0], "4u2", "in_nodes"), (self._grip[1], "4f", "in_weights")]
-        named = [name for name, _ in _PAINT if name in program]
+        named = [name for name, _ in _PAINT_ATTRIBUTES if name in program]
         if named:
-            formats = [size if name in named else _skipped(size) for name, size in _PAINT]
+            formats = [size if name in named else _skipped(size) for name, size in _PAINT_ATTRIBUTES]
             content.append((self._paint, " ".join(formats), *named))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
 

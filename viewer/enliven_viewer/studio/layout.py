@@ -23,7 +23,7 @@ from enliven_viewer.studio.places import TIMELINE, Places, places_in
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
 
-_WITHOUT: dict[str, tuple[str, ...]] = {
+_HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
     "Perform": ("tools",),
     "Animate": (),
     "Model": ("timeline",),
@@ -35,7 +35,7 @@ _WITHOUT: dict[str, tuple[str, ...]] = {
 def places_of(workspace: Workspace, *, bare: bool) -> Places:
     """Returns the layout of the panels at the window's size; for a bare window, only the view."""
     size, room = imgui.get_io().display_size, workspace.perform.room
-    without = ("menu", "tools", "side", "timeline") if bare else _WITHOUT[room]
+    without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[room]
     if room == "Play" and workspace.perform.live is not None:
         # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
         without = (*without, "timeline")

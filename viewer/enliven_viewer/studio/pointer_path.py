@@ -6,7 +6,7 @@ import math
 
 Spot = tuple[float, float]
 """Position in pixels from the window's top left corner."""
-_MOST = 4096
+_MAX_POSITIONS = 4096
 """Maximum number of stored positions: four seconds of a mouse with 1000 events per second."""
 
 
@@ -23,7 +23,7 @@ class PointerPath:
     def tell(self, x: float, y: float) -> None:
         """Adds the position of a pointer event, in whole pixels like ImGui's."""
         self._told.append((float(math.floor(x)), float(math.floor(y))))
-        del self._told[:-_MOST]
+        del self._told[:-_MAX_POSITIONS]
 
     def take(self, at: Spot) -> list[Spot]:
         """Returns the positions up to ImGui's current one, which comes last."""

@@ -19,18 +19,18 @@ from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
 
-_NAME = "preferences.json"
-_DAMAGED = ".damaged"
+_FILE_NAME = "preferences.json"
+_DAMAGED_SUFFIX = ".damaged"
 """File extension of a damaged file that was moved aside."""
 _VERSION = 1
 """Version of the file format. An added field or value needs no new version; a changed meaning does."""
 _VERSION_KEY = "version"
 """Key of the version. The file of enliven 0.1 lacks it and counts as version 1."""
-_MOST = 1 << 20
+_MAX_FILE_BYTES = 1 << 20
 """Maximum number of bytes read from the file. A valid file contains a few hundred short lines."""
 SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
 """Offered text sizes relative to the default: visible steps, up to double."""
-_RECENT = 10
+_MAX_RECENT_FILES = 10
 """Number of recent files: as many as can be read at a glance."""
 
 
@@ -73,7 +73,7 @@ class Preferences:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.path = (folder or own_folder()) / _NAME
+        self.path = (folder or own_folder()) / _FILE_NAME
         self.refusal: EnlivenError | None = None
         self._stored: dict[str, Any] = {}
         kept = self._read()
@@ -132,7 +132,7 @@ class Preferences:
     def opened(self, path: Path) -> None:
         """Moves a file to the top of the recent files."""
         name = str(path.resolve())
-        self.recent = [name, *(other for other in self.recent if other != name)][:_RECENT]
+        self.recent = [name, *(other for other in self.recent if other != name)][:_MAX_RECENT_FILES]
         self.save()
 
     def _chosen(self) -> dict[str, Any]:
@@ -144,7 +144,7 @@ class Preferences:
         if not self.path.exists():
             return _Kept()
         try:
-            data = read_file(self.path, _MOST)
+            data = read_file(self.path, _MAX_FILE_BYTES)
             stored = msgspec.json.decode(data, type=dict[str, Any])
             self._refuse_later(stored.get(_VERSION_KEY, _VERSION))
             if self.refusal is not None:
@@ -174,7 +174,7 @@ class Preferences:
     def _put_aside(self) -> None:
         """Renames a damaged file. If it cannot be renamed, it is neither used nor replaced."""
         try:
-            self.path.replace(self.path.with_suffix(_DAMAGED))
+            self.path.replace(self.path.with_suffix(_DAMAGED_SUFFIX))
         except OSError as error:
             problem = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
             self.refusal = ResourceError(

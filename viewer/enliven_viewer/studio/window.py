@@ -38,29 +38,29 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import theme_in_use
 from enliven_viewer.window import Place, is_minimised, toggle_full_screen
 
-_LONGEST_STEP = 2.0
+_MAX_STEP_S = 2.0
 """Maximum time step in seconds. The playhead follows the clock even at low frame rates. After a longer pause,
 such as a suspended computer, it continues from where it was.
 """
-_SAMPLES = 0
+_FRAMEBUFFER_SAMPLES = 0
 """Multisampling of the window's own framebuffer; ImGui's default would be 8. Panels smooth their own edges,
 and the 3D view has its own samples. More samples here would cost a third of the frame time.
 """
 
 
-_USUAL_CORNER = (80, 80)
+_DEFAULT_CORNER = (80, 80)
 """Position in pixels, from the screen's corner, of a window that leaves the full screen in which it
 started.
 """
-_USUAL = WindowStart()
+_DEFAULT_START = WindowStart()
 """Default start: a window with panels, which asks before unsaved work is lost."""
-_MINIMISED_PAUSE = 0.05
+_MINIMISED_SLEEP_S = 0.05
 """Sleep per frame in seconds while the window is minimised."""
 
 
 def elapsed_since(last: float, now: float) -> float:
     """Returns the time step in seconds between two frames at given clock times."""
-    return min(now - last, _LONGEST_STEP)
+    return min(now - last, _MAX_STEP_S)
 
 
 class StudioWindow:
@@ -73,14 +73,14 @@ class StudioWindow:
     """
 
     def __init__(
-        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
+        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _DEFAULT_START
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
         self.pace = 0.0  # This is the number of frames per second, smoothed.
         # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
         self._windowed: Place | None = (
-            (*_USUAL_CORNER, settings.width, settings.height) if opening.full_screen else None
+            (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
         )
         self._idle_loop = IdleLoop()
         self.pictures = 0
@@ -113,7 +113,7 @@ class StudioWindow:
         runner.app_window_params.restore_previous_geometry = False
         kinds = hello_imgui.DefaultImGuiWindowType
         runner.imgui_window_params.default_imgui_window_type = kinds.no_default_window
-        runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _SAMPLES
+        runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _FRAMEBUFFER_SAMPLES
         if self.opening.full_screen:
             mode = hello_imgui.FullScreenMode.full_screen_desktop_resolution
             runner.app_window_params.window_geometry.full_screen_mode = mode
@@ -138,7 +138,7 @@ class StudioWindow:
             if parent_is_gone() or (end is not None and time.monotonic() > end):
                 self.close()
             if is_minimised(glfw_window_hello_imgui()):
-                time.sleep(_MINIMISED_PAUSE)
+                time.sleep(_MINIMISED_SLEEP_S)
             runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
             if self._theme != theme_in_use()[0]:
                 self._theme = theme_in_use()[0]

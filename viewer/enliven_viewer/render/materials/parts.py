@@ -12,7 +12,7 @@ from enliven_viewer.render.materials.textures import mirrored
 Placing = tuple[int, Transform]
 """A set of texture coordinates, and its transform."""
 
-_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
+_ALPHA_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Part:
     @property
     def rank(self) -> int:
         """Returns its rank in the drawing order: opaque parts first, transparent parts last."""
-        return _ORDER.index(self.alpha)
+        return _ALPHA_ORDER.index(self.alpha)
 
     @property
     def defines(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 MODIFIERS = ("ctrl", "shift", "alt")
 """The modifier keys, in the order of their names in a shortcut."""
-_SAID = {
+_KEY_LABELS = {
     "delete": "Del",
     "escape": "Esc",
     "page_up": "PgUp",
@@ -24,5 +24,5 @@ _SAID = {
 def spoken(key: str) -> str:
     """Returns a shortcut as displayed: "ctrl+shift+z" becomes Ctrl+Shift+Z."""
     return "+".join(
-        _SAID.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
+        _KEY_LABELS.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
     )

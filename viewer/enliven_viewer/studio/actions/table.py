@@ -13,8 +13,8 @@ from enliven_viewer.studio.actions.search import ranked
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
 
-_LAST = "Help"
-_MOST_RECENT = 8
+_LAST_MENU = "Help"
+_MAX_RECENT = 8
 """Maximum number of recent actions that the empty palette shows first."""
 
 
@@ -63,7 +63,7 @@ class ActionTable:
     def menus(self) -> dict[str, list[Action]]:
         """Returns the actions of each menu, in the order of the menu bar; Help is last."""
         names = dict.fromkeys(action.menu for action in self)
-        order = [name for name in names if name != _LAST] + [_LAST] * (_LAST in names)
+        order = [name for name in names if name != _LAST_MENU] + [_LAST_MENU] * (_LAST_MENU in names)
         return {name: [action for action in self if action.menu == name] for name in order}
 
     def do(self, action_id: str) -> bool:
@@ -73,7 +73,7 @@ class ActionTable:
         if first:
             self._toasts.say(first.removesuffix("."), rest)
             return False
-        self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MOST_RECENT]
+        self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MAX_RECENT]
         try:
             action.do()
         except Exception as error:  # An internal error must not close the user's window.

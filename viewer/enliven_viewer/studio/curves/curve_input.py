@@ -35,9 +35,9 @@ GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups of channels, in the order of their buttons."""
 REACH = 8.0
 """Distance in pixels within which a key can be grabbed."""
-_SAMPLES = 240
+_CURVE_SAMPLES = 240
 """Number of samples of a curve over the visible time span: one every few pixels."""
-_ZOOM = 0.85
+_ZOOM_PER_NOTCH = 0.85
 """Factor of the visible value range per notch of the wheel."""
 
 
@@ -60,7 +60,7 @@ class _Wanted:
         )
 
 
-_EASED = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
+_EASE_TITLES = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
 """The name in the history of each change of a key's interpolation."""
 
 
@@ -105,7 +105,7 @@ class CurveInput:
     def times(self) -> Float:
         """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
         layout = self.timeline.layout
-        return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
+        return np.linspace(layout.start, layout.start + layout.shown, _CURVE_SAMPLES)
 
     def refresh(self) -> None:
         """Takes finished curves from the background thread, and starts sampling if they are outdated.
@@ -166,7 +166,7 @@ class CurveInput:
         """Returns (T,) the sample times of :meth:`shown`, which may be slightly outdated."""
         if self._known is None or self.shown_name() in KEYED:
             return self.times
-        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
+        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
 
     def shown_name(self) -> str:
         """Returns the name of the shown group, or empty."""
@@ -192,7 +192,7 @@ class CurveInput:
         """Zooms the value range in or out around a pixel."""
         group = self.shown()
         if group is not None:
-            self._scale = self.scale(group).zoomed(_ZOOM**notches, y)
+            self._scale = self.scale(group).zoomed(_ZOOM_PER_NOTCH**notches, y)
 
     def pan(self, pixels: float) -> None:
         """Pans the values down by some pixels."""
@@ -278,7 +278,9 @@ class CurveInput:
         """Changes the interpolation from the selected key to the next one."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
-            self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
+            self.editor.edit(
+                _EASE_TITLES[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease)
+            )
 
     def _lane(self, thing: Thing) -> tuple[int, ...]:
         """Returns the numbers of the layers that share a timeline bar with the object's layer.

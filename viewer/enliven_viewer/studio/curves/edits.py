@@ -25,7 +25,7 @@ from enliven_viewer.studio.curves.channels import NUMBERS, Dot, Thing, layer_of_
 
 KEYED = {"keys": "degrees", "moves": "metres"}
 """The groups of motion keys, and the attribute of a key that each shows."""
-_ENDS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
+_VALUE_LIMITS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
 """Minimum and maximum value of the keys of a layer's weight and speed."""
 Lane = tuple[int, ...]
 
@@ -81,7 +81,7 @@ def removed(project: Project, thing: Thing, lane: Lane, group: str, number: int)
 
 def within(project: Project, thing: Thing, group: str, time: float, value: float) -> float:
     """Returns the value of a layer's key that is drawn at ``value``, clamped to the playable range."""
-    low, high = _ENDS[group]
+    low, high = _VALUE_LIMITS[group]
     return min(max(value / scale_of(project, thing, group, time), low), high)
 
 

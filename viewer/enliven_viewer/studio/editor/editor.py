@@ -28,7 +28,7 @@ Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
 SHORTEST_RANGE_S = 0.1
 """Minimum length of the marked range in seconds. A shorter range is an accident."""
-_ROOM = 1.25
+_FRAMING_MARGIN = 1.25
 """Framing margin: size of the view relative to the shapes, which leaves room to drag their ends."""
 
 
@@ -287,7 +287,7 @@ class Editor:
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
-        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
+        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_FRAMING_MARGIN)
 
     def next_look(self) -> None:
         """Switches the stage to the next look."""

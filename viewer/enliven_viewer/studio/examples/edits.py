@@ -23,9 +23,9 @@ from enliven.modeling.puppet import (
 )
 from enliven_viewer.language import tr
 
-_AUTOMATIC = re.compile(r"point \d+")
+_AUTOMATIC_NAME = re.compile(r"point \d+")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
-_NO_WORDS = {"end", "index", "base", "tip", "joint", "site"}
+_IGNORED_WORDS = {"end", "index", "base", "tip", "joint", "site"}
 HardConstraint = Position | Velocity | Coupling
 
 
@@ -55,14 +55,14 @@ def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Proj
     An automatic name is replaced by the joint's name.
     """
     names = {control_point.name: control_point for control_point in project.puppet(puppet_id).points}
-    name = unused(spoken_joint(joint), names) if _AUTOMATIC.fullmatch(point) else point
+    name = unused(spoken_joint(joint), names) if _AUTOMATIC_NAME.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
 def spoken_joint(joint: str) -> str:
     """Returns a joint's name in plain words: "LeftHandIndex1 end" becomes "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
-    kept = [word for word in words if word not in _NO_WORDS]
+    kept = [word for word in words if word not in _IGNORED_WORDS]
     sides = [word for word in kept if word in ("left", "right")]
     return " ".join([*sides, *(word for word in kept if word not in sides)]) or joint.lower() or "point"
 

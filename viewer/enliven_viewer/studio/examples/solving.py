@@ -16,7 +16,7 @@ from enliven.errors import EnlivenError
 from enliven.examples import missing, motion_of
 from enliven_viewer.studio.toasts import Toasts
 
-_PATIENCE = 0.012
+_MAX_WAIT_S = 0.012
 """Maximum time in seconds that a frame waits. Faster results appear in the same frame."""
 
 
@@ -54,7 +54,7 @@ class Solving:
         patience: seconds that :meth:`shown` waits for a motion.
     """
 
-    def __init__(self, toasts: Toasts, patience: float = _PATIENCE) -> None:
+    def __init__(self, toasts: Toasts, patience: float = _MAX_WAIT_S) -> None:
         self.patience = patience
         self._toasts = toasts
         self._pool: ThreadPoolExecutor | None = None

@@ -7,9 +7,9 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Puppet, RigBase
 
-_MOST = 7
+_MAX_TRAILS = 7
 """Maximum number of trails without a selection: two hands, two feet, a head and two ears, or a tail."""
-_APART = 0.12
+_MIN_END_DISTANCE = 0.12
 """Minimum distance between two ends, as a fraction of the character's size. So the fingers of a hand count as
 one end.
 """
@@ -27,7 +27,7 @@ def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int
     if wanted:
         return tuple(dict.fromkeys(wanted))
     if isinstance(character, Puppet):
-        return tuple(range(min(len(rest), 2 * _MOST)))
+        return tuple(range(min(len(rest), 2 * _MAX_TRAILS)))
     parents = character.parents
     if not len(parents):
         return far_ends(rest, np.arange(len(rest)), rest.mean(0))
@@ -46,9 +46,9 @@ def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ..
     ends = list[int]()
     size = float(np.linalg.norm(points.max(0) - points.min(0)))
     away = np.linalg.norm(points[candidates] - start, axis=1)
-    for _ in range(_MOST):
+    for _ in range(_MAX_TRAILS):
         best = int(away.argmax())
-        if away[best] < _APART * size and ends:
+        if away[best] < _MIN_END_DISTANCE * size and ends:
             break
         ends.append(int(candidates[best]))
         away = np.minimum(away, np.linalg.norm(points[candidates] - points[ends[-1]], axis=1))

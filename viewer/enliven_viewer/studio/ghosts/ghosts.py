@@ -15,7 +15,7 @@ from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
 from enliven_viewer.studio.ghosts.picture import GhostPicture, bodies_of, trail_rows
 from enliven_viewer.studio.ghosts.sampling import Sampled, Wanted, sample
 
-_MOST = 3
+_MAX_CHARACTERS = 3
 """Maximum number of characters with ghosts if none is selected. More would hide one another."""
 
 
@@ -84,7 +84,9 @@ class Ghosts:
         A puppet is returned in its last solved state.
         """
         editor, chosen = self.editor, self.editor.chosen()
-        characters = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
+        characters = (
+            [chosen] if chosen is not None else list(editor.project.characters.values())[:_MAX_CHARACTERS]
+        )
         return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
     def _wanted(self, character: RigBase) -> Wanted:

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.document import Playing, Project, Puppet, RigBase
 from enliven.modeling.edits import key_layer
 
-_SAME = 1e-3
+_TIME_TOLERANCE_S = 1e-3
 """Time difference in seconds below which a ghost would coincide with the character itself."""
 
 
@@ -66,6 +66,6 @@ def ghost_moments(
     if not keys:
         middle = round(time / step)
         keys = tuple(step * k for k in range(middle - count - 1, middle + count + 2))
-    inside = np.array([key for key in keys if -_SAME <= key <= length + _SAME])
-    before, after = inside[inside < time - _SAME], inside[inside > time + _SAME]
+    inside = np.array([key for key in keys if -_TIME_TOLERANCE_S <= key <= length + _TIME_TOLERANCE_S])
+    before, after = inside[inside < time - _TIME_TOLERANCE_S], inside[inside > time + _TIME_TOLERANCE_S]
     return (*before[len(before) - min(count, len(before)) :].tolist(), *after[:count].tolist())

@@ -13,17 +13,17 @@ from enliven_viewer.studio.ghosts.sampling import MomentBody, Sampled
 from enliven_viewer.studio.viewport import Lens
 from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK, Paint
 
-_LINE = 1.5
+_TRAIL_RADIUS_PX = 1.5
 """Radius in pixels of a trail at the playhead."""
-_THIN = 0.4
+_TRAIL_END_FRACTION = 0.4
 """Fraction of that radius at the ends of a trail."""
-_DOT = 2.5
+_FRAME_RADIUS_PX = 2.5
 """Radius in pixels of a frame's dot."""
-_KEY = 5.0
+_KEY_RADIUS_PX = 5.0
 """Radius in pixels of the dots of key poses and of the playhead."""
-_BETWEEN = 3
+_SEGMENTS_PER_FRAME = 3
 """Number of line segments between two frames, so that the trail of a fast hand is still a smooth curve."""
-_DIM = 0.22
+_TRAIL_END_BRIGHTNESS = 0.22
 """Brightness of a trail at its ends; at the playhead it is 1."""
 
 
@@ -67,16 +67,20 @@ def trail_rows(
     places = np.stack([sampled.points[frame][list(points)] for frame in frames], 1)
     seconds = np.array(frames) * wanted.step
     reach = max(time - seconds[0], seconds[-1] - time, wanted.step)
-    fine = np.linspace(seconds[0], seconds[-1], _BETWEEN * (len(seconds) - 1) + 1)
+    fine = np.linspace(seconds[0], seconds[-1], _SEGMENTS_PER_FRAME * (len(seconds) - 1) + 1)
     rows = []
     for line in places:
         curve = smooth(line)
         near = 1.0 - np.abs(fine - time) / reach
-        width = (_THIN + (1.0 - _THIN) * near) * lens.spans(curve)
-        line_rows = tube_rows(curve[:-1], curve[1:], _LINE * width[:-1], _tints(fine[:-1], time, near[:-1]))
-        line_rows[:, 7] = _LINE * width[1:]
+        width = (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.spans(curve)
+        line_rows = tube_rows(
+            curve[:-1], curve[1:], _TRAIL_RADIUS_PX * width[:-1], _tints(fine[:-1], time, near[:-1])
+        )
+        line_rows[:, 7] = _TRAIL_RADIUS_PX * width[1:]
         near = 1.0 - np.abs(seconds - time) / reach
-        dots = _DOT * (_THIN + (1.0 - _THIN) * near) * lens.spans(line)
+        dots = (
+            _FRAME_RADIUS_PX * (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.spans(line)
+        )
         rows += [line_rows, tube_rows(line, line, dots, _tints(seconds, time, near))]
     current_places = sampled.place(time)[list(points)]
     rows.append(_balls(current_places, CHOSEN, lens))
@@ -94,17 +98,19 @@ def smooth(line: Float) -> Float:
     """
     padded = np.concatenate([2 * line[:1] - line[1:2], line, 2 * line[-1:] - line[-2:-1]])
     p, q, r, s = (padded[k : len(padded) - 3 + k, None] for k in range(4))
-    u = (np.arange(_BETWEEN) / _BETWEEN)[None, :, None]
+    u = (np.arange(_SEGMENTS_PER_FRAME) / _SEGMENTS_PER_FRAME)[None, :, None]
     pieces = 0.5 * (2 * q + (r - p) * u + (2 * p - 5 * q + 4 * r - s) * u**2 + (3 * q - p - 3 * r + s) * u**3)
     return np.concatenate([pieces.reshape(-1, 3), line[-1:]])
 
 
 def _balls(places: Float, tint: Paint, lens: Lens) -> Float32:
     tints = np.tile(linear_from_srgb(np.array([tint], float)), (len(places), 1))
-    return tube_rows(places, places, _KEY * lens.spans(places), tints)
+    return tube_rows(places, places, _KEY_RADIUS_PX * lens.spans(places), tints)
 
 
 def _tints(seconds: Float, time: float, near: Float) -> Float32:
     """Returns (N, 3) linear RGB of the segments of a trail, dimmer with distance from the playhead."""
     colours = linear_from_srgb(np.array([BEFORE, AFTER], float))[(seconds > time).astype(int)]
-    return np.asarray(colours * (_DIM + (1.0 - _DIM) * near[:, None]), np.float32)
+    return np.asarray(
+        colours * (_TRAIL_END_BRIGHTNESS + (1.0 - _TRAIL_END_BRIGHTNESS) * near[:, None]), np.float32
+    )

@@ -11,7 +11,7 @@ from enliven.arrays import Float, Float32, Int32
 from enliven.document import Project, RigBase
 from enliven.modeling.edits import rig_of
 
-_KEPT = 4000
+_MAX_CACHED_FRAMES = 4000
 """Maximum number of cached frames per character: some minutes."""
 
 
@@ -104,7 +104,7 @@ def sample(wanted: Wanted, before: Sampled | None) -> Sampled:
     if samples._at is None:
         samples._at = _points(wanted.project, wanted.character)
         samples._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
-    if len(samples.points) > _KEPT:
+    if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
     for frame in range(wanted.first, wanted.last + 1):
         if frame not in samples.points:

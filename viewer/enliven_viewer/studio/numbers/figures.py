@@ -14,9 +14,9 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Selection
 
 AXES = ("x", "y", "z")
-_SMALLEST = 1e-3
+_MIN_SCALABLE_HEIGHT_M = 1e-3
 """In metres. The height of a flatter object cannot be changed."""
-_LARGEST = 1000.0
+_MAX_HEIGHT_M = 1000.0
 """Maximum height in metres. A larger number is a typing error."""
 
 
@@ -84,8 +84,10 @@ class Figures:
         tall = self.height
         if tall is None:
             return
-        if not (tall > _SMALLEST and _SMALLEST <= metres <= _LARGEST):
-            problem = tr("it is flat") if tall <= _SMALLEST else tr("nothing is {0:g} m tall", metres)
+        if not (tall > _MIN_SCALABLE_HEIGHT_M and _MIN_SCALABLE_HEIGHT_M <= metres <= _MAX_HEIGHT_M):
+            problem = (
+                tr("it is flat") if tall <= _MIN_SCALABLE_HEIGHT_M else tr("nothing is {0:g} m tall", metres)
+            )
             raise InputError(problem, mend=tr("Give a height such as 1.7 m or 150 %."))
         self.scale(metres / tall)
 

@@ -10,16 +10,16 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_VIEWS = (1, 2, 3, 4)
+_VIEW_NUMBERS = (1, 2, 3, 4)
 """The bookmarks with a shortcut."""
-_FIRST = 4
+_FUNCTION_KEY_OFFSET = 4
 """Offset from bookmark to function key: the first is F5, since F1 is help and F2 renames."""
 
 
 def view_actions(editor: Editor) -> Iterator[Action]:
     """Yields the actions that store the current view and restore a stored one."""
-    for number in _VIEWS:
-        name, key = tr("view {0}", number), f"f{number + _FIRST}"
+    for number in _VIEW_NUMBERS:
+        name, key = tr("view {0}", number), f"f{number + _FUNCTION_KEY_OFFSET}"
         yield Action(
             f"view.take_{number}",
             "View",
@@ -31,13 +31,13 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             apart=number == 1,
             group="Bookmarks",
         )
-    for number in _VIEWS:
+    for number in _VIEW_NUMBERS:
         name = tr("view {0}", number)
         yield Action(
             f"view.store_{number}",
             "View",
             f"Store as bookmark {number}",
-            (f"ctrl+f{number + _FIRST}",),
+            (f"ctrl+f{number + _FUNCTION_KEY_OFFSET}",),
             lambda name=name: store_view(editor, name),
             about="It is saved with the project.",
             apart=number == 1,

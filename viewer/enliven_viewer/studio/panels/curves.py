@@ -15,7 +15,7 @@ from enliven_viewer.studio.timeline import LABELS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
 
-_NAMES = {
+_GROUP_LABELS = {
     "keys": later("Key turns"),
     "moves": later("Key places"),
     "turn": later("Turn"),
@@ -24,13 +24,13 @@ _NAMES = {
     "speed": later("Speed"),
 }
 """Labels of the groups."""
-_EASES = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
+_EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
 """Labels of the interpolation modes."""
-_NOTHING = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
-_MENU = "key menu"
-_DIAMOND = 5.5
+_EMPTY_TEXT = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
+_MENU_ID = "key menu"
+_DIAMOND_RADIUS = 5.5
 """Distance in pixels from the centre of a key to its corners."""
-_WHEEL = 40.0
+_PAN_PER_NOTCH = 40.0
 """Pixels that the time axis pans per notch of the wheel with Shift."""
 
 
@@ -42,7 +42,7 @@ def draw_curves(workspace: Workspace, area: Area) -> None:
         curves.refresh()
         groups, group = curves.groups(), curves.shown()
         if group is None:
-            quiet(_NOTHING)
+            quiet(_EMPTY_TEXT)
             return
         origin, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         curves.height = max(size.y, 20.0)
@@ -65,7 +65,7 @@ def _names(
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
         if imgui.selectable(
-            f"{tr(_NAMES[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
+            f"{tr(_GROUP_LABELS[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
         )[0]:
             curves.group = name
         workspace.remember(f"curves {name}")
@@ -159,14 +159,14 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
             curves.press(x, y)
         elif imgui.is_mouse_clicked(1) and dot is not None:
             curves.chosen = dot.number
-            imgui.open_popup(_MENU)
+            imgui.open_popup(_MENU_ID)
         if imgui.is_mouse_dragging(2, 0.0):
             curves.pan(io.mouse_delta.y)
             timeline.pan(-io.mouse_delta.x)
         if io.key_ctrl and io.mouse_wheel:
             timeline.zoom(io.mouse_wheel, x)
         elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
-            timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+            timeline.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
         elif io.mouse_wheel:
             curves.zoom(io.mouse_wheel, y)
     if curves.busy and imgui.is_mouse_down(0):
@@ -177,7 +177,7 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
 
 def _menu(curves: CurveInput) -> None:
     """Draws the context menu of a key."""
-    if not imgui.begin_popup(_MENU):
+    if not imgui.begin_popup(_MENU_ID):
         return
     group = curves.shown()
     dot = next(
@@ -185,7 +185,7 @@ def _menu(curves: CurveInput) -> None:
     )
     if dot is not None and dot.ease:
         for ease in EASES:
-            if imgui.menu_item(f"{tr(_EASES[ease])}###ease {ease}", "", dot.ease == ease)[0]:
+            if imgui.menu_item(f"{tr(_EASE_LABELS[ease])}###ease {ease}", "", dot.ease == ease)[0]:
                 curves.ease(ease)
         imgui.separator()
     if imgui.menu_item(labelled(tr("Remove"), "remove key"), "", False)[0]:
@@ -202,7 +202,7 @@ def _told(dot: Dot, group: CurveGroup) -> str:
 
 
 def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) -> None:
-    reach = _DIAMOND + 1.5 * chosen
+    reach = _DIAMOND_RADIUS + 1.5 * chosen
     corners = (
         ImVec2(at.x, at.y - reach),
         ImVec2(at.x + reach, at.y),

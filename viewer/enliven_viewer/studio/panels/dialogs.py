@@ -19,16 +19,16 @@ from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import ORDERS, FileBrowser, Workspace, places
 from enliven_viewer.theme import WAIT
 
-_FOLDER = "\uf07b"
-_SIZE = (720.0, 480.0)
+_FOLDER_ICON = "\uf07b"
+_DIALOG_SIZE = (720.0, 480.0)
 """Size in pixels of a file dialogue: places at the left, files in the middle."""
-_ROOMY = 480.0
+_MIN_WIDTH_WITH_PLACES = 480.0
 """Minimum width in pixels of a dialogue that shows places at the left."""
-_PLACES = 150.0
+_PLACES_WIDTH = 150.0
 """Width in pixels of the list of places: a folder's name."""
-_ORDER = 120.0
+_ORDER_WIDTH = 120.0
 """Width in pixels of the sort order field: its longest label."""
-_CANCEL = 84.0
+_CANCEL_WIDTH = 84.0
 """Space in pixels to the right of a new folder's name, for the button that cancels it."""
 _TITLES = {
     "open": "Open",
@@ -46,15 +46,15 @@ def draw_dialogs(workspace: Workspace) -> None:
         draw_history(workspace)
     if workspace.asking in _TITLES:
         _files(workspace)
-    elif workspace.asking in _DIALOGUES:
-        _DIALOGUES[workspace.asking](workspace)
+    elif workspace.asking in _DRAW_FUNCTIONS:
+        _DRAW_FUNCTIONS[workspace.asking](workspace)
 
 
 def _files(workspace: Workspace) -> None:
     browser = workspace.browser
     if browser is None:
         return
-    with modal(_TITLES[workspace.asking], *_SIZE) as shown:
+    with modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
         if shown:
             _browse(workspace, browser)
 
@@ -64,13 +64,13 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
         draw_export_options(workspace, film=workspace.asking == "film")
     _head(workspace, browser)
     rows = 3 * imgui.get_frame_height_with_spacing()
-    if imgui.get_content_region_avail().x > _ROOMY:
+    if imgui.get_content_region_avail().x > _MIN_WIDTH_WITH_PLACES:
         _places(workspace, browser, rows)
         imgui.same_line()
     imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
     done = False
     for folder in browser.folders():
-        if imgui.selectable(f"{_FOLDER}  {folder.name}##folder", False)[0]:
+        if imgui.selectable(f"{_FOLDER_ICON}  {folder.name}##folder", False)[0]:
             browser.enter(folder)
         workspace.remember(f"folder {folder.name}")
     for file in browser.files():
@@ -101,7 +101,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
         browser.enter(browser.folder.parent)
     workspace.remember("folder up")
     imgui.same_line()
-    imgui.set_next_item_width(_ORDER)
+    imgui.set_next_item_width(_ORDER_WIDTH)
     opened = imgui.begin_combo("##order", tr(ORDERS[browser.order]))
     workspace.remember("order")
     if opened:
@@ -119,7 +119,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
         imgui.text_unformatted(_shortened(str(browser.folder), imgui.get_content_region_avail().x))
         return
     imgui.set_keyboard_focus_here()
-    imgui.set_next_item_width(-_CANCEL)
+    imgui.set_next_item_width(-_CANCEL_WIDTH)
     is_entered, browser.new = imgui.input_text_with_hint(
         "##new folder",
         tr("Name of the new folder, then Enter"),
@@ -140,7 +140,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
 
 def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
     """Draws the user's own folders, removable drives, and folders of recent files."""
-    imgui.begin_child("##places", ImVec2(_PLACES, -rows), imgui.ChildFlags_.frame_style)
+    imgui.begin_child("##places", ImVec2(_PLACES_WIDTH, -rows), imgui.ChildFlags_.frame_style)
     for number, (name, folder) in enumerate(places(workspace.preferences.recent, Path.cwd())):
         if imgui.selectable(f"{name}##place {number}", folder == browser.folder)[0]:
             browser.enter(folder)
@@ -202,7 +202,7 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-_DIALOGUES = {
+_DRAW_FUNCTIONS = {
     "unsaved": draw_unsaved,
     "changed": draw_changed_file,
     "recover": _recover,

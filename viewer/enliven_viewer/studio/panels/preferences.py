@@ -16,14 +16,14 @@ from enliven_viewer.theme import WAIT
 
 _SIZE = (620.0, 520.0)
 """Size in pixels: fifteen rows with action, shortcut and button side by side."""
-_KEY = 150.0
+_KEY_WIDTH = 150.0
 """Width in pixels of a shortcut's button: Ctrl+Shift+PgDn."""
-_THEME = 130.0
+_THEME_WIDTH = 130.0
 """Width in pixels of the theme field: its longest name."""
-_THEMES = Texts({"dark": "Dark", "light": "Light"})
-_COLOURS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
+_THEME_LABELS = Texts({"dark": "Dark", "light": "Light"})
+_PALETTE_LABELS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
 """Names of the palettes; the second also suits people with red-green colour blindness."""
-_FREE = 42.0
+_REMOVE_WIDTH = 42.0
 """Width in pixels of the button that removes the shortcut."""
 
 
@@ -71,11 +71,11 @@ def _reading(workspace: Workspace) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Theme"))
     imgui.same_line(110)
-    theme = _choice(workspace, "theme", _THEMES, preferences.theme, _THEME)
+    theme = _choice(workspace, "theme", _THEME_LABELS, preferences.theme, _THEME_WIDTH)
     imgui.same_line(260)
     imgui.text_unformatted(tr("Colours"))
     imgui.same_line()
-    colours = _choice(workspace, "colours", _COLOURS, preferences.colours, -1.0)
+    colours = _choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
     told("Colours of limbs, performers, takes and control points")
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Language"))
@@ -107,9 +107,9 @@ def _row(workspace: Workspace, action: Action) -> None:
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
-    imgui.same_line(imgui.get_content_region_avail().x - _KEY - _FREE)
+    imgui.same_line(imgui.get_content_region_avail().x - _KEY_WIDTH - _REMOVE_WIDTH)
     key_text = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
-    if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY, 0)):
+    if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY_WIDTH, 0)):
         wanted.begin(action.id)
     workspace.remember(f"key {action.id}")
     imgui.same_line()

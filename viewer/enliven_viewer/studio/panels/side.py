@@ -15,12 +15,12 @@ from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
 from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools import BRUSHES, LARGEST, SMALLEST, PaintTool
+from enliven_viewer.studio.tools import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 
-_HALF = 126.0
+_BUTTON_WIDTH = 126.0
 """Width of a button in pixels: two are side by side."""
-_DEEDS = (
+_CHARACTER_ACTIONS = (
     "edit.duplicate",
     "shape.mirror",
     "shape.larger",
@@ -28,8 +28,8 @@ _DEEDS = (
     "shape.turn_left",
     "shape.turn_right",
 )
-_TOGETHER = (
-    *_DEEDS,
+_SELECTION_ACTIONS = (
+    *_CHARACTER_ACTIONS,
     "motion.earlier",
     "motion.later",
     "motion.mute",
@@ -38,13 +38,13 @@ _TOGETHER = (
     "edit.delete",
 )
 """Actions on the whole selection."""
-_SWING = later("of soft spots")
+_SWING_TITLE = later("of soft spots")
 """Name of the slider's value in the history."""
 _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
 """Labels of the clip field if none of the clips plays."""
-_JOINTED = ("motion.spread", "motion.clear")
+_BONE_ACTIONS = ("motion.spread", "motion.clear")
 """Actions of characters with bones only."""
-_WORDS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
+_KIND_LABELS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
 """Names of the kinds of characters for artists, by the word of the rig."""
 
 
@@ -69,7 +69,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
 
 def _chosen(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
-    heading(tr("Chosen {0}", _WORDS.get(character.word, character.word)))
+    heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
     character_name(workspace, character)
     if editor.chosen() is not character:
         return
@@ -78,7 +78,7 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if isinstance(character, Shape):
         _clips(workspace, character)
     draw_numbers(workspace)
-    _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+    _buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
 
 
 def made_of(character: RigBase) -> str:
@@ -127,7 +127,7 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
         workspace.remember(f"brush {brush}")
         told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
-    tool.radius = imgui.slider_float("##brush", tool.radius, SMALLEST, LARGEST, tr("size %.0f"))[1]
+    tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     workspace.remember("brush size")
     told("The keys [ and ]")
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
@@ -137,7 +137,7 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
     character = workspace.editor.chosen()
     if character is not None and character.mesh is not None and character.kind == "graph":
         _swing(workspace, character.id)
-    action_button(workspace, "paint.clear", 2 * _HALF)
+    action_button(workspace, "paint.clear", 2 * _BUTTON_WIDTH)
     quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
 
 
@@ -153,7 +153,7 @@ def _swing(workspace: Workspace, name: str) -> None:
     def change(project: Project, wanted: float) -> Project:
         return handle_characters(project, [name], exaggeration=wanted)
 
-    slider(workspace, f"swing {_SWING}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
+    slider(workspace, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
     told("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
@@ -163,11 +163,11 @@ def _several(workspace: Workspace) -> None:
     heading(tr("{0} shapes are chosen", len(names)))
     quiet(", ".join(names))
     draw_numbers(workspace)
-    _buttons(workspace, _TOGETHER)
+    _buttons(workspace, _SELECTION_ACTIONS)
 
 
 def _buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
     for place, action in enumerate(actions):
         if place % 2:
             imgui.same_line()
-        action_button(workspace, action, _HALF)
+        action_button(workspace, action, _BUTTON_WIDTH)

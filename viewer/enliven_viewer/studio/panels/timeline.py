@@ -22,16 +22,16 @@ _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4 on the buttons of the transport."""
 _SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
 """Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
-_CLICKED = (
+_CLICKABLE_PARTS = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
     *("pose", "suggested", "held", "found"),
 )
 """Parts over which the pointer becomes a hand."""
-_GRIP = 7.0
+_GRIP_HEIGHT = 7.0
 """Height in pixels of the upper edge, which can be dragged to resize the timeline."""
-_ROOMY = 760.0
+_MIN_WIDTH_WITH_MARKS = 760.0
 """Minimum window width in pixels for the in and out buttons."""
-_WHEEL = 40.0
+_PAN_PER_NOTCH = 40.0
 """Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
 _NO_MOTION = later(
@@ -67,7 +67,7 @@ def _grip(workspace: Workspace, area: Area) -> None:
     """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
     preferences, place = workspace.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
-    imgui.invisible_button("##height", ImVec2(area.width, _GRIP))
+    imgui.invisible_button("##height", ImVec2(area.width, _GRIP_HEIGHT))
     workspace.remember("timeline height")
     held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
     if hovered or held:
@@ -117,7 +117,7 @@ def _transport(workspace: Workspace) -> None:
 
 def _points(workspace: Workspace) -> None:
     """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
-    if imgui.get_window_width() < _ROOMY:
+    if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
     chosen = workspace.editor.marked is not None
     for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
@@ -197,7 +197,7 @@ def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
     if io.key_ctrl and io.mouse_wheel:
         timeline.zoom(io.mouse_wheel, x)
     elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
-        timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+        timeline.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
     elif io.mouse_wheel:
         low = max(timeline.layout.height - size.y, 0.0)
         timeline.scrolled = min(max(timeline.scrolled - 24 * io.mouse_wheel, 0.0), low)
@@ -206,7 +206,7 @@ def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
 def _cursor(kind: str) -> None:
     if kind in ("edge", "begin", "blend", "switch", "from", "to"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    elif kind in _CLICKED:
+    elif kind in _CLICKABLE_PARTS:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 

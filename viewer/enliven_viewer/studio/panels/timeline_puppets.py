@@ -29,8 +29,8 @@ from enliven_viewer.theme import (
     point_colour,
 )
 
-_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
-_FAR = 1.15
+_ROW_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
+_MAX_COVERAGE_DISTANCE = 1.15
 """Maximum of the coverage curve's scale; 1 is the largest distance without any example."""
 
 
@@ -44,7 +44,7 @@ def draw_details(
     details = workspace.timeline.rows.details
     edited = lane.kind == "band" and details.layer(lane.layers[0]).switches is not None
     with small():
-        label = tr(_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
+        label = tr(_ROW_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
         draw.add_text(ImVec2(origin.x + 28, top + lane.height / 2 - 7), packed(QUIET), label)
     {"poses": _poses, "band": _bands, "held": _held}[lane.kind](workspace, layout, lane, origin)
 
@@ -65,7 +65,7 @@ def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
         )
         away = away if lane.layer.speed > 0 else away[::-1]
         xs = np.linspace(start, end, count)
-        ys = top + lane.height - 3 - (lane.height - 8) * np.clip(away / _FAR, 0.0, 1.0)
+        ys = top + lane.height - 3 - (lane.height - 8) * np.clip(away / _MAX_COVERAGE_DISTANCE, 0.0, 1.0)
         for k in range(count - 1):
             tint = _between(GOOD, BAD, float(np.clip((away[k] - 0.45) / 0.4, 0.0, 1.0)))
             corners = (

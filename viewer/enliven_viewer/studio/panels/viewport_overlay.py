@@ -15,13 +15,13 @@ from enliven_viewer.studio.viewport import Disc, Fill, Label, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
-_AIR = 8.0
+_BRACKET_GAP = 8.0
 """Gap in pixels between a selected character and its corner brackets."""
-_CORNER = 10.0
+_BRACKET_LENGTH = 10.0
 """Length in pixels of a bracket's arms."""
-_LEAST_LETTERS = 9.0
+_MIN_HINT_TEXT_SIZE = 9.0
 """Minimum text size in pixels of a long hint in the strip below a narrow view."""
-_WIDE = 380.0
+_MAX_MESSAGE_WIDTH = 380.0
 """Maximum width in pixels of a message line: about sixty letters, easy to read."""
 
 
@@ -74,9 +74,12 @@ def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
         if character.id not in editor.selection.characters or not pixels:
             continue
         colour = packed(ACCENT if character.id == editor.selection.character else INK, 0.9)
-        (left, top), (right, bottom) = np.min(pixels, axis=0) - _AIR, np.max(pixels, axis=0) + _AIR
-        for x, inward in ((left, _CORNER), (right, -_CORNER)):
-            for y, down in ((top, _CORNER), (bottom, -_CORNER)):
+        (left, top), (right, bottom) = (
+            np.min(pixels, axis=0) - _BRACKET_GAP,
+            np.max(pixels, axis=0) + _BRACKET_GAP,
+        )
+        for x, inward in ((left, _BRACKET_LENGTH), (right, -_BRACKET_LENGTH)):
+            for y, down in ((top, _BRACKET_LENGTH), (bottom, -_BRACKET_LENGTH)):
                 at = ImVec2(area.x + x, area.y + y)
                 ends: list[ImVec2Like] = [ImVec2(at.x + inward, at.y), at, ImVec2(at.x, at.y + down)]
                 draw.add_polyline(ends, colour, 2.0, 0)
@@ -136,7 +139,7 @@ def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> Non
     words = f"{tr(tool.label)}   {tr(tool.hint)}"
     grown = size / imgui.get_font_size()
     high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
-    while high > area.height - 6 and size > _LEAST_LETTERS:
+    while high > area.height - 6 and size > _MIN_HINT_TEXT_SIZE:
         size -= 0.5
         grown = size / imgui.get_font_size()
         high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
@@ -188,7 +191,7 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
     """Draws one message above ``bottom``. Returns its top."""
 
     texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
-    extents = [imgui.calc_text_size(text, wrap_width=_WIDE) for text, _ in texts]
+    extents = [imgui.calc_text_size(text, wrap_width=_MAX_MESSAGE_WIDTH) for text, _ in texts]
     wide = max(extent.x for extent in extents) + 34
     left, top = area.x + 14, bottom - sum(extent.y for extent in extents) - 16
     seen = min(toast.left / 0.6, 1.0)
@@ -199,7 +202,7 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
     draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
     line = top + 8
     for (text, colour), extent in zip(texts, extents, strict=True):
-        _wrapped(draw, ImVec2(left + 20, line), packed(colour, seen), text, _WIDE)
+        _wrapped(draw, ImVec2(left + 20, line), packed(colour, seen), text, _MAX_MESSAGE_WIDTH)
         line += extent.y
     return top
 

@@ -39,7 +39,7 @@ class PerformAction:
     @property
     def id(self) -> str:
         """Returns a permanent name such as "perform.possess_alone"."""
-        if self.label == _STAND:
+        if self.label == _STAND_LABEL:
             return "perform.stand"  # The start page refers to this action, so its name is fixed.
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
@@ -93,10 +93,10 @@ def _go(room: str) -> Callable[[PerformSession], object]:
     return lambda session: setattr(session, "room", room)
 
 
-_HERE = ("Perform", "Play")
-_STAND = "Stand in front of the camera"
+_LIVE_WORKSPACES = ("Perform", "Play")
+_STAND_LABEL = "Stand in front of the camera"
 PERFORM_ACTIONS = (
-    PerformAction(_STAND, "", _go("Perform"), live=False),
+    PerformAction(_STAND_LABEL, "", _go("Perform"), live=False),
     *(
         PerformAction(
             f"Workspace: {room}",
@@ -154,22 +154,22 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _step_in("alone"), _HERE, apart=True),
-    PerformAction("Possess beside others", "j", _step_in("join"), _HERE),
-    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _HERE),
-    PerformAction("Release", "r", _live(LiveStage.release), _HERE),
+    PerformAction("Possess alone", "p", _step_in("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess beside others", "j", _step_in("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _live(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or let it stay",
         "x",
         _live(LiveStage.scale_by_hands),
-        _HERE,
+        _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
         "Its own size again",
         "z",
         lambda session: session.live and session.sizes.reset(session.meant, session.live.feed.ask),
-        _HERE,
+        _LIVE_WORKSPACES,
         why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.meant),
     ),
     *(
@@ -177,7 +177,7 @@ PERFORM_ACTIONS = (
             f"With: {part}",
             str(n + 1),
             _live(lambda live, n=n: live.choose_parts(n)),
-            _HERE,
+            _LIVE_WORKSPACES,
             group="With",
             apart=n == 0,
         )
@@ -185,7 +185,7 @@ PERFORM_ACTIONS = (
     ),
     *_several(
         "Performers",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Next performer", "b", LiveStage.choose_performer),
         ("Less smoothed", "comma", lambda live: live.smoother(-1)),
         ("More smoothed", "period", lambda live: live.smoother(1)),
@@ -193,7 +193,7 @@ PERFORM_ACTIONS = (
     ),
     *_several(
         "Matches",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Next match with the pose", "n", lambda live: live.browse(1)),
         ("Match before", "m", lambda live: live.browse(-1)),
     ),
@@ -220,12 +220,12 @@ PERFORM_ACTIONS = (
         "See more of the bones",
         "v",
         lambda p: p.live and p.live.show_bones(p.editor.camera),
-        _HERE,
+        _LIVE_WORKSPACES,
         group="See",
     ),
     *_several(
         "See",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Graph of the meshes", "g", lambda live: live.switch("graph")),
         ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
     ),
@@ -233,12 +233,14 @@ PERFORM_ACTIONS = (
         "Close to the limb that takes hold",
         "c",
         lambda session: session.close_up.toggle(),
-        _HERE,
+        _LIVE_WORKSPACES,
         on=lambda session: session.close_up.on,
         about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),
-    *_several("Playing back", _HERE, ("Back to what is live", "l", lambda live: live.playhead.go_live())),
+    *_several(
+        "Playing back", _LIVE_WORKSPACES, ("Back to what is live", "l", lambda live: live.playhead.go_live())
+    ),
     *_several(
         "Playing back",
         ("Play",),

@@ -15,33 +15,33 @@ EYE = 1.1
 """Height in metres of an assumed camera, as on a table, if the messages do not contain the camera's
 position.
 """
-_VIEW = np.tan(np.radians(29.0))
+_TAN_HALF_FOV = np.tan(np.radians(29.0))
 """Tangent of half the vertical field of view: depth cameras have 56 to 60 degrees."""
 WIDER = 1.2
 """Aspect ratio of the view: that of depth cameras, slightly cropped."""
-_NEAREST = 0.6
+_MIN_CAMERA_DISTANCE = 0.6
 """Minimum distance in metres of a depth camera. If performers are nearer, an assumed camera in front of them
 is used.
 """
-_BEFORE = 2.5
+_ASSUMED_CAMERA_DISTANCE = 2.5
 """Distance in metres of that assumed camera: the usual distance."""
-_SHARE = 0.3
+_HEIGHT_FRACTION = 0.3
 """Fraction of the view's height, so that the character stays the main subject."""
-_LEAST = 104.0
+_MIN_HEIGHT = 104.0
 """Minimum height in pixels: poses are recognisable from this size on."""
-_MOST = 400.0
+_MAX_HEIGHT = 400.0
 """Maximum height in pixels: a larger image shows no more detail."""
-_WIDEST = 0.45
+_MAX_WIDTH_FRACTION = 0.45
 """Maximum fraction of the view's width for all insets side by side."""
 _MARGIN = 14.0
 """Distance in pixels from the border of the view."""
-_BELOW = 62.0
+_BOTTOM_SPACE = 62.0
 """Space in pixels at the bottom for the live timeline in Play, and for messages elsewhere."""
-_BETTER = 0.25
+_MIN_CORNER_GAIN = 0.25
 """Minimum improvement, as a fraction of the inset, for moving to another corner, so that it does not jump
 about.
 """
-_LOOKED = 20
+_CORNER_SEARCH_FRAMES = 20
 """Number of frames between two searches for a free corner, since that needs the characters' vertices."""
 
 Rectangle = tuple[float, float, float, float]
@@ -65,7 +65,7 @@ class SeenBody:
     places: Float
     depth: Float
     confidence: Float
-    focal: float = float(0.5 / _VIEW)
+    focal: float = float(0.5 / _TAN_HALF_FOV)
 
     @property
     def bones(self) -> list[tuple[int, int]]:
@@ -74,7 +74,7 @@ class SeenBody:
 
     def pixels(self, metres: float, joint: int) -> float:
         """Returns the size of a length at a joint, as a fraction of the view's height."""
-        return float(metres * self.focal / max(self.depth[joint], _NEAREST))
+        return float(metres * self.focal / max(self.depth[joint], _MIN_CAMERA_DISTANCE))
 
 
 def width_of(camera: CameraMessage | None) -> float:
@@ -93,14 +93,14 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[S
         return tuple(_through(camera, body) for body in bodies)
     nearest = max(float(body.joints[:, 2].max()) for body in bodies)
     eye = np.array([0.0, EYE, 0.0])
-    if nearest > -_NEAREST:
+    if nearest > -_MIN_CAMERA_DISTANCE:
         middle = np.mean([body.joints.mean(0) for body in bodies], axis=0)
-        eye = np.array([middle[0], EYE, nearest + _BEFORE])
+        eye = np.array([middle[0], EYE, nearest + _ASSUMED_CAMERA_DISTANCE])
     bodies_seen = []
     for body in bodies:
         way = body.joints - eye
         depth = -way[:, 2]
-        half = np.where(depth > 0.0, depth, np.nan) * _VIEW
+        half = np.where(depth > 0.0, depth, np.nan) * _TAN_HALF_FOV
         places = np.stack([0.5 * (WIDER + way[:, 0] / half), 0.5 * (1.0 - way[:, 1] / half)], 1)
         bodies_seen.append(SeenBody(body.id, places, depth, body.confidence))
     return tuple(bodies_seen)
@@ -132,19 +132,21 @@ class PerformerInset:
             views: total width of the camera views, in units of one with aspect ratio :data:`WIDER`.
             covered: returns the rectangles of the characters in pixels; called only now and then.
         """
-        fits = min(_MOST, _WIDEST * width / (WIDER * views), height - _BELOW - _MARGIN)
-        tall = max(min(max(_SHARE * height, _LEAST), fits), 1.0)
+        fits = min(
+            _MAX_HEIGHT, _MAX_WIDTH_FRACTION * width / (WIDER * views), height - _BOTTOM_SPACE - _MARGIN
+        )
+        tall = max(min(max(_HEIGHT_FRACTION * height, _MIN_HEIGHT), fits), 1.0)
         wide = tall * WIDER * views
-        right, low = width - wide - _MARGIN, height - tall - _BELOW
+        right, low = width - wide - _MARGIN, height - tall - _BOTTOM_SPACE
         corners = [(x, y, wide, tall) for x, y in ((right, low), (right, _MARGIN), (_MARGIN, low))]
-        if self._drawn % _LOOKED == 0:
+        if self._drawn % _CORNER_SEARCH_FRAMES == 0:
             rectangles = covered()
             costs = [
                 sum(_common(corner, rectangle) for rectangle in rectangles) / (wide * tall)
                 for corner in corners
             ]
             best = int(np.argmin(costs))
-            if costs[best] + _BETTER < costs[self._corner]:
+            if costs[best] + _MIN_CORNER_GAIN < costs[self._corner]:
                 self._corner = best
         self._drawn += 1
         return corners[self._corner]

@@ -13,7 +13,7 @@ from enliven.errors import ResourceError
 from enliven.wire import Endpoint, free_ports
 from enliven_viewer.language import tr
 
-_GRACE = 5.0
+_CLOSE_TIMEOUT_S = 5.0
 """Seconds that an edge has to close its sensor before it is killed."""
 
 
@@ -54,7 +54,7 @@ class NearbyEdge:
         if self._process.poll() is None:
             self._process.terminate()
             try:
-                self._process.wait(_GRACE)
+                self._process.wait(_CLOSE_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()

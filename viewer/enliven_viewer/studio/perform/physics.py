@@ -15,7 +15,7 @@ LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
 LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
 """The artist's name for each of :data:`LOOSE_WORLDS`."""
 _OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
-_HINTS = {
+_STATE_HINTS = {
     "off": later("Boxes and balls that a character can knock over."),
     "preparing": later("The objects are being made ready."),
     "on": later("They appear once a performer stands still. Step in, and knock them over."),
@@ -54,8 +54,8 @@ class StagePhysics:
         state = self.state
         if state is None:
             return _OLD_EDGE if self._state.is_unsupported else NOT_READY
-        if state.state in _HINTS:
-            return _HINTS[state.state]
+        if state.state in _STATE_HINTS:
+            return _STATE_HINTS[state.state]
         return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"
 
     @property

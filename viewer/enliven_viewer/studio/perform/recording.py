@@ -15,15 +15,15 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.guests import Guest
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
-_COUNT = 3.0
+_COUNT_IN_S = 3.0
 """Length of the count-in in seconds: one beat per second."""
-_GONE = 4.0
+_SILENCE_TIMEOUT_S = 4.0
 """Seconds without messages from an edge after which a recording ends. A weak link recovers sooner."""
-_SHORTEST = 0.05
+_MIN_SPAN_S = 0.05
 """Minimum length of the marked span in seconds. A shorter one is an accident."""
-_RECORD = "record "
+_RECORD_PREFIX = "record "
 """Prefix of the history name of a recording."""
-_SILENCE = "silence "
+_MUTE_PREFIX = "silence "
 """Prefix of the history name of an edit that mutes takes before recording an alternative."""
 Phase = Literal["idle", "counting", "recording"]
 
@@ -86,7 +86,7 @@ class StageRecording:
                 self.stop(self.recorder.stillness.since_ns)
             elif self.span is not None and self.seconds >= self.span[1] - self._start:
                 self._span_ended(self.span)
-            elif (self.recorder.cut and not self._guests) or self._silent > _GONE:
+            elif (self.recorder.cut and not self._guests) or self._silent > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
                     tr("The edge is gone, so the recording ended"),
@@ -130,7 +130,7 @@ class StageRecording:
         if self.phase != "idle":
             self.stop()
         elif self._may(self._lacks()):
-            self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
+            self.phase, self._left = "counting", _COUNT_IN_S if self.count_in else 0.0
 
     def again(self, *, beside: bool = False) -> None:
         """Starts again where the recording began. A running recording is dropped; a finished one is undone.
@@ -159,7 +159,7 @@ class StageRecording:
     def recorded(self) -> str:
         """Returns the name of the recording if it was the last edit; else empty."""
         name = self.editor.history.undo_name or ""
-        return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
+        return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
 
     def _silence(self, alternatives: str) -> None:
         """Mutes all takes of a group, before another one is recorded."""
@@ -184,7 +184,7 @@ class StageRecording:
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
         if phase != "recording":
-            if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+            if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
                 self.editor.undo()
             return
         editor = self.editor
@@ -228,7 +228,7 @@ class StageRecording:
         if phase == "recording":
             self._ended()
             self.editor.growing, self.editor.playing = 0.0, False
-        if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+        if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
     def seen(self) -> str:
@@ -258,7 +258,7 @@ class StageRecording:
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent = "recording", 0.0
-        usual = editor.time if editor.time < editor.length - _SHORTEST else 0.0
+        usual = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
         self._start = editor.growing = usual if self.span is None else self.span[0]
         name = self._name()
         self.recorder.begin(name, self._delay_ns())

@@ -12,7 +12,7 @@ from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import StageLink
 
-_REST = 0.25
+_SEND_DELAY_S = 0.25
 """Seconds without another edit after which an edited character is sent, so that a dragged slider sends
 once.
 """
@@ -70,7 +70,7 @@ class StageSender:
                 continue
             if self._seen.get(name, (None, 0.0))[0] is not character:
                 self._seen[name] = character, now
-            elif now - self._seen[name][1] >= _REST:
+            elif now - self._seen[name][1] >= _SEND_DELAY_S:
                 self.put(stage, project, name)
 
     def again(self, stage: StageLink, project: Project) -> None:

@@ -17,11 +17,11 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
 
-_SAME = 0.005
+_SIZE_TOLERANCE = 0.005
 """Relative difference below which two sizes count as equal; an edge ignores it too."""
-_AGAIN = 1.0
+_RESEND_INTERVAL_S = 1.0
 """Time after which a size is sent once more, in seconds. A restarted edge has lost it."""
-_SHOWN = 3.0
+_TEXT_S = 3.0
 """Time for which the text stays after scaling has ended, in seconds."""
 
 
@@ -69,7 +69,7 @@ class StageSizes:
                 continue
             if name in before and before[name].body >= 0:
                 self._keep(name)
-            elif abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
+            elif abs(self.of(name) / self.wanted(name) - 1.0) > _SIZE_TOLERANCE:
                 size = self.wanted(name)
                 self._ask(client, Resize("set", name, size=size), size)
 
@@ -86,7 +86,7 @@ class StageSizes:
 
     def lacks_size(self, name: str | None) -> str:
         """Returns why the size cannot be reset, with advice; empty if it can."""
-        if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SAME:
+        if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SIZE_TOLERANCE:
             return ""
         return "It has its own size. Scale it with both hands first"
 
@@ -96,7 +96,7 @@ class StageSizes:
         if self.going is not None:
             size = f"{self.going}: {self.of(self.going):.0%}"
             self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
-            self._words_until = now + _SHOWN
+            self._words_until = now + _TEXT_S
         elif self.words is not None:
             ended = next((name for name, message in before.items() if message.body >= 0), None)
             if ended is not None:
@@ -107,7 +107,7 @@ class StageSizes:
 
     def _keep(self, name: str) -> None:
         """Stores a size set by hands as an edit of the project."""
-        if abs(self.of(name) / self.wanted(name) - 1.0) > _SAME:
+        if abs(self.of(name) / self.wanted(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.of(name))
 
     def _edit(self, name: str, size: float) -> None:
@@ -131,8 +131,8 @@ class StageSizes:
         Does not repeat it before the edge may have answered, or after a refusal.
         """
         key, now = (order.do, order.character or ""), time.monotonic()
-        asked, when = self._asked.get(key, (np.nan, -_AGAIN))
-        if asked != wanted or now - when > _AGAIN:
+        asked, when = self._asked.get(key, (np.nan, -_RESEND_INTERVAL_S))
+        if asked != wanted or now - when > _RESEND_INTERVAL_S:
             self._asked[key] = wanted, now
             client.ask(order, lambda answer: self._answered(order, wanted, answer))
 

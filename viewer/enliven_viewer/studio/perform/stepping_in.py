@@ -20,7 +20,7 @@ SEEN_S = 0.8
 """Time for which a new performer must be in view before the possession, in seconds. By then, the performer is
 completely visible and still."""
 
-_ANSWERED_S = 0.3
+_BUSY_DELAY_S = 0.3
 """Seconds without an answer after which the stage is reported as busy. Most answers take one frame."""
 
 
@@ -193,7 +193,7 @@ class SteppingIn:
 
     def _busy(self, press: _Press) -> str:
         """Returns a text if the edge has not answered for a while."""
-        lasts = press.since is not None and time.monotonic() - press.since > _ANSWERED_S
+        lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
         return tr("The stage is busy. Please wait a moment") if lasts else ""
 
     def _ask(self, press: _Press) -> None:

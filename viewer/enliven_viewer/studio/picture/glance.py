@@ -9,7 +9,7 @@ from enliven.arrays import UInt8
 from enliven.wire import CameraMessage
 from enliven_viewer.theme import GLANCE_FAR, GLANCE_NEAR, theme_in_use
 
-_CURVE = 1.7
+_NEARNESS_EXPONENT = 1.7
 """Exponent of the nearness, so that a person two metres in front of a wall contrasts with it."""
 
 
@@ -48,4 +48,6 @@ def picture_of(camera: CameraMessage) -> UInt8:
     """Returns (height, width, 3) sRGB: near surfaces bright, far and unknown ones dark."""
     near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
     far = np.array(GLANCE_FAR) / 255.0
-    return np.asarray(np.round(255 * (far + near**_CURVE * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8)
+    return np.asarray(
+        np.round(255 * (far + near**_NEARNESS_EXPONENT * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8
+    )

@@ -21,7 +21,7 @@ from enliven_viewer.studio.puppets import PuppetOverlay
 from enliven_viewer.studio.tools import NOTHING, ToolPicture
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
 
-_SEEN_THROUGH = 0.4
+_DEPTH_BIAS = 0.4
 """Depth bias as a fraction of the camera distance. Bones are visible through geometry that covers them by
 less.
 """
@@ -83,10 +83,10 @@ class Viewport:
             near = min(
                 float(((character.handles - lens.view.eye) @ lens.forward).min()) for character in handled
             )
-            self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+            self._tubes.draw(self.renderer.picture, rows, _DEPTH_BIAS * max(near, 0.05))
         if ghosts is not None and len(ghosts.tubes):
             near = float(((ghosts.tubes[:, :3] - lens.view.eye) @ lens.forward).min())
-            self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
+            self._tubes.draw(self.renderer.picture, ghosts.tubes, _DEPTH_BIAS * max(near, 0.05))
 
     def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
         """Draws the running scan; without a scan, frees its GPU memory."""

@@ -13,7 +13,7 @@ from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.language import tr
 
-_FEW = 2
+_MAX_IGNORED_FACES = 2
 """Maximum number of self-intersecting faces that is ignored as a rounding effect of the surface."""
 
 
@@ -68,7 +68,7 @@ class SelfCrossing:
         if finder is None:
             finder = self._finder = SelfIntersection(puppet.mesh)
         faces = finder.newly_crossing(surface)
-        return faces, sentence(puppet, faces) if len(faces) > _FEW else ""
+        return faces, sentence(puppet, faces) if len(faces) > _MAX_IGNORED_FACES else ""
 
 
 def sentence(puppet: Puppet, faces: Int) -> str:

@@ -18,19 +18,19 @@ from enliven_viewer.theme import AXES, HELD_AXIS, MARK, Colour, Paint
 
 LENGTH = 84.0
 """Length of an arrow in pixels."""
-_NEAR = 24.0
+_SQUARE_START_PX = 24.0
 """Distance in pixels along both axes at which a square begins, so that it does not cover the ring."""
-_FAR = 42.0
+_SQUARE_END_PX = 42.0
 """Distance in pixels along both axes at which a square ends: half of an arrow."""
-_REACH = 8.0
+_GRAB_DISTANCE_PX = 8.0
 """Distance in pixels within which an arrow can be grabbed."""
-_RING = 13.0
+_RING_RADIUS_PX = 13.0
 """Radius of the ring in pixels."""
-_EDGE_ON = 0.2
+_MIN_VISIBLE_FRACTION = 0.2
 """Limit for hiding parts: a square seen nearly edge-on, or an arrow seen nearly end-on, cannot be grabbed."""
-_CONE = 0.24
+_CONE_FRACTION = 0.24
 """Fraction of an arrow's length that its cone takes."""
-_TRACK = 260.0
+_GUIDE_HALF_LENGTH_PX = 260.0
 """Half length in pixels of the guide line along which an arrow is dragged: three times the arrow."""
 PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
 _STEPS = np.array([1.0, 2.0, 5.0, 10.0])
@@ -56,13 +56,15 @@ class Manipulator:
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
         where = np.array(pixel)
-        if np.linalg.norm(where - centre) <= _RING:
+        if np.linalg.norm(where - centre) <= _RING_RADIUS_PX:
             return "view"
         ways = [
-            (self._away(centre, tips[axis], where), axis) for axis in range(3) if self._along(axis) > _EDGE_ON
+            (self._away(centre, tips[axis], where), axis)
+            for axis in range(3)
+            if self._along(axis) > _MIN_VISIBLE_FRACTION
         ]
         away, axis = min(ways, default=(np.inf, 0))
-        if away <= _REACH:
+        if away <= _GRAB_DISTANCE_PX:
             return PARTS[axis]
         for axis in range(3):
             if self._square_seen(axis) and _inside(self._square(axis), where):
@@ -100,7 +102,7 @@ class Manipulator:
         arrows = []
         for axis in range(3):
             part = PARTS[axis]
-            if self._along(axis) <= _EDGE_ON or (alone and part not in alone):
+            if self._along(axis) <= _MIN_VISIBLE_FRACTION or (alone and part not in alone):
                 continue
             arrows.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
         return np.concatenate(arrows) if arrows else np.zeros((0, 12), np.float32)
@@ -123,12 +125,15 @@ class Manipulator:
             marks.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
         if not alone or alone == "view":
             tint = _float(HELD_AXIS) if lit == "view" else (*MARK[:3], 0.85)
-            marks.append(Disc((float(centre[0]), float(centre[1])), _RING, tint, 2.0))
+            marks.append(Disc((float(centre[0]), float(centre[1])), _RING_RADIUS_PX, tint, 2.0))
         return tuple(marks)
 
     def _track(self, axis: int) -> list[Line]:
         """Returns the guide line along which an arrow is dragged."""
-        ends = self.place + np.outer([-_TRACK, _TRACK], np.eye(3)[axis]) * self.pixel
+        ends = (
+            self.place
+            + np.outer([-_GUIDE_HALF_LENGTH_PX, _GUIDE_HALF_LENGTH_PX], np.eye(3)[axis]) * self.pixel
+        )
         pixels = self.lens.project(ends)[0]
         if not np.isfinite(pixels).all():
             return []
@@ -137,7 +142,7 @@ class Manipulator:
 
     def _arrow(self, axis: int, colour: Paint) -> Float32:
         way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
-        ends = np.array([16.0, LENGTH * (1 - _CONE), LENGTH])[:, None] * way + self.place
+        ends = np.array([16.0, LENGTH * (1 - _CONE_FRACTION), LENGTH])[:, None] * way + self.place
         tints = linear_from_srgb(np.array([colour, colour], float))
         rows = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
         rows[1, 7] = 0.15 * pixel
@@ -156,12 +161,17 @@ class Manipulator:
 
     def _square_seen(self, axis: int) -> bool:
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
-        return abs(float(sight[axis])) > _EDGE_ON
+        return abs(float(sight[axis])) > _MIN_VISIBLE_FRACTION
 
     def _square(self, axis: int) -> Float:
         """Returns (4, 2) pixels of the square perpendicular to an axis."""
         first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
-        ends = [(_NEAR, _NEAR), (_FAR, _NEAR), (_FAR, _FAR), (_NEAR, _FAR)]
+        ends = [
+            (_SQUARE_START_PX, _SQUARE_START_PX),
+            (_SQUARE_END_PX, _SQUARE_START_PX),
+            (_SQUARE_END_PX, _SQUARE_END_PX),
+            (_SQUARE_START_PX, _SQUARE_END_PX),
+        ]
         corners = np.array([self.place + a * first + b * second for a, b in ends])
         return self.lens.project(corners)[0]
 

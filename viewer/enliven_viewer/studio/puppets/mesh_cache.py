@@ -16,7 +16,7 @@ from enliven.meshes import Mesh
 from enliven.modeling.mesh import plane_of_symmetry
 
 Found = TypeVar("Found")
-_MOST = 8
+_MAX_MESHES = 8
 """Maximum number of meshes with cached results. A stage seldom has more puppets."""
 
 
@@ -28,7 +28,7 @@ def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
     def ask(mesh: Mesh) -> Found:
         if id(mesh) not in cache or cache[id(mesh)][0] is not mesh:
             cache[id(mesh)] = (mesh, find(mesh))
-            while len(cache) > _MOST:
+            while len(cache) > _MAX_MESHES:
                 cache.popitem(last=False)
         return cache[id(mesh)][1]
 

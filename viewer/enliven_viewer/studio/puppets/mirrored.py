@@ -9,7 +9,7 @@ from enliven.document import Plane, Puppet
 from enliven.examples import reflected
 from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
 
-_OFF = 0.05
+_MIRROR_TOLERANCE = 0.05
 """Maximum error of a mirror image, as a fraction of the mesh's size."""
 
 
@@ -26,7 +26,7 @@ def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
     plane = plane_for(puppet)
     if plane is None:
         return None
-    (tree, used), most = tree_of(puppet.mesh), _OFF * size_of(puppet.mesh)
+    (tree, used), most = tree_of(puppet.mesh), _MIRROR_TOLERANCE * size_of(puppet.mesh)
     image = _image(puppet.mesh.vertices[vertex], plane)
     if np.linalg.norm(image - puppet.mesh.vertices[vertex]) <= most:
         return vertex
@@ -41,7 +41,7 @@ def partner_point(puppet: Puppet, point: int) -> int | None:
         return None
     away = np.linalg.norm(puppet.rest - _image(puppet.rest[point], plane), axis=1)
     nearest = int(away.argmin())
-    return nearest if away[nearest] <= _OFF * size_of(puppet.mesh) else None
+    return nearest if away[nearest] <= _MIRROR_TOLERANCE * size_of(puppet.mesh) else None
 
 
 def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:

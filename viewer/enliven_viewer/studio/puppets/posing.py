@@ -24,9 +24,9 @@ from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
 from enliven_viewer.studio.puppets.mirrored import mirrored_places
 from enliven_viewer.studio.puppets.stage import PuppetStage
 
-_MANY = 200_000
+_LARGE_MESH_FACES = 200_000
 """Number of faces above which self-intersections are searched only after a drag, not during it."""
-_MOST_AWAY = 50.0
+_MAX_DRAG_DISTANCE = 50.0
 """Maximum distance of a dragged control point from the mesh's centre, in mesh sizes. Beyond it the drag is an
 accident.
 """
@@ -57,7 +57,7 @@ class PuppetEditor(KeyPoses):
         self.leave_elsewhere()
         self.stage.improve()
         standing = self.shown
-        if standing is not None and self.dragging and len(standing.character.mesh.faces) > _MANY:
+        if standing is not None and self.dragging and len(standing.character.mesh.faces) > _LARGE_MESH_FACES:
             return
         if self.warn and self.shaping and standing is not None:
             self.crossing.look(standing.character, standing.surface)
@@ -190,7 +190,7 @@ class PuppetEditor(KeyPoses):
 
 def _near(puppet: Puppet, place: Float) -> Float:
     """Returns the place (3,), clamped to the maximum distance from the mesh's centre."""
-    middle, most = middle_of(puppet.mesh), _MOST_AWAY * size_of(puppet.mesh)
+    middle, most = middle_of(puppet.mesh), _MAX_DRAG_DISTANCE * size_of(puppet.mesh)
     way = place - middle
     away = float(np.linalg.norm(way))
     return place if away <= most else middle + way * (most / away)

@@ -9,9 +9,9 @@ from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
 from enliven_viewer.theme import GHOST, WARNING, Paint
 
-_LINE = 2.0
+_OUTLINE_WIDTH_PX = 2.0
 """Line width of the outline in pixels."""
-_JUMP = 0.06
+_MIN_DEPTH_STEP = 0.06
 """Depth step, as a fraction of the mesh's size, above which a line is drawn between a nearer and a farther
 part.
 """
@@ -49,8 +49,8 @@ class PuppetOverlay:
         self._blend(moderngl.NOTHING)
         mask.use(UNITS["picture"])
         self._outline["tint"] = _tint(GHOST, 0.85)
-        self._outline["radius"] = _LINE
-        self._outline["jump"] = _JUMP * size
+        self._outline["radius"] = _OUTLINE_WIDTH_PX
+        self._outline["jump"] = _MIN_DEPTH_STEP * size
         self._quad.render(moderngl.TRIANGLES, vertices=3)
         picture.resolve()
 

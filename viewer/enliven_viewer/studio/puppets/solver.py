@@ -22,11 +22,11 @@ TOLD = 150_000
 """Number of vertices above which the preparation is announced, and scrubbing does not fully settle every
 frame.
 """
-_STILL = 1e-4
+_SETTLED_MOVEMENT = 1e-4
 """Movement per frame, as a fraction of the mesh's size, below which the surface counts as settled: less than
 a pixel.
 """
-_MOST_ROUNDS = 60
+_MAX_SETTLING_FRAMES = 60
 """Maximum number of frames for settling the surface after a drag: one or two seconds."""
 Held = tuple[tuple[int, float | None], ...]
 
@@ -110,13 +110,13 @@ class Solver:
         except EnlivenError:  # This error was reported when the surface was first requested.
             self._rounds = 0
             return False
-        if float(np.abs(self._shown - before).max()) < _STILL * size_of(self.mesh):
+        if float(np.abs(self._shown - before).max()) < _SETTLED_MOVEMENT * size_of(self.mesh):
             self._rounds = 0
         return True
 
     def _moved(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
         small = self._count <= TOLD
-        self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
+        self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
                 surface.hold(*_split(self._held))  # This is the rest pose, which needs no solving.

@@ -12,17 +12,17 @@ from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.studio.puppets.mesh_cache import size_of
 
-_MOST = 14
+_MAX_CANDIDATES = 14
 """Maximum number of extreme vertices to examine: more than the limbs of a spider."""
-_FEW = 5
+_LIMBLESS_COUNT = 5
 """Number of suggested vertices on a mesh without limbs: enough to bend it."""
-_SAMPLES = 4000
+_SURFACE_SAMPLES = 4000
 """Number of surface samples for measuring the neighbourhood of a vertex."""
-_NEAR = 0.12
+_NEIGHBOURHOOD_RADIUS = 0.12
 """Radius of the neighbourhood, as a fraction of the mesh's size: about the thickness of a limb."""
-_ASIDE = 0.36
+_MIN_MEAN_OFFSET = 0.36
 """Minimum offset of the neighbourhood's mean, as a fraction of that radius, for the end of a limb."""
-_APART = 0.06
+_MIN_POINT_DISTANCE = 0.06
 """Minimum distance to existing control points, as a fraction of the mesh's size."""
 
 
@@ -44,7 +44,7 @@ class PointSuggestions:
         if search is None or not search.done() or search.exception() is not None:
             return ()
         vertices = puppet.mesh.vertices
-        rest, apart = puppet.rest, _APART * size_of(puppet.mesh)
+        rest, apart = puppet.rest, _MIN_POINT_DISTANCE * size_of(puppet.mesh)
         return tuple(
             vertex
             for vertex in search.result()
@@ -62,13 +62,13 @@ def _ends(mesh: Mesh) -> tuple[int, ...]:
 
     At an end, the neighbourhood lies to one side of the vertex.
     """
-    candidates = extremities(mesh, _MOST)
-    samples = scatter(mesh, _SAMPLES, np.random.default_rng(0)).positions
-    tree, reach = scipy.spatial.cKDTree(samples), _NEAR * size_of(mesh)
+    candidates = extremities(mesh, _MAX_CANDIDATES)
+    samples = scatter(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions
+    tree, reach = scipy.spatial.cKDTree(samples), _NEIGHBOURHOOD_RADIUS * size_of(mesh)
     ends = []
     for vertex in candidates:
         near = tree.query_ball_point(mesh.vertices[vertex], reach)
         aside = np.linalg.norm(samples[near].mean(0) - mesh.vertices[vertex]) if near else 0.0
-        if aside > _ASIDE * reach:
+        if aside > _MIN_MEAN_OFFSET * reach:
             ends.append(int(vertex))
-    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in candidates[:_FEW])
+    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in candidates[:_LIMBLESS_COUNT])

@@ -13,25 +13,25 @@ from enliven.arrays import Float
 from enliven_viewer.studio.viewport import Disc, Lens, Line, Point
 from enliven_viewer.theme import ACCENT
 
-_REACH = 16.0
+_GRAB_DISTANCE_PX = 16.0
 """Distance in pixels within which a handle can be grabbed."""
-_RADIUS = 7.0
+_HANDLE_RADIUS_PX = 7.0
 """Radius of a handle in pixels."""
-_THIN = 0.02
+_MIN_SIDE_M = 0.02
 """Minimum length of a box side in metres."""
-_ROOM = 0.03
+_CONTENT_MARGIN_M = 0.03
 """Margin of the initial box around its content, in metres."""
-_ABOUT = 0.8
+_SEARCH_HALF_WIDTH_M = 0.8
 """Half width in metres of the area around the stage's centre in which the initial box searches for the
 object.
 """
-_STANDS = 0.03
+_MIN_HEIGHT_M = 0.03
 """Height in metres above which a surface is not the floor."""
-_FIRST = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
+_INITIAL_BOX = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
 """(2, 3) metres: the box used before anything was scanned, the size of a chair."""
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
 """The twelve edges as pairs of corners. Bit k of a corner's number says if it is high along axis k."""
-_FAINT = 0.7
+_BOX_OPACITY = 0.7
 """Opacity of the box, so that the object in it stays visible."""
 
 
@@ -41,11 +41,11 @@ def box_about(points: Float) -> Float:
     Args:
         points: (N, 3) metres on the stage.
     """
-    near = (np.abs(points[:, [0, 2]]) < _ABOUT).all(1) & (points[:, 1] > _STANDS)
+    near = (np.abs(points[:, [0, 2]]) < _SEARCH_HALF_WIDTH_M).all(1) & (points[:, 1] > _MIN_HEIGHT_M)
     if not near.any():
-        return _FIRST.copy()
+        return _INITIAL_BOX.copy()
     low, high = np.quantile(points[near], [0.02, 0.98], axis=0)
-    return np.array([[low[0] - _ROOM, 0.0, low[2] - _ROOM], high + _ROOM])
+    return np.array([[low[0] - _CONTENT_MARGIN_M, 0.0, low[2] - _CONTENT_MARGIN_M], high + _CONTENT_MARGIN_M])
 
 
 class DraggedBox:
@@ -56,12 +56,12 @@ class DraggedBox:
     """
 
     def __init__(self) -> None:
-        self.corners: Float = _FIRST.copy()
+        self.corners: Float = _INITIAL_BOX.copy()
         self._held: tuple[int, int] | None = None
 
     def press(self, at: Point, lens: Lens) -> bool:
         """Handles a button press. Returns whether a handle was grabbed."""
-        near_handles = [(away, side) for side, away in self._away(at, lens) if away <= _REACH]
+        near_handles = [(away, side) for side, away in self._away(at, lens) if away <= _GRAB_DISTANCE_PX]
         self._held = min(near_handles)[1] if near_handles else None
         return self._held is not None
 
@@ -79,7 +79,9 @@ class DraggedBox:
         along = float(np.cross(eye - through, way) @ across) / square
         wanted = float(through[axis]) + along
         other = float(self.corners[1 - end, axis])
-        self.corners[end, axis] = min(wanted, other - _THIN) if end == 0 else max(wanted, other + _THIN)
+        self.corners[end, axis] = (
+            min(wanted, other - _MIN_SIDE_M) if end == 0 else max(wanted, other + _MIN_SIDE_M)
+        )
 
     def release(self) -> None:
         """Handles the release of the button."""
@@ -97,10 +99,10 @@ class DraggedBox:
         change = after @ np.linalg.inv(before)
         middle = self.corners.mean(0)
         shift = np.broadcast_to(change[:3, :3] @ middle + change[:3, 3] - middle, (2, 3)).copy()
-        if abs(self.corners[0, 1]) < _STANDS:
+        if abs(self.corners[0, 1]) < _MIN_HEIGHT_M:
             shift[0, 1] = 0.0
         self.corners = self.corners + shift
-        self.corners[1, 1] = max(self.corners[1, 1], self.corners[0, 1] + _THIN)
+        self.corners[1, 1] = max(self.corners[1, 1], self.corners[0, 1] + _MIN_SIDE_M)
 
     def marks(self, lens: Lens) -> tuple[Line | Disc, ...]:
         """Returns the box's edges and handles in the viewport's pixels."""
@@ -109,12 +111,12 @@ class DraggedBox:
         for a, b in _EDGES:
             ends = tuple(lens.pixels_of(corners[[a, b]]))
             if len(ends) == 2:
-                lines.append(Line(ends, (*ACCENT[:3], _FAINT), 2.0))
+                lines.append(Line(ends, (*ACCENT[:3], _BOX_OPACITY), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
             for at in lens.pixels_of(self._handle(end, axis)[None]):
                 held = self._held == (end, axis)
-                discs.append(Disc(at, _RADIUS * (1.4 if held else 1.0), ACCENT))
+                discs.append(Disc(at, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
         return (*lines, *discs)
 
     def _handle(self, end: int, axis: int) -> Float:

@@ -11,15 +11,15 @@ from enliven_viewer.studio.viewport import Fill, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, BAD, GOOD, WAIT, Colour
 
 Mark = Line | Fill
-_AHEAD = 0.16
+_IMAGE_DISTANCE_M = 0.16
 """Distance in metres from a drawn camera's centre to its image plane."""
-_HALF = (0.11, 0.08)
+_IMAGE_HALF_SIZE_M = (0.11, 0.08)
 """Half width and half height, in metres, of a drawn camera's image."""
-_BARB = 0.09
+_ARROW_HEAD_M = 0.09
 """Length of the arrow's head in metres."""
-_ALONG = 28
+_ARROW_POINTS = 28
 """Number of points along the arrow's path."""
-_FAINT = 0.75
+_CAMERA_OPACITY = 0.75
 """Opacity of the recommended camera."""
 
 
@@ -33,7 +33,7 @@ def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
     marks = _camera(pose[:, :3], pose[:, 3], lens, tint[advice.mood])
     if advice.arrow and said.view:
         eye, target = np.array(said.view[:3]), np.array(said.view[3:])
-        faint: Colour = (*ACCENT[:3], _FAINT)
+        faint: Colour = (*ACCENT[:3], _CAMERA_OPACITY)
         marks += _arrow(pose[:, 3], eye, target, lens)
         marks += _camera(_looking(eye, target), eye, lens, faint)
     return tuple(marks)
@@ -45,8 +45,10 @@ def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
     ``axes`` (3, 3) are right, down and ahead, in columns.
     """
     right, down, ahead = axes.T
-    across, up = _HALF
-    corners = [eye + _AHEAD * ahead + x * across * right + y * up * down for x, y in _ROUND]
+    across, up = _IMAGE_HALF_SIZE_M
+    corners = [
+        eye + _IMAGE_DISTANCE_M * ahead + x * across * right + y * up * down for x, y in _IMAGE_CORNERS
+    ]
     lines: list[Mark] = []
     for chain, closed in ((corners, True), *(((eye, corner), False) for corner in corners)):
         points = _pixels(np.array(chain), lens)
@@ -55,7 +57,7 @@ def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
     return lines
 
 
-_ROUND = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+_IMAGE_CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 """The corners of an image, in units of half its sides."""
 
 
@@ -64,7 +66,7 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
     start_way, end_way = start - target, end - target
     first, last = np.arctan2(start_way[0], start_way[2]), np.arctan2(end_way[0], end_way[2])
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
-    share = np.linspace(0.08, 0.9, _ALONG)
+    share = np.linspace(0.08, 0.9, _ARROW_POINTS)
     angle = first + share * turn
     reach = np.hypot(start_way[0], start_way[2]) * (1 - share) + np.hypot(end_way[0], end_way[2]) * share
     high = start_way[1] * (1 - share) + end_way[1] * share
@@ -76,8 +78,10 @@ def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
         return []
     along /= length
     side = np.cross(along, [0.0, 1.0, 0.0])
-    tip, back = way[-1] + _BARB * along, way[-1] - 0.3 * _BARB * along
-    head = _pixels(np.array([tip, back + 0.6 * _BARB * side, back - 0.6 * _BARB * side]), lens)
+    tip, back = way[-1] + _ARROW_HEAD_M * along, way[-1] - 0.3 * _ARROW_HEAD_M * along
+    head = _pixels(
+        np.array([tip, back + 0.6 * _ARROW_HEAD_M * side, back - 0.6 * _ARROW_HEAD_M * side]), lens
+    )
     marks: list[Mark] = [Line(points, ACCENT, 5.0)]
     return [*marks, Fill(head, ACCENT)] if head else marks
 

@@ -26,23 +26,23 @@ Kept = Literal["thing", "box", "all"]
 Way = Literal["round", "laid", "spun", "turned", "person"]
 VOXELS: dict[Size, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Voxel size in metres by the scanned object: a cup, a chair, a room."""
-_PERSON = 0.008
+_PERSON_VOXEL_M = 0.008
 """Voxel size in metres for a person at two metres. With smaller voxels the person's rotation is often
 ambiguous.
 """
-_WITHIN = 1.5
+_MAX_DISTANCE_M = 1.5
 """Maximum distance in metres from a fixed camera when the object is turned in front of it."""
-_ABOVE = 0.012
+_DRAWN_OFFSET_M = 0.012
 """Height offset in metres of the drawn scan, so that its floor hides the floor of the stage."""
-_WORDS = 0.5
+_TEXT_SPACE_M = 0.5
 """Space in metres above the scan that is kept in view for the instructions."""
-_FRAMED = 8
+_FRAMING_IMAGES = 8
 """Number of fused images after which the view is framed; by then the centre of the object is known."""
-_STANDS_NS = 1_000_000_000
+_HOLD_STILL_NS = 1_000_000_000
 """Time in nanoseconds on the sensor's clock that a person stands still after the last side came into view.
 Then the scan becomes a character. The sensor's clock makes it independent of the edge's speed.
 """
-_OFF = ScanMessage()
+_NO_SCAN = ScanMessage()
 
 
 class ScanSession:
@@ -73,7 +73,7 @@ class ScanSession:
         self.box = DraggedBox()
         self.size: Size = "thing"
         self.name = ""
-        self.said = _OFF
+        self.said = _NO_SCAN
         self._growing = GrowingMesh()
         self._wanted: tuple[int, str] | None = None
         self._framed = -1
@@ -102,7 +102,7 @@ class ScanSession:
     def stage_from_scan(self) -> Float:
         """Returns (4, 4), the placement of the scan's world on the stage."""
         place = np.vstack([np.array(self.said.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
-        place[1, 3] += _ABOVE
+        place[1, 3] += _DRAWN_OFFSET_M
         return place
 
     # Requests ---------------------------------------------------------------------------------------------
@@ -140,10 +140,10 @@ class ScanSession:
         if lacking := self.lacks_stage():
             self.editor.toasts.say(*tr(lacking).split(". "))
             return
-        within = _WITHIN if self.way == "turned" else None
+        within = _MAX_DISTANCE_M if self.way == "turned" else None
         name = self.name.strip() or None
         laid, spun, person = (self.way == way for way in ("laid", "spun", "person"))
-        voxel = _PERSON if person else VOXELS[self.size]
+        voxel = _PERSON_VOXEL_M if person else VOXELS[self.size]
         self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
@@ -218,12 +218,12 @@ class ScanSession:
         """Reads the newest messages of the edge."""
         client = self.perform.client
         if client is None:
-            self.said = _OFF
+            self.said = _NO_SCAN
             return
         client.take(SCAN)
         client.take(SCAN_PIECE)
         before, place = self.said, self.stage_from_scan
-        self.said = client.latest(SCAN).get("", _OFF)
+        self.said = client.latest(SCAN).get("", _NO_SCAN)
         if self.said.number == before.number and self.said.stage_from_scan != before.stage_from_scan:
             self.box.follow(place, self.stage_from_scan)
         self._end_when_round()
@@ -231,7 +231,7 @@ class ScanSession:
         if self.active and self.said.number != before.number:
             self.shown = True
         bounds = self._growing.bounds if self.active else None
-        if bounds is not None and self._framed != self.said.number and self.said.fused > _FRAMED:
+        if bounds is not None and self._framed != self.said.number and self.said.fused > _FRAMING_IMAGES:
             self._framed = self.said.number
             self._frame(bounds)
         if self.said.phase == "done" and before.phase in ("finishing", "scanning"):
@@ -248,7 +248,7 @@ class ScanSession:
             self._round_ns = None
         elif self._round_ns is None:
             self._round_ns = self.said.time_ns
-        elif self.said.time_ns - self._round_ns > _STANDS_NS:
+        elif self.said.time_ns - self._round_ns > _HOLD_STILL_NS:
             self._round_ns = None
             self.done()
 
@@ -259,7 +259,7 @@ class ScanSession:
         points = points @ place[:3, :3].T + place[:3, 3]
         camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
         # Leave room for the camera on all sides of the scan, and for the instructions above it.
-        top = np.array([0.0, points[:, 1].max() + _WORDS, 0.0])
+        top = np.array([0.0, points[:, 1].max() + _TEXT_SPACE_M, 0.0])
         points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
         self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)

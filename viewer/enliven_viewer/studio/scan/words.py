@@ -11,16 +11,16 @@ from enliven.arrays import Float
 from enliven.wire import ScanMessage
 from enliven_viewer.language import later, tr
 
-_BESIDE = 0.35
+_ARRIVAL_ANGLE = 0.35
 """Angle around the object, in radians (20 degrees), within which the camera counts as at the recommended
 view.
 """
-_BEHIND = 2.2
+_OTHER_SIDE_ANGLE = 2.2
 """Angle around the object, in radians (126 degrees), above which the instruction says "the other side"."""
-_HIGHER = 0.25
+_MIN_HEIGHT_DIFFERENCE_M = 0.25
 """Minimum height difference in metres that is mentioned."""
 
-_TRACKED = {
+_TRACKING_ADVICE = {
     "lost": (later("Lost: go back to where you were"), "bad"),
     "found": (later("Lost: hold still, it looks right"), "wait"),
     "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
@@ -58,8 +58,8 @@ def advice_of(said: ScanMessage) -> Advice:
         return Advice(_moved(said), "wait")
     if said.thing == "person":
         return _person(said)
-    if said.tracking in _TRACKED:
-        text, mood = _TRACKED[said.tracking]
+    if said.tracking in _TRACKING_ADVICE:
+        text, mood = _TRACKING_ADVICE[said.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
     if said.full:
         return Advice(tr("The scan is full: nothing new is added. Press Done"), "wait")
@@ -104,11 +104,11 @@ def _way(status: ScanMessage) -> str:
     eye, target = np.array(status.view[:3]), np.array(status.view[3:])
     round_it = _about(camera - target, eye - target)
     up = float(eye[1] - camera[1])
-    higher = up > _HIGHER
-    held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_HIGHER else ""
-    if abs(round_it) > _BEHIND:
+    higher = up > _MIN_HEIGHT_DIFFERENCE_M
+    held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
+    if abs(round_it) > _OTHER_SIDE_ANGLE:
         return tr("Walk round to the other side")
-    if abs(round_it) > _BESIDE:
+    if abs(round_it) > _ARRIVAL_ANGLE:
         # Moving anticlockwise, as seen from above, is moving to the right for a person that faces the centre.
         side = tr("Walk on to the right") if round_it > 0 else tr("Walk on to the left")
         if not held:

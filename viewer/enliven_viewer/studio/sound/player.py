@@ -10,7 +10,7 @@ from enliven.sounds import SOUND_RATE, Sound, mixed
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 
-_APART = 0.08
+_MAX_OFFSET_S = 0.08
 """Maximum time difference of sound and image in seconds. A larger one would be noticed as late."""
 
 
@@ -80,7 +80,7 @@ class SoundPlayer:
         if self._stream is not None:
             # The device plays the samples that are requested now after its latency, so request later samples.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
-            if abs(wanted - self._next) > _APART * SOUND_RATE:
+            if abs(wanted - self._next) > _MAX_OFFSET_S * SOUND_RATE:
                 self._next = wanted
 
     def stop(self) -> None:

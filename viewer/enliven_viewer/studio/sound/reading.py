@@ -15,7 +15,7 @@ from enliven_viewer.language import tr
 
 SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """File extensions of sound files."""
-_LONGEST = 1200.0
+_MAX_DURATION_S = 1200.0
 """Maximum duration in seconds, which is 77 MB in a project."""
 
 
@@ -38,8 +38,8 @@ def read_sound(path: Path) -> Sound:
             for part in _samples(file, av.AudioResampler("s16", "mono", SOUND_RATE)):
                 parts.append(part)
                 count += len(part)
-                if count > _LONGEST * SOUND_RATE:
-                    problem = tr("it is longer than {0:.0f} minutes", _LONGEST / 60)
+                if count > _MAX_DURATION_S * SOUND_RATE:
+                    problem = tr("it is longer than {0:.0f} minutes", _MAX_DURATION_S / 60)
                     raise InputError(problem, where=where, mend=tr("Keep only the part that you perform to."))
     except (av.FFmpegError, OSError):
         if not count:

@@ -19,7 +19,7 @@ from enliven_viewer.studio.viewport import (
     joint_at,
 )
 
-_TURN = 0.01
+_ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""
 SOURCE = "source"
 """Id of the shape that represents a take's skeleton."""
@@ -96,7 +96,7 @@ class SourceView:
         """Highlights the joint under the pointer, or turns the view."""
         if self._last is not None:
             across, down = at[0] - self._last[0], at[1] - self._last[1]
-            self.camera.orbit(-_TURN * across, _TURN * down)
+            self.camera.orbit(-_ROTATION_PER_PIXEL * across, _ROTATION_PER_PIXEL * down)
             self._last = at
         else:
             self._hovered = self._hit(at)

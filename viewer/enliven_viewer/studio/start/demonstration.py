@@ -17,7 +17,7 @@ _DRAG_S = 1.4
 """Duration in seconds of a drag along a path."""
 _LETTER_S = 0.06
 """Time in seconds between two letters of a typed name."""
-_APART = 5.0
+_MAX_STEP_PX = 5.0
 """Maximum distance in pixels between two points of a dragged path, so that a slow frame does not make the
 stroke coarse.
 """
@@ -149,5 +149,5 @@ def _along(path: tuple[Point, ...], share: float) -> Point:
 
 def _steps(start: Point, end: Point) -> list[Point]:
     """Returns points along a segment, close to each other."""
-    count = max(math.ceil(math.dist(start, end) / _APART), 1)
+    count = max(math.ceil(math.dist(start, end) / _MAX_STEP_PX), 1)
     return [_between(start, end, (k + 1) / count) for k in range(count)]

@@ -15,39 +15,39 @@ from enliven_viewer.studio.viewport import Point
 Stroke = tuple[Point, Point]
 """Both ends of a stroke, in pixels of the image."""
 
-_HEIGHTS = np.linspace(0.05, 0.4, 15)
+_SEARCH_HEIGHTS = np.linspace(0.05, 0.4, 15)
 """Fractions of a chair's height below which legs are searched. Seats are higher."""
-_STANDS = 0.02
+_MAX_FLOOR_GAP = 0.02
 """Maximum height of a leg's lowest point above the floor, as a fraction of the chair's height."""
-_LEAST_VERTICES = 12
+_MIN_VERTICES = 12
 """Minimum number of vertices of a leg. Fewer are a splinter."""
-_CUTS = (0.72, 0.6, 0.5, 0.4, 0.3)
+_CUT_HEIGHTS = (0.72, 0.6, 0.5, 0.4, 0.3)
 """Fractions of a leg's height at which it may be cut. The highest one that cuts nothing else is used."""
-_BANDS = 8
+_BAND_COUNT = 8
 """Number of bands of a leg's vertices. The band at the cut determines how wide the leg is there."""
-_AIR = 10.0
+_LEG_MARGIN_PX = 10.0
 """Margin in pixels around a leg."""
-_REACH = 14.0
+_STROKE_OVERHANG_PX = 14.0
 """Length in pixels of the stroke beyond each side of the leg, so that it cuts all of it."""
-_SEEN = 4.0
+_MIN_LENGTH_PX = 4.0
 """Minimum projected length in pixels of a leg, between the centres of its halves. A shorter one points at the
 camera.
 """
-_BEYOND = 2 * _REACH
+_STROKE_MARGIN_PX = 2 * _STROKE_OVERHANG_PX
 """Margin in pixels around a leg's box that contains its stroke, including the ends beyond both sides."""
-_BESIDE = 3.0
+_FREE_DISTANCE_PX = 3.0
 """Distance in pixels on both sides of a stroke that must be free of other parts, since people do not draw
 straight.
 """
-_HIGH = 0.35
+_ATTACH_HEIGHT = 0.35
 """Fraction of a chair's height above which the part is attached: above the seat."""
-_AS_FAR = 0.03
+_MAX_DEPTH_DIFFERENCE = 0.03
 """Maximum depth difference of that place, as a fraction of the chair's height, so that the two still
 touch.
 """
 # The legs of the last surfaces are cached, because they are needed in every frame.
-_KNOWN: list[tuple[Mesh, tuple[Int, ...]]] = []
-_KEPT = 4
+_LEG_CACHE: list[tuple[Mesh, tuple[Int, ...]]] = []
+_MAX_CACHED_SURFACES = 4
 """Number of cached surfaces: the chair, and parts that were cut off."""
 
 
@@ -56,20 +56,22 @@ def legs_of(mesh: Mesh) -> tuple[Int, ...]:
 
     If a mesh has no such parts, its lowest fifth counts as one leg.
     """
-    for cached_mesh, legs in _KNOWN:
+    for cached_mesh, legs in _LEG_CACHE:
         if cached_mesh is mesh:
             return legs
-    _KNOWN.append((mesh, _legs(mesh)))
-    del _KNOWN[:-_KEPT]
-    return _KNOWN[-1][1]
+    _LEG_CACHE.append((mesh, _legs(mesh)))
+    del _LEG_CACHE[:-_MAX_CACHED_SURFACES]
+    return _LEG_CACHE[-1][1]
 
 
 def _legs(mesh: Mesh) -> tuple[Int, ...]:
     heights = mesh.vertices[:, 1] - mesh.vertices[:, 1].min()
     tall = max(float(heights.max()), 1e-6)
     best: tuple[Int, ...] = ()
-    for share in _HEIGHTS:
-        parts = [leg for leg in _parts(mesh, heights < share * tall) if heights[leg].min() < _STANDS * tall]
+    for share in _SEARCH_HEIGHTS:
+        parts = [
+            leg for leg in _parts(mesh, heights < share * tall) if heights[leg].min() < _MAX_FLOOR_GAP * tall
+        ]
         if len(parts) >= max(len(best), 2):
             # If the number of legs is equal, prefer the greater height, which comes later.
             best = tuple(parts)
@@ -87,7 +89,7 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
     labels = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
     used = np.unique(faces)
     parts = [used[labels[used] == label] for label in np.unique(labels[used])]
-    return tuple(part for part in parts if len(part) >= _LEAST_VERTICES)
+    return tuple(part for part in parts if len(part) >= _MIN_VERTICES)
 
 
 def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
@@ -101,7 +103,7 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     legs = sorted(legs_of(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
     for leg in legs:
         box, others = _aired(_box(now[leg])), _others(chair.mesh, leg, now)
-        for share in _CUTS:
+        for share in _CUT_HEIGHTS:
             path = _stroke_across(rest[leg, 1], now[leg], share)
             if path is not None and _in_picture(path, editor.size) and not _meets(path, others):
                 return Target(box=box, path=path)
@@ -116,7 +118,7 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     inside = np.zeros(len(mesh.vertices), bool)
     inside[leg] = True
     near = ~(inside[mesh.faces[:, 0]] & inside[mesh.faces[:, 1]] & inside[mesh.faces[:, 2]])
-    low, high = pixels[leg].min(0) - _BEYOND, pixels[leg].max(0) + _BEYOND
+    low, high = pixels[leg].min(0) - _STROKE_MARGIN_PX, pixels[leg].max(0) + _STROKE_MARGIN_PX
     for axis in (0, 1):
         # Process corner by corner, because NumPy's reductions over three elements take ten times as long.
         first, second, third = (pixels[mesh.faces[:, corner], axis] for corner in range(3))
@@ -135,16 +137,19 @@ def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Str
     """
     heights = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-6)
     upper, lower = heights > 0.5, heights <= 0.5
-    band = pixels[np.argsort(np.abs(heights - share))[: max(len(heights) // _BANDS, 3)]]
+    band = pixels[np.argsort(np.abs(heights - share))[: max(len(heights) // _BAND_COUNT, 3)]]
     if not np.isfinite(pixels).all() or not upper.any():
         return None
     way = pixels[upper].mean(0) - pixels[lower].mean(0)
     length = float(np.linalg.norm(way))
-    if length < _SEEN:
+    if length < _MIN_LENGTH_PX:
         return None
     across = np.array([-way[1], way[0]]) / length
     along, wide = float((band @ way).mean()) / length, band @ across
-    ends = [along * way / length + at * across for at in (wide.min() - _REACH, wide.max() + _REACH)]
+    ends = [
+        along * way / length + at * across
+        for at in (wide.min() - _STROKE_OVERHANG_PX, wide.max() + _STROKE_OVERHANG_PX)
+    ]
     left, right = sorted((float(x), float(y)) for x, y in ends)
     return left, right
 
@@ -163,7 +168,7 @@ def _meets(path: Stroke, triangles: Float) -> bool:
     along = (triangles - start) @ way
     aside = (triangles - start) @ np.array([-way[1], way[0]])
     beyond = (along.max(1) < 0.0) | (along.min(1) > np.linalg.norm(end - start))
-    beside = (aside.max(1) < -_BESIDE) | (aside.min(1) > _BESIDE)
+    beside = (aside.max(1) < -_FREE_DISTANCE_PX) | (aside.min(1) > _FREE_DISTANCE_PX)
     return bool((~beyond & ~beside).any())
 
 
@@ -175,8 +180,8 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
     own, distance = editor.lens.project(editor.posed(piece.id).vertices)
     there, distances = editor.lens.project(editor.posed(chair.id).vertices)
     heights = chair.mesh.vertices[:, 1] - chair.mesh.vertices[:, 1].min()
-    near = np.abs(distances - distance.mean()) < _AS_FAR * heights.max()
-    high = heights > _HIGH * heights.max()
+    near = np.abs(distances - distance.mean()) < _MAX_DEPTH_DIFFERENCE * heights.max()
+    high = heights > _ATTACH_HEIGHT * heights.max()
     end = int(np.argmax(np.where(high & near, heights, -1.0) if (high & near).any() else heights))
     # The path starts at a point on the surface, so take the vertex nearest to the mean.
     start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]
@@ -207,4 +212,4 @@ def _box(pixels: Float) -> Rectangle:
 
 def _aired(box: Rectangle) -> Rectangle:
     left, top, right, bottom = box
-    return left - _AIR, top - _AIR, right + _AIR, bottom + _AIR
+    return left - _LEG_MARGIN_PX, top - _LEG_MARGIN_PX, right + _LEG_MARGIN_PX, bottom + _LEG_MARGIN_PX

@@ -11,11 +11,11 @@ from enliven_viewer.studio.start.legs import chair_in_picture, leg_to_cut, piece
 from enliven_viewer.studio.start.target import Target
 from enliven_viewer.studio.start.toured import TourCounts, Toured
 
-_ENOUGH = 3.0
+_DANCE_S = 3.0
 """Seconds of dancing before the tour says how to stop: one swing of the arms."""
-_ROOM = 1.5
+_FRAMING_MARGIN = 1.5
 """Framing margin around the chair before a leg is cut."""
-_FILE = "My dancing chair"
+_FILE_NAME = "My dancing chair"
 """File name that the tour types if it demonstrates that step."""
 
 
@@ -121,7 +121,9 @@ def _look_at_chair(toured: Toured) -> None:
     if extent is not None:
         box = bounds_of([extent])
         if box is not None:
-            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), reset=False, room=_ROOM)
+            editor.camera.frame(
+                box, editor.size[0] / max(editor.size[1], 1.0), reset=False, room=_FRAMING_MARGIN
+            )
 
 
 def _save(toured: Toured) -> None:
@@ -219,7 +221,7 @@ TOUR = (
             TourPart(
                 later("Look: the chair does what the dancer does."),
                 lambda t: chair_in_picture(t.desk.editor, t.extent),
-                lambda t, before: t.recorded_s > _ENOUGH or t.dances,
+                lambda t, before: t.recorded_s > _DANCE_S or t.dances,
             ),
             TourPart(
                 later("Click “Stop” when you have seen enough."),
@@ -288,7 +290,7 @@ TOUR = (
                 later("Type a name for your chair."),
                 _widget("file name"),
                 lambda t, before: _has_name(t),
-                types=_FILE,
+                types=_FILE_NAME,
             ),
             TourPart(
                 later("Click “Save”: now nothing is lost."),

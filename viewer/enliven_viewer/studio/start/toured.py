@@ -16,7 +16,7 @@ from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.tools import Tool
 from enliven_viewer.studio.viewport import Point
 
-_WORKSHOPS = ("Animate", "Model")
+_TOOL_WORKSPACES = ("Animate", "Model")
 """The workspaces with tools."""
 
 
@@ -148,7 +148,7 @@ class Toured:
     @property
     def has_workshop(self) -> bool:
         """Returns True if the current workspace has tools."""
-        return self.desk.perform.room in _WORKSHOPS
+        return self.desk.perform.room in _TOOL_WORKSPACES
 
     @property
     def has_stage(self) -> bool:

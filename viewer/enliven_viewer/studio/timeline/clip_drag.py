@@ -17,7 +17,7 @@ from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
-_WORDS = {
+_EDIT_TITLES = {
     "bar": later("move clip"),
     "slip": later("slip clip"),
     "begin": later("trim clip"),
@@ -58,7 +58,7 @@ class ClipDrag:
         kind = changed.get(handle.kind, handle.kind)
         lanes = (bar for bar in layout.bars() if bar.character.id == handle.character)
         lane = next((bar for bar in lanes if bar.layers == handle.layers), None)
-        is_clip_handle = kind in _WORDS and lane is not None
+        is_clip_handle = kind in _EDIT_TITLES and lane is not None
         return (
             ClipDrag(handle, kind, lane, layout, playhead, frame)
             if is_clip_handle and lane is not None
@@ -68,7 +68,7 @@ class ClipDrag:
     @property
     def word(self) -> str:
         """Returns the name of the edit in the history."""
-        return _WORDS[self.how]
+        return _EDIT_TITLES[self.how]
 
     @property
     def clip(self) -> Segment:

@@ -14,19 +14,19 @@ from enliven_viewer.studio.timeline.layout import GAP, RULER, Lane, LaneHandle, 
 from enliven_viewer.studio.timeline.puppet_drag import DRAGGED, PuppetRows
 from enliven_viewer.studio.timeline.snapping import places_of, snapped
 
-_NOTHING = LaneHandle("nothing")
-_CLOSEST = 0.25
+_NO_HANDLE = LaneHandle("nothing")
+_MIN_VISIBLE_S = 0.25
 """Minimum time span of the track, in seconds: a few frames."""
-_BEYOND = 1.25
+_MAX_VISIBLE_FACTOR = 1.25
 """Maximum time span of the track as a multiple of the project's length: leaves room to drag the last clip's
 end.
 """
-_ZOOM = 0.85
+_ZOOM_PER_NOTCH = 0.85
 """Factor of the visible time span per notch of the wheel."""
-_SHORTEST = 0.1
+_MIN_SPAN_S = 0.1
 """Minimum length of the marked span, in seconds: enough time to begin and to end a recording."""
-_SPAN = ("from", "to", "marked")
-_CLIP = ("bar", "begin", "edge", "blend")
+_SPAN_HANDLES = ("from", "to", "marked")
+_CLIP_HANDLES = ("bar", "begin", "edge", "blend")
 
 
 class TimelineInput:
@@ -56,7 +56,7 @@ class TimelineInput:
         self.snapping, self.clip, self.marker = True, 0, ""
         self.stuck: float | None = None
         self.rows, self.pictures = PuppetRows(editor), ClipPictures()
-        self._handle = _NOTHING
+        self._handle = _NO_HANDLE
         self._drag: ClipDrag | None = None
         self._from, self._held_layout = 0.0, self.layout
         self._switches: tuple[Switch, ...] = ()
@@ -123,7 +123,7 @@ class TimelineInput:
         elif handle.kind == "mute":
             muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
             self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
-        elif handle.kind in _CLIP:
+        elif handle.kind in _CLIP_HANDLES:
             self.clip = handle.item
             frame = self.editor.settings.frame_step if self.snapping else 0.0
             if locked:
@@ -157,7 +157,7 @@ class TimelineInput:
         if self._handle.kind == "ruler":
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
-        elif self._handle.kind in _SPAN:
+        elif self._handle.kind in _SPAN_HANDLES:
             self.editor.marked = self._span_to(x)
         elif self._dragged is not None and x != self._from:
             if self.editor.puppets.posing:
@@ -174,7 +174,7 @@ class TimelineInput:
         elif handle.kind == "marker":
             self.editor.scrub(self.editor.project.markers[handle.name].seconds)
         self.editor.finish_scrubbing()
-        self._handle, self._drag, self.stuck = _NOTHING, None, None
+        self._handle, self._drag, self.stuck = _NO_HANDLE, None, None
 
     def double(self, x: float, y: float) -> bool:
         """Handles a double click. Returns whether it had an effect."""
@@ -187,8 +187,8 @@ class TimelineInput:
     def zoom(self, notches: float, x: float) -> None:
         """Zooms the visible time span in or out around a pixel."""
         layout = self.layout
-        at, most = layout.time(x), _BEYOND * layout.length
-        span = min(max(layout.shown * _ZOOM**notches, _CLOSEST), most)
+        at, most = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
+        span = min(max(layout.shown * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), most)
         share = (at - layout.start) / layout.shown
         self.span = 0.0 if span >= layout.length and notches < 0 else span
         self._start_at(at - share * span)
@@ -203,7 +203,7 @@ class TimelineInput:
         self.start = self.span = 0.0
 
     def _start_at(self, start: float) -> None:
-        room = max(_BEYOND * self.editor.length - self.span, 0.0) if self.span else 0.0
+        room = max(_MAX_VISIBLE_FACTOR * self.editor.length - self.span, 0.0) if self.span else 0.0
         self.start = min(max(start, 0.0), room)
 
     @property
@@ -250,8 +250,8 @@ class TimelineInput:
             moved = max(moved, -span[0])
             return span[0] + moved, span[1] + moved
         if kind == "from":
-            return min(max(span[0] + moved, 0.0), span[1] - _SHORTEST), span[1]
-        return span[0], max(span[1] + moved, span[0] + _SHORTEST)
+            return min(max(span[0] + moved, 0.0), span[1] - _MIN_SPAN_S), span[1]
+        return span[0], max(span[1] + moved, span[0] + _MIN_SPAN_S)
 
     def _marker_moved(self, handle: LaneHandle, moved: float) -> Edit:
         layout = self._held_layout

@@ -36,11 +36,11 @@ SPAN = 8.0
 """Height in pixels of the band on the ruler that shows the recording range."""
 MARK = 6.0
 """Distance in pixels from a marker on the ruler within which it can be grabbed."""
-_FEW = 12
+_MAX_TAKE_LANES = 12
 """Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
 these share lanes.
 """
-_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
+_TICK_INTERVALS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
 """Time intervals between two numbers on the ruler, in seconds."""
 
 
@@ -223,7 +223,7 @@ class TimelineLayout:
             for number, layer in enumerate(playing):
                 if number in hidden:
                     continue
-                few = sum(other.take == layer.take for other in playing) <= _FEW
+                few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
                 alone = number if few and layer.source == "takes" else -1
                 how = (layer.take, layer.muted, layer.when())
                 groups.setdefault((key, *how, alone), []).append(number)
@@ -262,7 +262,7 @@ class TimelineLayout:
         Numbers are at least 60 pixels apart.
         """
         wanted = 60.0 * self.shown / self.track
-        step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
+        step = next((s for s in _TICK_INTERVALS_S if s >= wanted), _TICK_INTERVALS_S[-1])
         small = step / 5
         first, last = -int(-self.start / small), int((self.start + self.shown) / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))

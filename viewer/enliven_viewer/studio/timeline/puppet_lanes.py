@@ -16,7 +16,7 @@ POSES = 30.0
 """Height in pixels of the row of key poses: the coverage curve with diamonds over it."""
 BAND = 15.0
 """Height in pixels of the rows of contacts and of hard constraints."""
-_NEAR = 7.0
+_CLICK_DISTANCE_PX = 7.0
 """Distance in pixels within which a mark can be clicked."""
 
 
@@ -85,8 +85,10 @@ class PuppetDetails:
         if x < LABELS - END:
             return ("found" if lane.kind == "band" else "label"), 0
         if lane.kind == "poses":
-            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _NEAR)
-            tick = _nearest(((k, at) for k, (_, at) in enumerate(self.suggested(layout, lane))), x, _NEAR)
+            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX)
+            tick = _nearest(
+                ((k, at) for k, (_, at) in enumerate(self.suggested(layout, lane))), x, _CLICK_DISTANCE_PX
+            )
             return (
                 ("pose", pose)
                 if pose is not None
@@ -94,12 +96,12 @@ class PuppetDetails:
             )
         if lane.kind == "band":
             starts = ((k, left) for k, (_, left, _) in enumerate(self.bands(layout, lane)) if k)
-            switch = _nearest(starts, x, _NEAR - 2)
+            switch = _nearest(starts, x, _CLICK_DISTANCE_PX - 2)
             if switch is not None:
                 return "switch", switch
             left, right = sorted((lane.left, lane.right))
             return ("band" if left <= x <= right else "nothing"), 0
-        mark = _nearest(((k, at) for k, _, at in self.held(layout, lane)), x, _NEAR)
+        mark = _nearest(((k, at) for k, _, at in self.held(layout, lane)), x, _CLICK_DISTANCE_PX)
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:

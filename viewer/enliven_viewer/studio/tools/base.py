@@ -10,7 +10,7 @@ from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
-_AS_NEAR = 3.0
+_DISTANCE_TOLERANCE_PX = 3.0
 """Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
 
 
@@ -118,7 +118,9 @@ class Tool:
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
             hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
-                return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
+                return (
+                    mine if mine is not None and mine.pixels <= hit.pixels + _DISTANCE_TOLERANCE_PX else hit
+                )
         return None
 
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:

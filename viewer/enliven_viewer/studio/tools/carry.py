@@ -17,9 +17,9 @@ from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
 from enliven_viewer.theme import GOOD, INK, STROKE
 
-_NEAR = 0.05
+_MERGE_DISTANCE = 0.05
 """Maximum distance to another character, as a fraction of the dragged one's size, for a merge with Shift."""
-_LOOKED_AT = 4000
+_MAX_COMPARED_VERTICES = 4000
 """Maximum number of vertices of the dragged mesh that are compared with the others, so that dragging a scan
 stays smooth.
 """
@@ -131,8 +131,8 @@ class CarryTool(Tool):
                 for character in self.editor.reachable
                 if character.id != held.character and character.character.mesh is not None
             ]
-        near = _NEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        step = -(-len(vertices) // _LOOKED_AT)
+        near = _MERGE_DISTANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        step = -(-len(vertices) // _MAX_COMPARED_VERTICES)
         gaps = [
             (float(tree.query(vertices[::step], distance_upper_bound=near)[0].min()), name)
             for name, tree in self._others

@@ -11,7 +11,7 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Fill, Line, Overlay, Point
 from enliven_viewer.theme import ACCENT
 
-_SAMPLE = 500
+_MAX_TESTED_VERTICES = 500
 """Maximum number of surface vertices tested against a selection box: enough to find every limb."""
 
 
@@ -93,7 +93,7 @@ class ChooseTool(Tool):
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         names = []
         for character in self.editor.reachable:
-            surface = character.vertices[:: max(len(character.vertices) // _SAMPLE, 1)]
+            surface = character.vertices[:: max(len(character.vertices) // _MAX_TESTED_VERTICES, 1)]
             pixels = self.editor.lens.project(np.concatenate([character.handles, surface]))[0]
             if ((pixels >= low) & (pixels <= high)).all(axis=1).any():
                 names.append(character.id)

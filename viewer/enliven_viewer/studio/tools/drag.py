@@ -17,13 +17,13 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
 from enliven_viewer.studio.viewport import Hit
 
-_TURN = 0.01
+_ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel."""
-_NEAR = 24.0
+_PIVOT_RADIUS_PX = 24.0
 """Radius in pixels around the pivot. A drag that starts within it turns the character by sideways movement
 instead.
 """
-_UPRIGHT = np.array([0.0, 1.0, 0.0])
+_UP_AXIS = np.array([0.0, 1.0, 0.0])
 
 
 class CharacterDrag:
@@ -114,12 +114,12 @@ class CharacterDrag:
     def _turned(self, pointer: Pointer) -> tuple[Float, float]:
         """Returns the (3,) unit axis, and the rotation in radians."""
         lens, start = self.editor.lens, self._start
-        across = _TURN * (pointer.at[0] - start.at[0])
+        across = _ROTATION_PER_PIXEL * (pointer.at[0] - start.at[0])
         if pointer.shift or not self.rooted:
-            return _UPRIGHT, across
+            return _UP_AXIS, across
         centre = lens.project(self._about[None])[0][0]
         before, after = (np.array(p.at) - centre for p in (start, pointer))
-        if np.linalg.norm(before) < _NEAR:
+        if np.linalg.norm(before) < _PIVOT_RADIUS_PX:
             return lens.forward, across
         return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
 

@@ -19,14 +19,14 @@ from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
 from enliven_viewer.theme import ACCENT, MARK, QUIET
 
-_TOLD = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
+_END_WORDS = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
 """Names of the ends within a sentence."""
 END_NAMES = (later("Head"), later("Left hand"), later("Right hand"), later("Left foot"), later("Right foot"))
 """Labels of the ends, in order."""
-_ENDS_OF_FIGURE = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
-_RADIUS = 8.0
+_FIGURE_JOINTS = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
+_MARK_RADIUS_PX = 8.0
 """Radius of a mark in pixels."""
-_ASIDE = (14.0, 0.0)
+_LABEL_OFFSET_PX = (14.0, 0.0)
 """Offset in pixels from a mark to its label."""
 
 
@@ -48,7 +48,7 @@ class EndsTool(Tool):
         if shape is None:
             return "Click a character that performers hold, to name its head, hands and feet."
         if self._held is not None:
-            return tr("Let go where the performer's {0} should be; Esc drops it.", _TOLD[self._held[0]])
+            return tr("Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held[0]])
         if len(shape.ends):
             return "These marks pair its limbs with yours. Drag one to move it; Delete finds them again."
         return "Where head, hands and feet were found: drag a mark where it is wrong."
@@ -77,7 +77,7 @@ class EndsTool(Tool):
         shape, self.editor.playing = self.editor.chosen(GraphShape), False
         if shape is not None and len(marks := self.marks):
             apart = np.linalg.norm(self._pixels(shape.id, marks) - np.array(pointer.at), axis=1)
-            if apart.min() <= max(self.editor.settings.reach, _RADIUS):
+            if apart.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
                 end = int(apart.argmin())
                 self._held = end, int(marks[end])
                 return True
@@ -100,7 +100,7 @@ class EndsTool(Tool):
         shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
         self._held = None
         if shape is not None and held is not None:
-            self._name(shape, shape.mesh.vertices[marks], later("name the {0}", _TOLD[held[0]]))
+            self._name(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
         shape = self.editor.chosen(GraphShape)
@@ -124,8 +124,11 @@ class EndsTool(Tool):
                 continue
             held = self._held is not None and self._held[0] == number
             place: Point = (float(at[0]), float(at[1]))
-            shown += [Disc(place, _RADIUS, colour), Disc(place, _RADIUS, MARK, 3.0 if held else 1.5)]
-            shown.append(Label((place[0] + _ASIDE[0], place[1] + _ASIDE[1]), word, MARK))
+            shown += [
+                Disc(place, _MARK_RADIUS_PX, colour),
+                Disc(place, _MARK_RADIUS_PX, MARK, 3.0 if held else 1.5),
+            ]
+            shown.append(Label((place[0] + _LABEL_OFFSET_PX[0], place[1] + _LABEL_OFFSET_PX[1]), word, MARK))
         return Overlay(tuple(shown))
 
     def wait(self) -> None:
@@ -167,5 +170,5 @@ def suggested_ends(mesh: Mesh) -> Int:
     else:
         low, high = mesh.bounds
         foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
-        ends = standing_figure(float(high[1] - low[1]))[_ENDS_OF_FIGURE] + foot
+        ends = standing_figure(float(high[1] - low[1]))[_FIGURE_JOINTS] + foot
     return np.asarray(scipy.spatial.cKDTree(mesh.vertices).query(ends)[1], np.int64)

@@ -17,9 +17,9 @@ from enliven_viewer.studio.tools.drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Overlay
 from enliven_viewer.theme import ACCENT, GOOD, QUIET
 
-_DOT = 3.5
+_NODE_RADIUS_PX = 3.5
 """Radius in pixels of a node's dot."""
-_KEYED = 5.0
+_KEYED_NODE_RADIUS_PX = 5.0
 """Radius in pixels of the dot of a node with keys."""
 
 
@@ -87,7 +87,11 @@ class PoseTool(Tool):
                 keyed = bool(keys_of(editor.project, character.id, node))
                 colour = GOOD if node == chosen else ACCENT if keyed else QUIET
                 if np.isfinite([x, y]).all():
-                    dots.append(Disc((float(x), float(y)), _KEYED if keyed else _DOT, colour))
+                    dots.append(
+                        Disc(
+                            (float(x), float(y)), _KEYED_NODE_RADIUS_PX if keyed else _NODE_RADIUS_PX, colour
+                        )
+                    )
         return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:

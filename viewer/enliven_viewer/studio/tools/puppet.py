@@ -18,11 +18,11 @@ from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, picture_of
 from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
-_STILL = 4.0
+_MAX_CLICK_MOVEMENT_PX = 4.0
 """Maximum pointer movement of a click, in pixels."""
-_MANY = 1_000_000
+_MAX_HOVER_FACES = 1_000_000
 """Number of faces above which the hovered vertex is not searched, since that would be slow."""
-_NUDGES: dict[str, tuple[float, float]] = {
+_NUDGE_STEPS: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
     "up": (0.0, 1.0),
@@ -88,7 +88,7 @@ class PuppetTool(Tool):
             return
         hit = joint_at([standing], lens, pointer.at, self.editor.settings.reach)
         self.hovered_point = None if hit is None else hit.handle
-        if hit is None and len(standing.character.mesh.faces) <= _MANY:
+        if hit is None and len(standing.character.mesh.faces) <= _MAX_HOVER_FACES:
             self.hovered_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:
@@ -139,7 +139,7 @@ class PuppetTool(Tool):
             return puppets.remove_point() or True
         if key == "r":
             return puppets.reset_point() or True
-        if key.removeprefix("shift+") in _NUDGES and puppets.posing:
+        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.posing:
             return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
         return False
 
@@ -186,7 +186,7 @@ class PuppetTool(Tool):
         return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
 
     def _far(self, pointer: Pointer, start: Pointer) -> bool:
-        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
+        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
 
     def _clicked(self, pointer: Pointer) -> None:
         """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
@@ -234,7 +234,7 @@ class PuppetTool(Tool):
             return False
         lens = self.editor.lens
         right: Float = np.asarray(lens.view.camera_from_world[0, :3])
-        across, up = _NUDGES[key]
+        across, up = _NUDGE_STEPS[key]
         way = (across * right + up * lens.up) * pixels * manipulator.pixel
         self.puppets.nudge(standing.way_into(way))
         return True

@@ -26,11 +26,11 @@ from enliven_viewer.studio.tools.base import Pointer, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
-_SEEN_THROUGH = 0.08
+_DEPTH_BIAS = 0.08
 """Depth bias as a fraction of the camera distance. Control points are visible through geometry that covers
 them by less.
 """
-_ALWAYS = 0.8
+_GIZMO_DEPTH_BIAS = 0.8
 """The same for the gizmo, which nothing covers."""
 
 Mark = Line | Disc | Fill | Label
@@ -159,12 +159,12 @@ def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPict
     puppets, mesh = tool.puppets, standing.character.mesh
     warned, ghost = puppets.crossing.faces, puppets.stage.ghost
     near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))
-    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _SEEN_THROUGH * max(near, 0.05))]
+    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _DEPTH_BIAS * max(near, 0.05))]
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
         away = float(np.linalg.norm(manipulator.place - lens.view.eye))
-        tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _GIZMO_DEPTH_BIAS * away))
     return ToolPicture(
         (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
         (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,

@@ -23,7 +23,7 @@ from enliven_viewer.studio.workspace.painting import painting_actions
 from enliven_viewer.studio.workspace.take_commands import take_actions
 from enliven_viewer.studio.workspace.view_table import camera_actions, playing_actions, reading_actions
 
-_ALONE = (
+_SINGLE_SHAPE_ACTIONS = (
     "file.session",
     *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
     *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
@@ -33,7 +33,7 @@ _ALONE = (
 """Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
 why.
 """
-_SHIFT = 0.1
+_TIME_SHIFT_S = 0.1
 """Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
 Ask = Callable[[str], None]
 """Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
@@ -45,7 +45,7 @@ def studio_actions(
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
     for action in _every(commands, user_input, ask, preferences):
-        yield alone(action, editor) if action.id in _ALONE else action
+        yield alone(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
 
 
 def _every(
@@ -221,7 +221,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         c.lacks_shape,
         about="Removes all motion from the chosen chain, or from the whole shape.",
     )
-    for name, label, seconds in (("later", "Later", _SHIFT), ("earlier", "Earlier", -_SHIFT)):
+    for name, label, seconds in (("later", "Later", _TIME_SHIFT_S), ("earlier", "Earlier", -_TIME_SHIFT_S)):
         yield Action(
             f"motion.{name}",
             "Motion",

@@ -18,11 +18,11 @@ ORDERS: dict[Order, str] = {
     "largest": later("largest first"),
 }
 """Every sort order, with its label in the dialogue."""
-_FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
+_HOME_FOLDERS = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
 """Folders that desktops create in the home folder. Those that exist are offered."""
-_MEDIA = ("/media", "/run/media", "/Volumes", "/mnt")
+_MOUNT_FOLDERS = ("/media", "/run/media", "/Volumes", "/mnt")
 """Folders in which operating systems mount USB sticks and memory cards."""
-_MOST_PLACES = 14
+_MAX_PLACES = 14
 """Maximum number of offered places: more do not fit next to the file list."""
 
 
@@ -34,7 +34,7 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
         working: the folder in which the program was started.
     """
     home = Path.home()
-    folders = [(tr("Home"), home), *((name, home / name) for name in _FOLDERS_HERE)]
+    folders = [(tr("Home"), home), *((name, home / name) for name in _HOME_FOLDERS)]
     if working is not None and working != home:
         folders.append((working.name or str(working), working))
     folders += _sticks()
@@ -46,13 +46,13 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
     for name, folder in folders:
         if folder not in names_by_folder and _is_folder(folder):
             names_by_folder[folder] = name
-    return [(name, folder) for folder, name in list(names_by_folder.items())[:_MOST_PLACES]]
+    return [(name, folder) for folder, name in list(names_by_folder.items())[:_MAX_PLACES]]
 
 
 def _sticks() -> list[tuple[str, Path]]:
     """Returns the mounted removable drives, with their names."""
     drives = []
-    for root in map(Path, _MEDIA):
+    for root in map(Path, _MOUNT_FOLDERS):
         for folder in _entries(root):
             inner = [entry for entry in _entries(folder) if entry.is_mount()] if not folder.is_mount() else []
             drives += [(entry.name, entry) for entry in (inner or [folder]) if entry.is_mount()]

@@ -35,9 +35,9 @@ FILM = ".mp4"
 EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
 SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
 """Samples that ship with enliven, by id, with their labels."""
-_LONGEST = 130
+_MAX_NOTE_LETTERS = 130
 """Maximum number of characters shown of a file's note."""
-_BESIDE = 0.3
+_CHARACTER_GAP_M = 0.3
 """Distance in metres between an opened model and the existing characters."""
 
 
@@ -60,7 +60,7 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
         InputError: if the file cannot be read, or its type is not supported.
     """
     ending = path.suffix.lower()
-    for endings, read, add in _KINDS:
+    for endings, read, add in _FILE_TYPES:
         if ending in endings:
             return add, read(path)
     known_endings = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
@@ -125,7 +125,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
         added_ids.append(shape.id)
         if box is not None and shape.mesh is not None:
-            aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
+            aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _CHARACTER_GAP_M
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
         project, names = _with_clips(project.with_characters(shape), rig.clips)
         first = clip_to_open(shape, rig.clips)
@@ -186,7 +186,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         added_ids.append(name)
         if box is None:
             return project
-        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
+        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _CHARACTER_GAP_M
         return move_character(project, name, [aside, 0.0, 0.0])
 
     if editor.edit(later("open {0}", path.name), add):
@@ -212,7 +212,7 @@ def _add_played(
         added_ids.append(name)
         if box is None:
             return project
-        return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
+        return move_character(project, name, [float(box[1][0] - low) + _CHARACTER_GAP_M, 0.0, 0.0])
 
     if editor.edit(later("open {0}", file_name), add):
         editor.choose(added_ids[-1])
@@ -310,12 +310,18 @@ def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None
     """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
-        first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
+        first = (
+            notes[0]
+            if len(notes[0]) <= _MAX_NOTE_LETTERS
+            else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
+        )
         editor.toasts.say(f"{path.name}: {first}{more}")
     editor.toasts.say(tr("Opened {0}", path.name), mend)
 
 
-_KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...] = (
+_FILE_TYPES: tuple[
+    tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...
+] = (
     (MODELS, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
     (MESHES, load_mesh, _add_mesh),
     (TAKES, read_take, _add_take),

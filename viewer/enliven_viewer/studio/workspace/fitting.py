@@ -13,9 +13,9 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_UNLIKE = 2.0
+_MISMATCH_RATIO = 2.0
 """Height ratio to the other characters, in either direction, above which a mismatch is reported."""
-_ALIKE = 0.01
+_HEIGHT_TOLERANCE = 0.01
 """Relative height difference below which heights count as equal."""
 
 
@@ -46,7 +46,7 @@ class Fitting:
         heights = self.heights()
         if heights is None:
             return "No other shape to compare with. Choose one that stands next to others."
-        same = abs(heights[0] / heights[1] - 1.0) < _ALIKE
+        same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
         return "It is as tall as the others. Choose one that is not." if same else ""
 
     def fit(self) -> None:
@@ -73,7 +73,7 @@ class Fitting:
     def tell(self) -> None:
         """Shows a hint if the character that was just opened differs much in height from the others."""
         heights = self.heights()
-        if heights is None or 1.0 / _UNLIKE < heights[0] / heights[1] < _UNLIKE:
+        if heights is None or 1.0 / _MISMATCH_RATIO < heights[0] / heights[1] < _MISMATCH_RATIO:
             return
         message = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
         self.editor.toasts.say(message, tr("Alt+F makes it as tall as the others."))

@@ -10,11 +10,11 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven_viewer.language import later, tr
 
-_LEAST = 0.25
+_MIN_SIZE_M = 0.25
 """In metres. A model that is smaller in every direction is assumed to be in another unit."""
-_TALLEST = 3.0
+_MAX_HEIGHT_M = 3.0
 """In metres. A taller model is assumed to be in another unit, since the stage is made for people."""
-_LONGEST = 4.5
+_MAX_LENGTH_M = 4.5
 """In metres. A longer or wider model, twice the length of a horse, is assumed to be in another unit."""
 _UNITS = (
     ("centimetres", 0.01),
@@ -23,13 +23,13 @@ _UNITS = (
     (later("hundreds of metres"), 100.0),
 )
 """Units that programs write instead of metres, with their length in metres."""
-_LIKELY = (0.5, 3.0)
+_PLAUSIBLE_LENGTHS_M = (0.5, 3.0)
 """Plausible range of a model's longest side in metres, from a small dog to a horse with its tail. It decides
 whether a unit fits.
 """
-_PERSON = 1.7
+_PERSON_HEIGHT_M = 1.7
 """Height in metres of a model without a plausible size: that of a person."""
-_WIDEST = 3.5
+_MAX_FALLBACK_LENGTH_M = 3.5
 """Maximum longest side, in metres, of a model without a plausible size."""
 
 
@@ -54,11 +54,11 @@ def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> OpenedSize:
     """
     extent = np.ptp(np.asarray(points, float), axis=0)
     tall, longest = float(extent[1]), float(extent.max())
-    if tall <= 0.0 or (longest >= _LEAST and tall <= _TALLEST and longest <= _LONGEST):
+    if tall <= 0.0 or (longest >= _MIN_SIZE_M and tall <= _MAX_HEIGHT_M and longest <= _MAX_LENGTH_M):
         return OpenedSize(tall)
     for word, metres in _UNITS:
-        if _LIKELY[0] <= longest * metres <= _LIKELY[1]:
+        if _PLAUSIBLE_LENGTHS_M[0] <= longest * metres <= _PLAUSIBLE_LENGTHS_M[1]:
             note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(word), tall * metres)
             return OpenedSize(tall * metres, note)
-    height = min(_PERSON, _WIDEST * tall / longest)
+    height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
     return OpenedSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.tools import BRUSHES, STEP, PaintTool
+from enliven_viewer.studio.tools import BRUSHES, RADIUS_STEP, PaintTool
 from enliven_viewer.studio.workspace.input import ViewportInput
 
 _MENU = "Brush"
 """The submenu of the brush in the Shape menu."""
-_KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
-_ABOUT = {
+_BRUSH_KEYS = {"softer": "shift+w", "stiffer": "shift+q", "erase": "shift+e"}
+_BRUSH_DESCRIPTIONS = {
     "softer": "Strokes let the mesh give way, and swing past what the performer does.",
     "stiffer": "Strokes let the mesh keep its shape.",
     "erase": "Strokes remove the paint from the mesh.",
@@ -35,14 +35,14 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
             f"paint.{brush}",
             "Shape",
             f"Brush: {word[0].lower()}{word[1:]}",
-            (_KEYS[brush],),
+            (_BRUSH_KEYS[brush],),
             lambda brush=brush: take(brush),
             on=lambda brush=brush: user_input.tool is tool and tool.brush == brush,
-            about=_ABOUT[brush],
+            about=_BRUSH_DESCRIPTIONS[brush],
             apart=brush == "softer",
             group=_MENU,
         )
-    sizes = (("larger", "right_bracket", STEP), ("smaller", "left_bracket", 1 / STEP))
+    sizes = (("larger", "right_bracket", RADIUS_STEP), ("smaller", "left_bracket", 1 / RADIUS_STEP))
     for name, key, step in sizes:
         label = f"{name.title()} brush"
         yield Action(

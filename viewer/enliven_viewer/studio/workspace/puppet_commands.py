@@ -16,7 +16,7 @@ from enliven.modeling.puppet import bake_puppet, make_puppet
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
-_ASIDE = 0.3
+_COPY_GAP_M = 0.3
 """Gap between a character and the copy that is placed next to it, in metres. So both can be distinguished."""
 
 
@@ -145,7 +145,7 @@ def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
     right = editor.lens.view.camera_from_world[0, :3]
     wide = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
     apart = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
-    way = np.asarray(right * (wide + apart + _ASIDE))
+    way = np.asarray(right * (wide + apart + _COPY_GAP_M))
     way[1] = 0.0
     return way
 

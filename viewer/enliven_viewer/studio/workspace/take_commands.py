@@ -10,7 +10,9 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_NONE = later("No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane.")
+_NO_ALTERNATIVES = later(
+    "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."
+)
 
 
 class TakeCommands:
@@ -45,7 +47,7 @@ class TakeCommands:
 
     def lacks(self) -> str:
         """Returns why no alternative take can be chosen, with advice."""
-        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
+        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
     def step(self, way: int) -> None:
         """Switches to the next alternative take, or to the previous one if `way` is -1."""

@@ -56,11 +56,11 @@ from enliven_viewer.studio.workspace.view_table import curve_action, ghost_actio
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right and bottom, in pixels of the window."""
-_LARGE_BYTES = 6_000_000
+_BACKGROUND_READ_BYTES = 6_000_000
 """File size in bytes above which a file is read in the background. Smaller files open within half a
 second.
 """
-_ROOM = 1.35
+_FRAMING_MARGIN = 1.35
 """Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
 
 
@@ -393,7 +393,7 @@ class Workspace:
         pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
         if not ((pixels >= 0) & (pixels <= editor.size)).all():
             box = standing.vertices.min(0), standing.vertices.max(0)
-            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_FRAMING_MARGIN)
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
@@ -478,6 +478,6 @@ class Workspace:
 def _is_large(path: Path) -> bool:
     """Returns True if a file is too large to be read without blocking the window."""
     try:
-        return path.stat().st_size > _LARGE_BYTES
+        return path.stat().st_size > _BACKGROUND_READ_BYTES
     except OSError:
         return False

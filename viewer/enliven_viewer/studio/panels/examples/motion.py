@@ -17,7 +17,7 @@ from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, quiet, small
 from enliven_viewer.studio.workspace import Workspace
 
-_REMOVE = "\uf00d"
+_REMOVE_ICON = "\uf00d"
 
 
 def draw_held(workspace: Workspace, puppet: Puppet) -> None:
@@ -79,7 +79,7 @@ def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held:
         )[0]:
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(wide - 12)
-        if imgui.small_button(f"{_REMOVE}##held {row}"):
+        if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
         workspace.remember(f"let go {row}")
 

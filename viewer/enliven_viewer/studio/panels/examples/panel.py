@@ -22,12 +22,12 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
-_BACK = "\uf060"
-_PAD = 10.0
+_BACK_ICON = "\uf060"
+_PADDING = 10.0
 """Distance in pixels between the border of the status box and its text."""
-_NEXT = 30.0
+_NEXT_HEIGHT = 30.0
 """Height in pixels of the next-step button: easy to hit."""
-_STATUS = 66.0
+_STATUS_HEIGHT = 66.0
 """Fixed height in pixels of the status box: a title and two lines; more text scrolls."""
 
 
@@ -53,7 +53,7 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
 
 def _head(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
-    if imgui.button(_BACK, ImVec2(30, 0)):
+    if imgui.button(_BACK_ICON, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
         workspace.editor.choose(None)
     workspace.remember("all shapes")
@@ -66,7 +66,7 @@ def _next_step(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the highlighted button of the next step, always in the same place."""
     label, about, act = _step_of(workspace, puppet)
     with filled(ACCENT):
-        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
+        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     workspace.remember("next step")
     told(about)
@@ -123,13 +123,13 @@ def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...])
     """Draws a raised box with a coloured border and a fixed height."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    corner = ImVec2(origin.x + wide, origin.y + _STATUS)
+    corner = ImVec2(origin.x + wide, origin.y + _STATUS_HEIGHT)
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(origin, corner, packed(RAISED, 0.75), 7.0)
     low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, corner.y - 8)
     draw.add_rect_filled(*low, packed(tint), 2.0)
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PAD + 4, 6))
-    imgui.begin_child("##status", ImVec2(0, _STATUS), imgui.ChildFlags_.always_use_window_padding)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PADDING + 4, 6))
+    imgui.begin_child("##status", ImVec2(0, _STATUS_HEIGHT), imgui.ChildFlags_.always_use_window_padding)
     imgui.pop_style_var()
     with tinted(tint, imgui.Col_.text):
         imgui.text_unformatted(title)

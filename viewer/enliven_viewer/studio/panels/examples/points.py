@@ -17,13 +17,13 @@ from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, point_colour
 
-_ROW = 24.0
+_ROW_HEIGHT = 24.0
 """Height in pixels of a row in the list: a line of text with a margin for clicking."""
 _FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a hard point, a soft point."""
-_SUGGESTED = 6
+_SUGGESTION_COUNT = 6
 """Number of control points that are suggested at once, not counting mirror images."""
-_AXES = (later("left to right"), later("above to below"), later("front to back"))
+_AXIS_LABELS = (later("left to right"), later("above to below"), later("front to back"))
 
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
@@ -65,15 +65,15 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
-    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
+    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW_HEIGHT - 4)):
         workspace.editor.choose(puppet.id, None if puppets.point == number else number)
     workspace.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw = imgui.get_window_draw_list()
     if chosen or hovered:
         tint = packed(ACCENT, 0.26) if chosen else packed(RAISED)
-        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW - 4), tint, 5.0)
-    middle = origin.y + (_ROW - 4) / 2
+        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW_HEIGHT - 4), tint, 5.0)
+    middle = origin.y + (_ROW_HEIGHT - 4) / 2
     draw.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _tint(number))
     draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
     draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
@@ -156,7 +156,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
-        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTED))
+        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTION_COUNT))
 
     return workspace.editor.edit("suggest control points", change)
 
@@ -175,7 +175,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     normal = [abs(value) for value in puppet.symmetry.normal]
     imgui.same_line()
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text_unformatted(tr(_AXES[normal.index(max(normal))]))
+        imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
     toggled, on = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )

@@ -20,7 +20,7 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 TILE = ImVec2(88, 80)
-_PLUS = "\uf067"
+_PLUS_ICON = "\uf067"
 
 
 def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
@@ -129,11 +129,11 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
     else:
         make = duplicated if label == "Duplicate" else mirrored_copy
         moment = _free_moment(workspace, puppet, number)
-        if editor.edit(_STEPS[label], lambda p: make(p, name, number, key.take, moment)):
+        if editor.edit(_COMMAND_TITLES[label], lambda p: make(p, name, number, key.take, moment)):
             workspace.edit_pose(len(puppet.poses))
 
 
-_STEPS = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
+_COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
 """The history name of each command that adds another key pose."""
 
 
@@ -160,9 +160,9 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(origin, corner, packed(RAISED, 1.4 if hovered else 0.8), 7.0)
-    wide = imgui.calc_text_size(_PLUS).x * 22 / imgui.get_font_size()
+    wide = imgui.calc_text_size(_PLUS_ICON).x * 22 / imgui.get_font_size()
     at = ImVec2(origin.x + (TILE.x - wide) / 2, origin.y + 26)
-    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS)
+    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS_ICON)
     with small():
         imgui.text_unformatted(tr("new key pose"))
     imgui.end_group()

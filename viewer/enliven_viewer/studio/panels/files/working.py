@@ -8,13 +8,13 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 
-_WIDE = 300.0
+_BOX_WIDTH = 300.0
 """Width of the box in pixels: the name of a file, and the button."""
-_EDGE = 14.0
+_EDGE_MARGIN = 14.0
 """Distance in pixels between the box and the border of the view."""
-_BELOW_HINT = 76.0
+_TOP_MARGIN = 76.0
 """Distance in pixels from the top of the view, so that the tool's hint of up to two lines fits above."""
-_FLAGS = (
+_WINDOW_FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_move
@@ -31,11 +31,11 @@ def draw_working(workspace: Workspace, area: Area) -> None:
     if progress is None:
         return
     progress.seconds += imgui.get_io().delta_time
-    wide = min(_WIDE, area.width - 2 * _EDGE)
-    corner = ImVec2(area.x + area.width - _EDGE, area.y + _BELOW_HINT)
+    wide = min(_BOX_WIDTH, area.width - 2 * _EDGE_MARGIN)
+    corner = ImVec2(area.x + area.width - _EDGE_MARGIN, area.y + _TOP_MARGIN)
     imgui.set_next_window_pos(corner, 0, ImVec2(1.0, 0.0))
     imgui.set_next_window_size(ImVec2(wide, 0))
-    imgui.begin(labelled(tr("Working"), "Working"), None, _FLAGS)
+    imgui.begin(labelled(tr("Working"), "Working"), None, _WINDOW_FLAGS)
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(beside.said)
     imgui.pop_text_wrap_pos()

@@ -15,21 +15,21 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
-_LOOK = "\uf06e"
+_EYE_ICON = "\uf06e"
 """Icon of Font Awesome 4: an eye."""
-_BESIDE = 42.0
+_TEST_BUTTON_WIDTH = 42.0
 """Width in pixels of the test image button at the right of a camera's button."""
-_LIST = 108.0
+_LIST_HEIGHT = 108.0
 """Height in pixels of the list: three cameras, or one and its problem; more are scrolled."""
-_VIEW = (320.0, 240.0)
+_TEST_IMAGE_SIZE = (320.0, 240.0)
 """Width and height in pixels that a test image is fitted into, with any aspect ratio."""
 _GAP = 8.0
 """Distance in pixels between a test image and the panel."""
-_BELOW = 60.0
+_TEST_IMAGE_TOP = 60.0
 """Distance in pixels from the top of the panel to the top of a test image, which is next to the list."""
-_WORDS = 40.0
+_CAPTION_HEIGHT = 40.0
 """Height in pixels of the text below a test image: two lines."""
-_POPUP = "look"
+_POPUP_ID = "look"
 """The name of the popup with a test image."""
 
 
@@ -51,7 +51,7 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     search.poll()
     heading("Cameras here")
     looks = False
-    with list_box("cameras", _LIST) as room:
+    with list_box("cameras", _LIST_HEIGHT) as room:
         if search.problem:
             quiet(search.problem)
         for number, camera in enumerate(search.cameras or ()):
@@ -70,7 +70,7 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     imgui.end_disabled()
     workspace.remember("look for cameras")
     if looks:
-        imgui.open_popup(_POPUP)
+        imgui.open_popup(_POPUP_ID)
     _look(workspace, search, area)
 
 
@@ -82,7 +82,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     """
     looks = False
     imgui.begin_disabled(not camera.can_start)
-    beside = _BESIDE if camera.depth and camera.can_start else 0.0
+    beside = _TEST_BUTTON_WIDTH if camera.depth and camera.can_start else 0.0
     if imgui.button(
         f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
@@ -94,7 +94,9 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
     if beside:
         imgui.same_line()
         imgui.begin_disabled(search.looking is not None)
-        if imgui.button(f"{_LOOK}##look {number}", ImVec2(_BESIDE - imgui.get_style().item_spacing.x, 0)):
+        if imgui.button(
+            f"{_EYE_ICON}##look {number}", ImVec2(_TEST_BUTTON_WIDTH - imgui.get_style().item_spacing.x, 0)
+        ):
             search.look(camera)
             looks = True
         imgui.end_disabled()
@@ -116,12 +118,12 @@ def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
 
     The popup has the same size while it waits for the image.
     """
-    wide = _VIEW[0] + 2 * imgui.get_style().window_padding.x
-    imgui.set_next_window_pos(ImVec2(area.x - _GAP - wide, area.y + _BELOW))
-    if not imgui.begin_popup(_POPUP):
+    wide = _TEST_IMAGE_SIZE[0] + 2 * imgui.get_style().window_padding.x
+    imgui.set_next_window_pos(ImVec2(area.x - _GAP - wide, area.y + _TEST_IMAGE_TOP))
+    if not imgui.begin_popup(_POPUP_ID):
         return
     camera = search.looking or (search.looked[0] if search.looked is not None else None)
-    room = ImVec2(*_VIEW)
+    room = ImVec2(*_TEST_IMAGE_SIZE)
     imgui.text_unformatted(fitting(camera.title if camera is not None else "", room.x))
     at = imgui.get_cursor_screen_pos()
     imgui.dummy(room)
@@ -133,7 +135,7 @@ def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
         low = ImVec2(at.x + (room.x - scale * wide) / 2, at.y + (room.y - scale * high) / 2)
         far = ImVec2(low.x + scale * wide, low.y + scale * high)
         imgui.get_window_draw_list().add_image(imgui.ImTextureRef(texture.glo), low, far)
-    imgui.begin_child("##words", ImVec2(room.x, _WORDS))
+    imgui.begin_child("##words", ImVec2(room.x, _CAPTION_HEIGHT))
     if search.looking is not None:
         quiet("Looking ...")
     elif search.looked is not None:

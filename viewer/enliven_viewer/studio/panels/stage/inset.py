@@ -30,13 +30,13 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, performer_colour
 
-_LIMB = 0.075
+_LIMB_THICKNESS = 0.075
 """Thickness of a limb in metres, visible in an inset of a hundred pixels."""
-_HEAD = 0.11
+_HEAD_RADIUS = 0.11
 """Radius of a head in metres."""
-_SURE = 0.3
+_MIN_OPACITY = 0.3
 """Opacity of body parts with confidence 0. Parts with confidence 1 are opaque."""
-_TEXT = 13.0
+_TEXT_SIZE = 13.0
 """Text size in pixels in the inset."""
 
 
@@ -114,7 +114,7 @@ def _view(draw: imgui.ImDrawList, area: Area, view: CameraViewOf, texture: int |
         limbs = view.limbs.get(body.id, {})
         _figure(draw, area, body, performer_colour(number), width_of(view.camera), limbs)
     label = name if bodies else tr("{0}: no one in view", name)
-    caption(draw, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT)
+    caption(draw, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT_SIZE)
     draw.pop_clip_rect()
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
 
@@ -140,14 +140,18 @@ def _figure(
         red, green, blue = limbs.get(joint, tint[:3])
         depth = float(body.depth[[parent, joint]].mean())
         light = 1.0 - 0.45 * (depth - near) / max(far - near, 0.3)
-        sure = _SURE + (1.0 - _SURE) * float(min(body.confidence[parent], body.confidence[joint]))
+        sure = _MIN_OPACITY + (1.0 - _MIN_OPACITY) * float(
+            min(body.confidence[parent], body.confidence[joint])
+        )
         ink = packed((light * red, light * green, light * blue, sure))
-        thick = max(area.height * body.pixels(_LIMB, joint), 2.0)
+        thick = max(area.height * body.pixels(_LIMB_THICKNESS, joint), 2.0)
         draw.add_line(ImVec2(*at[parent]), ImVec2(*at[joint]), ink, thick)
         draw.add_circle_filled(ImVec2(*at[joint]), thick / 2, ink)
     head = int(Joint.HEAD)
     head_tint = (*limbs.get(head, tint[:3]), 1.0)
-    draw.add_circle_filled(ImVec2(*at[head]), area.height * body.pixels(_HEAD, head), packed(head_tint))
+    draw.add_circle_filled(
+        ImVec2(*at[head]), area.height * body.pixels(_HEAD_RADIUS, head), packed(head_tint)
+    )
 
 
 def _explain(workspace: Workspace, area: Area) -> None:

@@ -18,23 +18,23 @@ from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
-_WHOLE = ImVec2(-1, 0)
-_PRIMARY = 40.0
+_FULL_WIDTH = ImVec2(-1, 0)
+_PRIMARY_HEIGHT = 40.0
 """Height in pixels of the two main buttons: easy to hit."""
-_STATE = 66.0
+_STATUS_HEIGHT = 66.0
 """Height in pixels of the stage's status box: three lines; more scroll."""
-_STATE_ROOMY = 90.0
+_TALL_STATUS_HEIGHT = 90.0
 """Its height if the panel has space for a whole message with advice."""
-_ROOMY = 520.0
+_MIN_TALL_PANEL_HEIGHT = 520.0
 """Minimum panel height in pixels for that."""
-_STILL = 2.0
+_DEFAULT_STILLNESS_S = 2.0
 """Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
-_LOCAL = "127.0.0.1"
-_CHARACTERS = 98.0
+_LOCAL_ADDRESS = "127.0.0.1"
+_CHARACTERS_HEIGHT = 98.0
 """Height in pixels of the list of characters: four lines. More lines scroll."""
-_LINES = ("waits ", "stands ", "remove ")
+_WIDGET_PREFIXES = ("waits ", "stands ", "remove ")
 """Beginnings of the names of widgets in the list of characters."""
-_REMOVE = 58.0
+_REMOVE_WIDTH = 58.0
 """Width in pixels of the Remove button at the right of a character on the stage."""
 
 
@@ -52,7 +52,7 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
         # Draw these also in the frame in which the user leaves the stage.
         _performers(workspace, perform, live)
         _characters(workspace, perform)
-        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _WHOLE):
+        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _FULL_WIDTH):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
         told("Carry the camera round it, and it becomes a character")
@@ -66,7 +66,9 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the two main buttons of a performance, always in the same place."""
-    size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
+    size = ImVec2(
+        (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
+    )
     waits = perform.stepping_in.waits
     with filled(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
@@ -154,11 +156,11 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     quiet("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
-        "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
+        "##address", _LOCAL_ADDRESS, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("address")
-    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _WHOLE) or entered
-    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
+    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
+    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     workspace.remember("connect")
     for address in perform.known:
@@ -166,19 +168,19 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
             workspace.attempt(partial(perform.connect, address))
         workspace.remember(f"known {address}")
     heading("No camera here?")
-    if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _WHOLE):
+    if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--loop"))
     workspace.remember("recorded person")
     told("Plays the recording that comes with enliven again and again, like a person at the camera")
-    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _WHOLE):
+    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
         workspace.ask("perform")
     workspace.remember("recording of yours")
     told("A camera recording or motion capture (.bvh) that plays again and again")
-    if imgui.button(labelled(tr("A webcam"), "A webcam"), _WHOLE):
+    if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
     workspace.remember("webcam")
     told("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
-    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _WHOLE):
+    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
     told("A figure that waves and walks, for trying things out")
@@ -199,8 +201,10 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
     workspace.remember("leave")
     told("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
-    roomy = area.height > _ROOMY
-    imgui.begin_child("##state", ImVec2(0, _STATE_ROOMY if roomy else _STATE), imgui.ChildFlags_.frame_style)
+    roomy = area.height > _MIN_TALL_PANEL_HEIGHT
+    imgui.begin_child(
+        "##state", ImVec2(0, _TALL_STATUS_HEIGHT if roomy else _STATUS_HEIGHT), imgui.ChildFlags_.frame_style
+    )
     words, colour = stage_words(perform)
     at, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
     draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
@@ -253,7 +257,9 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
     heading("Record")
     last = recording.recorded
     imgui.begin_disabled(recording.phase != "idle" or not last)
-    if imgui.button(labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _WHOLE):
+    if imgui.button(
+        labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
+    ):
         recording.again(beside=True)
     workspace.remember("again beside")
     imgui.end_disabled()
@@ -279,10 +285,12 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
     workspace.remember("hold still")
     told("The still end is left out")
     if changed:
-        recording.hold_still = _STILL if still else 0.0
+        recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
         imgui.set_next_item_width(-1)
-        recording.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, tr("for %.1f s"))[1]
+        recording.hold_still = imgui.slider_float(
+            "##still", held or _DEFAULT_STILLNESS_S, 0.5, 5.0, tr("for %.1f s")
+        )[1]
         workspace.remember("still for")
     if recording.span is None:
         quiet("I and O mark where recordings begin and end.")
@@ -306,7 +314,7 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     heading("Characters")
     editor = workspace.editor
     own = list(editor.project.characters)
-    with list_box("characters", _CHARACTERS) as room:
+    with list_box("characters", _CHARACTERS_HEIGHT) as room:
         for name in own:
             _character(workspace, perform, name, room)
         for name in perform.standing:
@@ -321,7 +329,7 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     can_put = chosen in own and chosen not in perform.standing and not state.startswith("being")
     imgui.begin_disabled(not can_put)
     label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
-    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _WHOLE):
+    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH):
         perform.put()
     imgui.end_disabled()
     workspace.remember("put")
@@ -334,7 +342,7 @@ def _reveal_list(workspace: Workspace) -> None:
     The list alone would scroll only its own lines.
     """
     drawn = workspace.drawn
-    if drawn.left_alone or not any(name.startswith(_LINES) for name in drawn.wanted):
+    if drawn.left_alone or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.wanted):
         return
     clip = imgui.get_window_draw_list()
     top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
@@ -356,14 +364,14 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
         state_text = tr(state) if state else tr("not on the stage")
     chosen = perform.meant == name if standing else workspace.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
-    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE if can_remove else 0.0))
+    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE_WIDTH if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
         perform.there = name if standing else perform.there
         workspace.editor.choose(name if own else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
     told(state_text if state.startswith("refused") else "")
     if can_remove:
-        imgui.same_line(room - _REMOVE)
+        imgui.same_line(room - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.take_off(name)
         workspace.remember(f"remove {name}")

@@ -11,23 +11,23 @@ from enliven_viewer.studio.perform import ROOMS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
 
-_MEANT = {
+_TAB_TIPS = {
     "Perform": "Step into characters and record what you do",
     "Animate": "Give motion to characters, and shift, mix and repair it",
     "Model": "Sketch, cut and merge characters, with more room for the picture",
     "Play": "Only the picture",
 }
-_WIDE = 84.0
+_TAB_WIDTH = 84.0
 """Width of a tab in pixels: the longest name with margins."""
-_NARROW = 64.0
+_NARROW_TAB_WIDTH = 64.0
 """Width in pixels of a tab in a narrow window: the longest name, and the dot of a recording."""
-_LEAST_GAP = 12.0
+_MIN_GAP = 12.0
 """Minimum gap in pixels between the menus and the first tab."""
 
 
 def rooms_width(*, narrow: bool = False) -> float:
     """Returns the width in pixels of all tabs, including the gap before them."""
-    return _LEAST_GAP + (_NARROW if narrow else _WIDE) * len(ROOMS)
+    return _MIN_GAP + (_NARROW_TAB_WIDTH if narrow else _TAB_WIDTH) * len(ROOMS)
 
 
 def draw_rooms(workspace: Workspace) -> None:
@@ -38,8 +38,8 @@ def draw_rooms(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform
-    begin, wide = imgui.get_cursor_pos_x() + _LEAST_GAP, imgui.get_window_width()
-    tab = min(max((wide - begin) / len(ROOMS), _NARROW), _WIDE)
+    begin, wide = imgui.get_cursor_pos_x() + _MIN_GAP, imgui.get_window_width()
+    tab = min(max((wide - begin) / len(ROOMS), _NARROW_TAB_WIDTH), _TAB_WIDTH)
     left = min(max((wide - tab * len(ROOMS)) / 2, begin), wide - tab * len(ROOMS))
     draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
     for number, room in enumerate(ROOMS):
@@ -50,7 +50,7 @@ def draw_rooms(workspace: Workspace) -> None:
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
             perform.room = room
-        told(tr("{0}  (Ctrl+{1})", tr(_MEANT[room]), number + 1))
+        told(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[room]), number + 1))
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
         letters = imgui.calc_text_size(tr(room)).x

@@ -9,15 +9,15 @@ Rectangle = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels."""
 Segment = tuple[tuple[float, float], tuple[float, float]]
 """Start and end of an arrow in pixels."""
-_LONGEST = 56.0
+_MAX_ARROW_PX = 56.0
 """Maximum length of an arrow in pixels. A longer one would cross the target's neighbours."""
-_SHORTEST = 11.0
+_MIN_ARROW_PX = 11.0
 """Minimum length of an arrow in pixels: it would only be a head."""
-_GAP = 26.0
+_TARGET_GAP_PX = 26.0
 """Gap in pixels between the card and its target: space for the arrow."""
-_EDGE = 10.0
+_EDGE_MARGIN_PX = 10.0
 """Distance in pixels between the card and the border of the window."""
-_MEANT = 1e6
+_TARGET_COVER_COST = 1e6
 """Cost of covering the target, relative to covering other areas."""
 
 
@@ -42,21 +42,25 @@ def place_card(
         return before
     left, top, right, bottom = window
     wide, high = size
-    furthest = max(right - wide - _EDGE, left + _EDGE), max(bottom - high - _EDGE, top + _EDGE)
+    furthest = (
+        max(right - wide - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX),
+        max(bottom - high - _EDGE_MARGIN_PX, top + _EDGE_MARGIN_PX),
+    )
     corners = [*(_corners(size, picture) if picture is not None else []), *_corners(size, window)]
     if meant is None:
         return min(corners, key=lambda at: _cost(at, size, None, others))
     middle = (meant[0] + meant[2] - wide) / 2, (meant[1] + meant[3] - high) / 2
     beside = [
-        (meant[0] - wide - _GAP, middle[1]),
-        (meant[2] + _GAP, middle[1]),
-        (middle[0], meant[3] + _GAP),
-        (middle[0], meant[1] - high - _GAP),
-        (meant[0] - wide - _GAP, meant[3] + _GAP),
-        (meant[2] + _GAP, meant[3] + _GAP),
+        (meant[0] - wide - _TARGET_GAP_PX, middle[1]),
+        (meant[2] + _TARGET_GAP_PX, middle[1]),
+        (middle[0], meant[3] + _TARGET_GAP_PX),
+        (middle[0], meant[1] - high - _TARGET_GAP_PX),
+        (meant[0] - wide - _TARGET_GAP_PX, meant[3] + _TARGET_GAP_PX),
+        (meant[2] + _TARGET_GAP_PX, meant[3] + _TARGET_GAP_PX),
     ]
     clamped = [
-        (min(max(x, left + _EDGE), furthest[0]), min(max(y, top + _EDGE), furthest[1])) for x, y in beside
+        (min(max(x, left + _EDGE_MARGIN_PX), furthest[0]), min(max(y, top + _EDGE_MARGIN_PX), furthest[1]))
+        for x, y in beside
     ]
     # min returns the first of equally good places. The nearest places come first in the list.
     return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
@@ -75,17 +79,17 @@ def place_arrow(card: Rectangle, meant: Rectangle, widgets: Sequence[Rectangle])
     """
     start, end = _nearest(card, meant)
     length = math.dist(start, end)
-    if length < _SHORTEST:
+    if length < _MIN_ARROW_PX:
         return None
-    share = max(1.0 - _LONGEST / length, 0.0)
+    share = max(1.0 - _MAX_ARROW_PX / length, 0.0)
     begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
     x, y = (meant[0] + meant[2]) / 2, (meant[1] + meant[3]) / 2
     arrows: tuple[Segment, ...] = (
         (begin, end),
-        ((x, meant[3] + _LONGEST), (x, meant[3])),
-        ((x, meant[1] - _LONGEST), (x, meant[1])),
-        ((meant[0] - _LONGEST, y), (meant[0], y)),
-        ((meant[2] + _LONGEST, y), (meant[2], y)),
+        ((x, meant[3] + _MAX_ARROW_PX), (x, meant[3])),
+        ((x, meant[1] - _MAX_ARROW_PX), (x, meant[1])),
+        ((meant[0] - _MAX_ARROW_PX, y), (meant[0], y)),
+        ((meant[2] + _MAX_ARROW_PX, y), (meant[2], y)),
     )
     others = [widget for widget in widgets if not _touch(widget, meant)]
     free = (arrow for arrow in arrows if not any(_touch(_bounds(arrow), widget) for widget in others))
@@ -121,8 +125,8 @@ def _touch(first: Rectangle, second: Rectangle) -> bool:
 def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
     """Returns the top left corner of a card in each corner of an area, those at the right first."""
     left, top, right, bottom = area
-    across = max(right - size[0] - _EDGE, left + _EDGE), left + _EDGE
-    down = max(bottom - size[1] - _EDGE, top + _EDGE), top + _EDGE
+    across = max(right - size[0] - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX), left + _EDGE_MARGIN_PX
+    down = max(bottom - size[1] - _EDGE_MARGIN_PX, top + _EDGE_MARGIN_PX), top + _EDGE_MARGIN_PX
     return [(x, y) for x in across for y in down]
 
 
@@ -135,7 +139,7 @@ def _cost(
     """Returns the covered area in square pixels; the target's area has by far the highest cost."""
     card = at[0], at[1], at[0] + size[0], at[1] + size[1]
     cost = sum(_common(card, other) for other in others)
-    return round(cost + (_MEANT * _common(card, meant) if meant is not None else 0.0))
+    return round(cost + (_TARGET_COVER_COST * _common(card, meant) if meant is not None else 0.0))
 
 
 def _common(one: Rectangle, other: Rectangle) -> float:
