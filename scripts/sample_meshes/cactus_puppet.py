@@ -19,9 +19,9 @@ from enliven.takes import BODY_NAMES, clip_of_bodies
 from sample_meshes.cactus import make_cactus
 
 TAKE = "cactus poses"
-_Way = tuple[float, float, float]
+_Direction = tuple[float, float, float]
 
-_POINTS: tuple[tuple[str, _Way, Joint], ...] = (
+_POINTS: tuple[tuple[str, _Direction, Joint], ...] = (
     ("head", (0.0, 1.33, 0.0), Joint.HEAD),
     ("left temple", (0.13, 1.17, 0.0), Joint.HEAD),
     ("right temple", (-0.13, 1.17, 0.0), Joint.HEAD),
@@ -54,10 +54,10 @@ _BONE_LENGTHS: Mapping[str, float] = {
 class _Arm:
     """An arm: ways of the performer's upper arm and forearm, and where elbow and end of the cactus's are."""
 
-    upper: _Way
-    fore: _Way
-    elbow: _Way
-    end: _Way
+    upper: _Direction
+    fore: _Direction
+    elbow: _Direction
+    end: _Direction
 
 
 _DOWN = _Arm((0.14, -0.99, 0.0), (0.06, -0.99, 0.1), (0.42, 0.60, 0.02), (0.66, 0.27, 0.08))

@@ -37,7 +37,7 @@ from enliven.samples import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.timeline import RULER
 from enliven_viewer.studio.workspace import Workspace

@@ -10,7 +10,7 @@ from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
 from enliven.modeling.puppet import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.edits import turned_a_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.examples.example_edits import turned_a_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))

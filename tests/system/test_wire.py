@@ -25,7 +25,7 @@ from enliven.wire.topics import BODIES, CUES, POSE
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.clock import ClockEstimate
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 
 def unique() -> str:
@@ -169,7 +169,7 @@ def test_unanswered_command_ends_with_a_notice(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
-    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_TIMEOUT_S", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection._COMMAND_TIMEOUT_S", 0.1)
     replies: list[Any] = []
     link.ask(requests.Possess("chair"), replies.append)
     until(link, lambda: replies)
@@ -207,7 +207,7 @@ def test_silence_and_end_of_the_edge_are_reported(
 ) -> None:
     joined(link, publisher)
     assert link.health[publisher.endpoint].state == "connected"
-    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENT_AFTER", 0.1)
     until(link, lambda: link.health[publisher.endpoint].state == "stale")
     assert "silent" in link.health[publisher.endpoint].text
     publisher.set_status(phase="ended")

@@ -18,7 +18,7 @@ from imgui_bundle import imgui
 from PIL import Image
 from window_session import Feed
 
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
 from enliven_viewer.settings import RenderSettings, WindowStart

@@ -24,7 +24,7 @@ from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import said_of_things
 from enliven_synthesis.sensor import HandheldPath, HandledScan, HandledWay, laid_on_its_back, load_profile
 from enliven_viewer.studio.scan import advice_of
-from enliven_viewer.studio.scan.session import VOXELS
+from enliven_viewer.studio.scan.scan_session import VOXELS
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window

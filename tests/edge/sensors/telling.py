@@ -18,7 +18,7 @@ def bodies(number: int) -> list[Body]:
     return [Body(i, random.normal(size=(20, 3)), random.uniform(size=20), stature=1.7) for i in range(number)]
 
 
-class Telling:
+class OverlayConditions:
     """Frames with an increasing number of bodies."""
 
     isolated = True

@@ -15,8 +15,8 @@ from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.requests import Possess
 from enliven.wire.sockets import Endpoint
 from enliven_edge.network.publisher import Publisher
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import NS
 
@@ -107,7 +107,7 @@ def test_document_without_an_edge_names_the_address() -> None:
 
 def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
     """Its first message may be about performers, which does not state its process."""
-    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENT_AFTER", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
         return Publisher(name="again", host="127.0.0.1", pose_port=pose_port, control_port=control_port)

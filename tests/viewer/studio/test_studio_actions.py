@@ -13,7 +13,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven_viewer.studio.actions import Action, ActionTable, Finding, spoken
+from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, spoken
 from enliven_viewer.studio.actions.search import likeness
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
@@ -119,7 +119,7 @@ def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) 
 def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     stage.actions.do("view.bones")
-    finding = Finding(stage.actions)
+    finding = PaletteSearch(stage.actions)
     assert finding.found[0].id == "view.bones" and len(finding.found) == len(list(stage.actions))
     finding.step(-1)
     assert finding.marked == len(finding.found) - 1

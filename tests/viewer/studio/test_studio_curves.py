@@ -222,7 +222,7 @@ def drag(tool, start, way) -> None:
 
 @rigs
 def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) -> None:
-    from enliven_viewer.studio.tools.carry import CarryTool
+    from enliven_viewer.studio.tools.move import MoveTool
 
     editor, curves, name = desk(rig, handle=None)
     editor.size = (800.0, 600.0)
@@ -231,7 +231,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor.time, editor.keying = 1.0, True
     before = vertices_of(editor.project, name, 1.0)
     x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
-    drag(CarryTool(editor), (x, y), (90, -20))
+    drag(MoveTool(editor), (x, y), (90, -20))
     assert editor.history.names == ("set key", f"move {name}")
     (_, still), (time, key) = keys_of(editor.project, name, None)
     assert time == pytest.approx(1.0) and not any(still.metres) and np.abs(key.metres).max() > 0.05

@@ -25,7 +25,7 @@ from enliven.examples.puppet_motion import motion_of, state_of
 from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.examples.edits import (
+from enliven_viewer.studio.examples.example_edits import (
     added_switch,
     constraints_of,
     duplicated,
@@ -42,7 +42,7 @@ from enliven_viewer.studio.examples.edits import (
     with_setting,
     without_constraint,
 )
-from enliven_viewer.studio.examples.solving import Solving
+from enliven_viewer.studio.examples.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
 
 NAMES = ("head", "left", "right", "foot")
@@ -58,12 +58,12 @@ def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> P
     return project
 
 
-def solved(solving: Solving, project: Project):
+def solved(solving: MotionSolver, project: Project):
     return solving.settle(project, "star")
 
 
 def test_incomplete_puppets_are_not_solved() -> None:
-    solving = Solving(Toasts(5.0))
+    solving = MotionSolver(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
         shown = solving.shown(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
@@ -71,7 +71,7 @@ def test_incomplete_puppets_are_not_solved() -> None:
 
 def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
-    solving, good = Solving(toasts), posed()
+    solving, good = MotionSolver(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
     before = state_of(*solved(solving, good), 0.4).places
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
@@ -89,7 +89,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
 
 
 def test_retimed_layer_is_shown_without_solving() -> None:
-    solving, project = Solving(Toasts(5.0), patience=5.0), posed()
+    solving, project = MotionSolver(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
     assert solving.shown(moved, "star")[1] is moved.puppets["star"]

@@ -15,7 +15,7 @@ from enliven_edge.sent_characters import cast_sent
 from enliven_edge.settings import EdgeSettings
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform.sender import _stands_alike
+from enliven_viewer.studio.perform.stage_sender import _stands_alike
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.tools import PaintTool
 from enliven_viewer.studio.tools.paint import shades

@@ -16,8 +16,8 @@ from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
-from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
+from enliven_viewer.studio.puppets.gizmo import LENGTH, PARTS, Gizmo
+from enliven_viewer.studio.puppets.symmetry import mirrored_places, partner_vertex
 from enliven_viewer.studio.viewport.picking import joint_at, surface_at
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit
 
@@ -126,7 +126,7 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     editor = editor_with()
     editor.camera.orbit(0.5, 0.4)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     axes = np.eye(3)
     if part == "view":
         handle = PLACE
@@ -158,7 +158,7 @@ def test_a_drag_is_finite_from_every_side_and_snaps_to_steps(part, across, down,
     editor = seen()
     editor.camera.face(azimuth, elevation)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     start = pixel_of(editor, PLACE)
     way = tool.dragged(part, start, (start[0] + across, start[1] + down), snap=True)
     assume(way is not None)
@@ -172,7 +172,7 @@ def test_beyond_the_horizon_of_a_plane_there_is_no_place() -> None:
     editor = editor_with()
     editor.camera.face(0.0, 0.2)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     start = pixel_of(editor, PLACE)
     assert tool.dragged("zx", start, (start[0], -5000.0), snap=False) is None
     assert tool.dragged("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
@@ -182,7 +182,7 @@ def test_gizmo_has_constant_size_on_screen() -> None:
     editor = editor_with()
     sizes = []
     for place in (PLACE, PLACE + editor.lens.forward * 1.5):
-        tool = Manipulator(place, editor.lens)
+        tool = Gizmo(place, editor.lens)
         up = editor.lens.up * LENGTH * tool.pixel
         sizes.append(np.linalg.norm(np.subtract(pixel_of(editor, place + up), pixel_of(editor, place))))
     assert sizes == pytest.approx([LENGTH, LENGTH], rel=1e-6)
@@ -190,7 +190,7 @@ def test_gizmo_has_constant_size_on_screen() -> None:
 
 def test_behind_the_eye_there_is_nothing_to_take() -> None:
     editor = editor_with()
-    tool = Manipulator(editor.lens.view.eye - editor.lens.forward, editor.lens)
+    tool = Gizmo(editor.lens.view.eye - editor.lens.forward, editor.lens)
     assert tool.at((320.0, 240.0)) == "" and tool.marks("") == ()
 
 

@@ -14,8 +14,8 @@ from tolerances import SOLVED, alike
 from enliven.document.project import same
 from enliven.modeling.puppet import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
-from enliven_viewer.studio.puppets.posing import PuppetEditor
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
+from enliven_viewer.studio.puppets.symmetry import partner_point, partner_vertex
 
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:

@@ -12,7 +12,7 @@ from swaying import swaying
 
 from enliven.formats.project import read_project, write_project
 from enliven.wire import BODIES
-from enliven_viewer.link.received import ReceivedBodies
+from enliven_viewer.link.received_data import ReceivedBodies
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace

@@ -20,7 +20,7 @@ from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.start import place_arrow, place_card
 from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
-from enliven_viewer.studio.start.steps import ENDING
+from enliven_viewer.studio.start.tour_steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 

@@ -20,7 +20,7 @@ from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, Showing, scene_of
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, OverlayVisibility, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.settings import ViewerSettings
 
@@ -108,7 +108,7 @@ class _Studio:
         self._camera = FilmCamera(settings.render.opening)
         self._surfaces = SolvedSurfaces(wait=True)
         film = settings.film
-        self._showing = Showing(settings.render, film.overlay_seconds)
+        self._showing = OverlayVisibility(settings.render, film.overlay_seconds)
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
         self.count, self.draw_seconds = 0, 0.0
 

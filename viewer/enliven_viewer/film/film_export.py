@@ -14,7 +14,7 @@ from enliven_viewer.playback import Document, EdgeState, Timeline
 from enliven_viewer.settings import ViewerSettings, sized
 
 
-class _Sampled:
+class _SampledSource:
     """All poses of some performances, delivered at once."""
 
     def __init__(
@@ -72,7 +72,7 @@ def write_film(
         settings = replace(settings, render=replace(settings.render, look=look))  # type: ignore[arg-type]
     document = Document(Timeline(settings.playback, bounded=False))
     heard = None if sound is None else (sound, SOUND_RATE)
-    source = _Sampled(performances, settings.film.rate, progress)
+    source = _SampledSource(performances, settings.film.rate, progress)
     make_film(source, document, path, None, settings, title=name, caption=False, sound=heard)
 
 

@@ -50,7 +50,7 @@ _MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, regardless of the mesh's own size."""
 
 
-class Counts(NamedTuple):
+class GraphCounts(NamedTuple):
     """The numbers of a graph shown in its image; ``radius`` is R in metres."""
 
     nodes: int
@@ -61,9 +61,9 @@ class Counts(NamedTuple):
     radius: float
 
 
-def counts_of(graph: DeformationGraph) -> Counts:
+def counts_of(graph: DeformationGraph) -> GraphCounts:
     """Returns the numbers of a graph."""
-    return Counts(
+    return GraphCounts(
         len(graph.positions),
         len(graph.edges),
         int(graph.bridges.sum()),
@@ -161,7 +161,7 @@ def _area(character: Character) -> float:
 
 def write_graph_picture(
     path: Path, character: Character, graph: DeformationGraph, title: str, panel: tuple[int, int]
-) -> Counts:
+) -> GraphCounts:
     """Draws the graph and writes the image, in the format of the file extension.
 
     Raises:
@@ -173,7 +173,7 @@ def write_graph_picture(
     return counts
 
 
-def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
+def composed(panels: list[UInt8], title: str, counts: GraphCounts) -> Image.Image:
     """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
     sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER_HEIGHT), PAPER)
@@ -188,7 +188,7 @@ def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
     return sheet
 
 
-def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> None:
+def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: GraphCounts) -> None:
     """Draws colour swatches with names and numbers, distributed over the width."""
     items = (
         (NODE, True, f"{counts.nodes} nodes"),

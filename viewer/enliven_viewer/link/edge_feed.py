@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from enliven.wire import BODIES, CALLS, CUES, POSE, Done, Look, Order, Topic, messages_to_health
-from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.link.received import ReceivedPose
-from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.link.received_data import ReceivedPose
+from enliven_viewer.link.topic_tracks import shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
 _NOTICE_S = 5.0

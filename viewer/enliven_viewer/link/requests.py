@@ -37,7 +37,7 @@ _RECONNECT_DELAY_S = 2.0
 
 
 @dataclass
-class _Pending:
+class _PendingRequest:
     key: str
     deadline: float
     on_reply: Callable[[Answer | None], None]
@@ -49,7 +49,7 @@ class Requests:
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._context, self._endpoint = context, endpoint
         self._socket: zmq.Socket[bytes] | None = None
-        self._pending: dict[int, _Pending] = {}
+        self._pending: dict[int, _PendingRequest] = {}
         self._late: deque[int] = deque(maxlen=_MAX_LATE_REQUESTS)
         self._last = 0
         self._unasked = 0
@@ -75,7 +75,7 @@ class Requests:
             self._socket.send(pack_control(Request(self._last, body)), zmq.DONTWAIT)
         except zmq.ZMQError:
             return False
-        self._pending[self._last] = _Pending(key, time.monotonic() + seconds, on_reply)
+        self._pending[self._last] = _PendingRequest(key, time.monotonic() + seconds, on_reply)
         return True
 
     def poll(self, malformed: Callable[[Malformed], None]) -> None:

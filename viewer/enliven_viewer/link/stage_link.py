@@ -43,7 +43,7 @@ given up.
 _REFUSAL_PAUSE_S = 0.25
 """Seconds to wait after a refused part. An edge counts requests per second."""
 
-Then = Callable[[Answer], None]
+AnswerCallback = Callable[[Answer], None]
 
 
 def _packed(project: Project, character: str) -> bytes:
@@ -69,7 +69,7 @@ class StagedEdge(Protocol):
 
 
 @dataclass
-class _Sending:
+class _Upload:
     """A character upload in progress.
 
     Attributes:
@@ -82,7 +82,7 @@ class _Sending:
 
     name: str
     fit: bool
-    then: Then
+    then: AnswerCallback
     packed: Future[bytes]
     order: PutCharacter | None = None
     data: bytes = b""
@@ -103,7 +103,7 @@ class StageLink:
     def __init__(self, edge: StagedEdge) -> None:
         self._edge = edge
         self._packer: ThreadPoolExecutor | None = None
-        self._sending: dict[str, _Sending] = {}
+        self._sending: dict[str, _Upload] = {}
         self._next: dict[str, Callable[[], None]] = {}
         self._last: dict[str, int] = {}
 
@@ -113,7 +113,13 @@ class StageLink:
         return bool(self._sending)
 
     def put(
-        self, project: Project, character: str, *, name: str = "", fit: bool = False, then: Then | None = None
+        self,
+        project: Project,
+        character: str,
+        *,
+        name: str = "",
+        fit: bool = False,
+        then: AnswerCallback | None = None,
     ) -> None:
         """Puts a character of a project onto the stage, replacing the one with its id.
 
@@ -129,9 +135,9 @@ class StageLink:
         if self._packer is None:
             self._packer = ThreadPoolExecutor(1, "packer")
         packed = self._packer.submit(_packed, project, character)
-        self._sending[name] = _Sending(name, fit, then, packed)
+        self._sending[name] = _Upload(name, fit, then, packed)
 
-    def remove(self, character: str, then: Then | None = None) -> None:
+    def remove(self, character: str, then: AnswerCallback | None = None) -> None:
         """Removes a character from the stage."""
         on_answer = then or (lambda answer: None)
         self._ask(RemoveCharacter(character), on_answer)
@@ -155,7 +161,7 @@ class StageLink:
         if self._packer is not None:
             self._packer.shutdown(wait=False, cancel_futures=True)
 
-    def _announce(self, sending: _Sending) -> None:
+    def _announce(self, sending: _Upload) -> None:
         """Announces a packed character to the edge."""
         try:
             sending.data = sending.packed.result()
@@ -176,7 +182,7 @@ class StageLink:
         # of the edge.
         self._send_parts(sending)
 
-    def _told(self, sending: _Sending, answer: Answer) -> None:
+    def _told(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a state request."""
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
@@ -188,7 +194,7 @@ class StageLink:
             sending.sent, sending.refused = answer.received, False
             self._send_parts(sending)
 
-    def _send_parts(self, sending: _Sending) -> None:
+    def _send_parts(self, sending: _Upload) -> None:
         assert sending.order is not None
         if self._sending.get(sending.name) is not sending:
             return
@@ -199,7 +205,7 @@ class StageLink:
             sending.under_way += 1
             self._ask(part, partial(self._part_told, sending))
 
-    def _part_told(self, sending: _Sending, answer: Answer) -> None:
+    def _part_told(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a part. After a refusal, asks where to continue."""
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)
@@ -214,7 +220,7 @@ class StageLink:
         if sending.restarts > _MAX_RESTARTS:
             self._end(sending, answer)
 
-    def _end(self, sending: _Sending, answer: Answer) -> None:
+    def _end(self, sending: _Upload, answer: Answer) -> None:
         """Ends an upload, and starts the one that waits for it."""
         if self._sending.pop(sending.name, None) is None:
             return
@@ -228,7 +234,7 @@ class StageLink:
         if waiting is not None:
             waiting()
 
-    def _ask(self, body: Ask, on_answer: Then) -> None:
+    def _ask(self, body: Ask, on_answer: AnswerCallback) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
         if not self._edge.request(body, _ANSWER_TIMEOUT_S, lambda answer: on_answer(answer or silent)):

@@ -24,7 +24,7 @@ from enliven.wire import (
     message_to_character,
     message_to_pose,
 )
-from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.link.topic_tracks import shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
 log = logging.getLogger(__name__)

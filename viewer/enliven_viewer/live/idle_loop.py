@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from enliven_viewer.language import later
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.render import OrbitCamera
 
 _START_DELAY_S = 1.5

@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven_viewer.render.capsules import bone_block
 from enliven_viewer.render.gl import BLOCKS, UNITS, RenderTarget, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
-from enliven_viewer.render.skinned import DrawnPart, SkinnedMesh
+from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 ALPHA_TO_COVERAGE = 0x809E

@@ -34,7 +34,7 @@ _MAX_RECENT_FILES = 10
 """Number of recent files: as many as can be read at a glance."""
 
 
-class _Kept(msgspec.Struct):
+class _StoredPreferences(msgspec.Struct):
     """The contents of the file."""
 
     keys: dict[str, tuple[str, ...]] = {}
@@ -137,23 +137,25 @@ class Preferences:
 
     def _chosen(self) -> dict[str, Any]:
         """Returns the current choices by their names in the file, as JSON values."""
-        kept = _Kept(**{name: getattr(self, name) for name in _Kept.__struct_fields__})
+        kept = _StoredPreferences(
+            **{name: getattr(self, name) for name in _StoredPreferences.__struct_fields__}
+        )
         return dict(msgspec.json.decode(msgspec.json.encode(kept)))
 
-    def _read(self) -> _Kept:
+    def _read(self) -> _StoredPreferences:
         if not self.path.exists():
-            return _Kept()
+            return _StoredPreferences()
         try:
             data = read_file(self.path, _MAX_FILE_BYTES)
             stored = msgspec.json.decode(data, type=dict[str, Any])
             self._refuse_later(stored.get(_VERSION_KEY, _VERSION))
             if self.refusal is not None:
-                return _Kept()
-            kept = msgspec.json.decode(data, type=_Kept)
+                return _StoredPreferences()
+            kept = msgspec.json.decode(data, type=_StoredPreferences)
         except (InputError, msgspec.MsgspecError, OSError, RecursionError) as error:
             log.warning("preferences cannot be read, and are put aside: %s", error)
             self._put_aside()
-            return _Kept()
+            return _StoredPreferences()
         self._stored = stored
         return kept
 

@@ -16,7 +16,8 @@ from enliven_viewer.live import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
-from enliven_viewer.studio.layout import draw_panels, places_of
+from enliven_viewer.studio.panel_drawing import draw_panels, panel_layout_of
+from enliven_viewer.studio.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.panels import (
     apply_colours,
     apply_style,
@@ -31,12 +32,11 @@ from enliven_viewer.studio.panels.stage import (
     draw_scan_over,
     draw_side_view,
 )
-from enliven_viewer.studio.perform import PerformerInset
-from enliven_viewer.studio.pictures import WindowPictures, hides_live
-from enliven_viewer.studio.places import Area, Places
+from enliven_viewer.studio.perform import PreviewPlacement
+from enliven_viewer.studio.window_pictures import WindowPictures, hides_live
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import theme_in_use
-from enliven_viewer.window import Place, is_minimised, toggle_full_screen
+from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
 
 _MAX_STEP_S = 2.0
 """Maximum time step in seconds. The playhead follows the clock even at low frame rates. After a longer pause,
@@ -79,14 +79,14 @@ class StudioWindow:
         self.pace = 0.0  # This is the number of frames per second, smoothed.
         # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
-        self._windowed: Place | None = (
+        self._windowed: WindowRectangle | None = (
             (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
         )
         self._idle_loop = IdleLoop()
         self.pictures = 0
         self._pictures: WindowPictures | None = None
         self.desktop: Desktop | None = None
-        self._inset = PerformerInset()
+        self._inset = PreviewPlacement()
         self._last = time.monotonic()
         self._framed = False
         self._theme = theme_in_use()[0]
@@ -197,9 +197,9 @@ class StudioWindow:
         return str(self._pictures.viewport.renderer.ctx.error)
 
     @property
-    def places(self) -> Places:
+    def places(self) -> PanelLayout:
         """Returns the layout of the panels at the window's size."""
-        return places_of(self.workspace, bare=self.opening.bare or self.audience)
+        return panel_layout_of(self.workspace, bare=self.opening.bare or self.audience)
 
     @property
     def audience(self) -> bool:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from isolated_sensors import none_left  # noqa: F401 (a fixture)
 from PIL import Image
-from telling import Telling
+from telling import OverlayConditions
 
 pytest.importorskip("cv2", reason='OpenCV is not installed: pip install "./edge[libcamera]"')
 from stereo_rig import calibration_of, rectified_left, rig
@@ -95,7 +95,7 @@ def test_a_damaged_image_costs_its_pair_only(recorded, tmp_path):
 
 def test_bodies_cross_the_process_boundary_unchanged(none_left):  # noqa: F811
     """Like those of a single camera with landmarks that become bodies in the driver."""
-    with IsolatedOpener("telling", Telling, {})() as sensor:
+    with IsolatedOpener("telling", OverlayConditions, {})() as sensor:
         for number in range(telling.FRAMES):
             frame = next_frame(sensor)
             assert isinstance(frame, BodyFrame) and frame.sensor == "telling"

@@ -6,4 +6,4 @@ from .paint import (
     painted as painted,
 )
 from .parts import Part as Part, parts_of as parts_of
-from .textures import HeldTexture as HeldTexture, Textures as Textures
+from .textures import SharedTexture as SharedTexture, Textures as Textures

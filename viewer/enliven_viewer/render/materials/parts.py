@@ -9,7 +9,7 @@ from enliven.meshes import Texture
 from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMaterial, Transform
 from enliven_viewer.render.materials.textures import mirrored
 
-Placing = tuple[int, Transform]
+TextureMapping = tuple[int, Transform]
 """A set of texture coordinates, and its transform."""
 
 _ALPHA_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
@@ -29,7 +29,7 @@ class Part:
     double_sided: bool = True
     unlit: bool = False
     maps: tuple[tuple[str, int, int], ...] = ()
-    placings: tuple[Placing, ...] = ()
+    placings: tuple[TextureMapping, ...] = ()
     cutoff: float = 0.5
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
@@ -68,7 +68,7 @@ def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets
 
 
 def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
-    maps, placings = list[tuple[str, int, int]](), list[Placing]()
+    maps, placings = list[tuple[str, int, int]](), list[TextureMapping]()
     for name in MAPS:
         texture_map = material.maps.get(name)
         if texture_map is None or not sets:

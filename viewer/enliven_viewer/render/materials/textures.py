@@ -38,7 +38,7 @@ _Key = tuple[int, bool]
 
 
 @dataclass
-class HeldTexture:
+class SharedTexture:
     """A texture on the GPU with its number of users.
 
     It keeps the source alive, since its key contains the source's id.
@@ -71,11 +71,11 @@ class Textures:
         self._most = min(most, limit)
         by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE_RENDERERS)
         self._anisotropy = 1.0 if by_hand else min(float(anisotropy), ctx.max_anisotropy or 1.0)
-        self._held: dict[_Key, HeldTexture] = {}
+        self._held: dict[_Key, SharedTexture] = {}
         self.beside = False
         self._pool: ThreadPoolExecutor | None = None
 
-    def take(self, source: Texture, name: str) -> HeldTexture:
+    def take(self, source: Texture, name: str) -> SharedTexture:
         """Returns the texture for a map of a material. The caller must give it back."""
         key = id(source), name in _SRGB_MAPS
         if key not in self._held:
@@ -91,12 +91,12 @@ class Textures:
                 held.texture.release()
                 held.texture = self._uploaded(held.source, colours, pixels)
 
-    def _begun(self, source: Texture, colours: bool) -> HeldTexture:
+    def _begun(self, source: Texture, colours: bool) -> SharedTexture:
         if not self.beside:
-            return HeldTexture(self._uploaded(source, colours, _pixels(source, self._most)), source)
+            return SharedTexture(self._uploaded(source, colours, _pixels(source, self._most)), source)
         self._pool = self._pool or ThreadPoolExecutor(2, "textures")
         decoding = self._pool.submit(_pixels, source, self._most)
-        return HeldTexture(self._uploaded(source, colours, _WHITE_PIXEL), source, decoding=decoding)
+        return SharedTexture(self._uploaded(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
         """Removes one user of a texture. A texture without users is freed."""

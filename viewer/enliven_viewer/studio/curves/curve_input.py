@@ -17,16 +17,16 @@ from enliven.errors import EnlivenError
 from enliven_viewer.language import later
 from enliven_viewer.studio.curves.channels import (
     NUMBERS,
+    CurveDot,
     CurveGroup,
-    Dot,
-    Thing,
+    CurveSubject,
     groups_of,
     key_groups,
     layer_dots,
     layer_number,
     pose_dots,
 )
-from enliven_viewer.studio.curves.edits import KEYED, added, beyond, eased, moved, removed
+from enliven_viewer.studio.curves.key_edits import KEYED, added, beyond, eased, moved, removed
 from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
@@ -42,15 +42,15 @@ _ZOOM_PER_NOTCH = 0.85
 
 
 @dataclass(frozen=True, eq=False)
-class _Wanted:
+class _CurveRequest:
     """A request for sampled curves."""
 
     project: Project
-    thing: Thing
+    thing: CurveSubject
     start: float
     span: float
 
-    def same(self, other: _Wanted | None) -> bool:
+    def same(self, other: _CurveRequest | None) -> bool:
         if other is None:
             return False
         return self.project is other.project and (self.thing, self.start, self.span) == (
@@ -79,19 +79,19 @@ class CurveInput:
         self.on, self.group, self.height = False, "keys", 160.0
         self.chosen: int | None = None
         self._scale: Scale | None = None
-        self._seen: tuple[Thing | None, str] = (None, "")
-        self._held: tuple[Dot, float, float, Scale] | None = None
+        self._seen: tuple[CurveSubject | None, str] = (None, "")
+        self._held: tuple[CurveDot, float, float, Scale] | None = None
         self._pool: ThreadPoolExecutor | None = None
-        self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
-        self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
-        self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
+        self._work: tuple[_CurveRequest, Future[dict[str, CurveGroup]]] | None = None
+        self._known: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+        self._keys: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
         """Shows or hides the curves."""
         self.on = not self.on
 
     @property
-    def thing(self) -> Thing | None:
+    def thing(self) -> CurveSubject | None:
         """Returns the object of the curves: the selected character with its handle and layer.
 
         Returns None without a selection.
@@ -99,7 +99,7 @@ class CurveInput:
         chosen = self.editor.chosen()
         if chosen is None:
             return None
-        return Thing(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
+        return CurveSubject(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
 
     @property
     def times(self) -> Float:
@@ -119,7 +119,7 @@ class CurveInput:
         layout, project = self.timeline.layout, self.editor.project
         if isinstance(self.editor.chosen(), Puppet):
             project = self.editor.solving.shown(project, thing.character)[0]
-        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        wanted = _CurveRequest(project, thing, layout.start, layout.shown)
         if self._work is None and not wanted.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
@@ -132,7 +132,7 @@ class CurveInput:
         mine = self._known is not None and self._known[0].thing == thing
         groups = dict(self._known[1]) if self._known is not None and mine else {}
         layout = self.timeline.layout
-        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        wanted = _CurveRequest(project, thing, layout.start, layout.shown)
         if self._keys is None or not wanted.same(self._keys[0]):
             self._keys = (wanted, key_groups(project, thing, self.times))
         groups.update(self._keys[1])
@@ -200,7 +200,7 @@ class CurveInput:
         if group is not None:
             self._scale = self.scale(group).panned(pixels)
 
-    def dot_at(self, x: float, y: float) -> Dot | None:
+    def dot_at(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
         group = self.shown()
         if group is None:
@@ -282,7 +282,7 @@ class CurveInput:
                 _EASE_TITLES[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease)
             )
 
-    def _lane(self, thing: Thing) -> tuple[int, ...]:
+    def _lane(self, thing: CurveSubject) -> tuple[int, ...]:
         """Returns the numbers of the layers that share a timeline bar with the object's layer.
 
         That layer comes first.
@@ -293,7 +293,7 @@ class CurveInput:
         rest = tuple(layer for layer in next(mine, ()) if layer != number)
         return (number, *rest)
 
-    def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
+    def _warn(self, thing: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
         if warning := beyond(self.editor.project, thing, name, time, value):
             self.editor.toasts.say(warning)

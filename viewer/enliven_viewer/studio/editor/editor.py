@@ -17,12 +17,12 @@ from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
 from enliven_viewer.studio.editor.framing import seen_points, way_of
-from enliven_viewer.studio.editor.stage import StudioStage
-from enliven_viewer.studio.examples import Solving
+from enliven_viewer.studio.editor.studio_stage import StudioStage
+from enliven_viewer.studio.examples import MotionSolver
 from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCharacter, length_of
+from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StageCharacter, length_of
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
@@ -59,7 +59,7 @@ class Editor:
         self.beside_box: Box | None = None  # These are the bounds of the live characters next to the project.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
-        self.solving = Solving(self.toasts)
+        self.solving = MotionSolver(self.toasts)
         self.beside = BackgroundTask(self.toasts, tr("Something is still being made"))
         self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.shown})
 
@@ -79,30 +79,30 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def standing(self) -> tuple[StandingCharacter, ...]:
+    def standing(self) -> tuple[StageCharacter, ...]:
         """Returns every character in its current pose."""
         return self._stage.standing
 
     @property
-    def handled(self) -> tuple[StandingCharacter, ...]:
+    def handled(self) -> tuple[StageCharacter, ...]:
         """Returns the characters with handles that every tool can edit."""
         return tuple(
             character for character in self.reachable if len(character.handles) and not character.own_tool
         )
 
     @property
-    def seen(self) -> tuple[StandingCharacter, ...]:
+    def seen(self) -> tuple[StageCharacter, ...]:
         """Returns the visible characters."""
         handling = self.project.handling
         return tuple(character for character in self.standing if not handling.get(character.id, FREE).hidden)
 
     @property
-    def reachable(self) -> tuple[StandingCharacter, ...]:
+    def reachable(self) -> tuple[StageCharacter, ...]:
         """Returns the characters that can be picked: visible and not locked."""
         handling = self.project.handling
         return tuple(character for character in self.seen if not handling.get(character.id, FREE).locked)
 
-    def posed(self, character_id: str) -> StandingCharacter:
+    def posed(self, character_id: str) -> StageCharacter:
         """Returns one character in its current pose.
 
         Raises:

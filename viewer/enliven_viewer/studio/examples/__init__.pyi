@@ -1,5 +1,5 @@
 from .coverage import CoverageCache as CoverageCache, TakeCoverage as TakeCoverage
-from .edits import (
+from .example_edits import (
     HardConstraint as HardConstraint,
     added_switch as added_switch,
     constraints_of as constraints_of,
@@ -18,4 +18,4 @@ from .edits import (
     with_setting as with_setting,
     without_constraint as without_constraint,
 )
-from .solving import Solving as Solving
+from .motion_solver import MotionSolver as MotionSolver

@@ -10,10 +10,10 @@ import numpy as np
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.ghosts.ends import traced
-from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
-from enliven_viewer.studio.ghosts.picture import GhostPicture, bodies_of, trail_rows
-from enliven_viewer.studio.ghosts.sampling import Sampled, Wanted, sample
+from enliven_viewer.studio.ghosts.ghost_picture import GhostPicture, bodies_of, trail_rows
+from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.motion_samples import MotionSamples, SampleRequest, sample
+from enliven_viewer.studio.ghosts.trail_points import traced
 
 _MAX_CHARACTERS = 3
 """Maximum number of characters with ghosts if none is selected. More would hide one another."""
@@ -29,9 +29,9 @@ class Ghosts:
     def __init__(self, editor: Editor) -> None:
         self.editor, self.on = editor, False
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, Sampled] = {}
-        self._work: tuple[str, Wanted, Future[Sampled]] | None = None
-        self._refused: dict[str, Wanted] = {}
+        self._known: dict[str, MotionSamples] = {}
+        self._work: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
+        self._refused: dict[str, SampleRequest] = {}
 
     def toggle(self) -> None:
         """Shows or hides the ghosts."""
@@ -89,7 +89,7 @@ class Ghosts:
         )
         return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
-    def _wanted(self, character: RigBase) -> Wanted:
+    def _wanted(self, character: RigBase) -> SampleRequest:
         editor, how = self.editor, self.editor.settings
         project = editor.project
         if isinstance(character, Puppet):
@@ -99,7 +99,7 @@ class Ghosts:
         last = int(min(editor.time + how.trail, length) / step)
         keys = self._keys(project, character)
         moments = ghost_moments(keys, editor.time, length, how.ghosts, how.ghost_step)
-        return Wanted(project, character, first, last, step, moments)
+        return SampleRequest(project, character, first, last, step, moments)
 
     def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
         """Returns the times of the keys of a character's selection."""
@@ -108,7 +108,7 @@ class Ghosts:
             return key_moments(project, character)
         return key_moments(project, character, chosen.handle, chosen.layer)
 
-    def _begin(self, wanted: list[Wanted]) -> None:
+    def _begin(self, wanted: list[SampleRequest]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
         names = {request.character.id for request in wanted}
         self._known = {name: sampled for name, sampled in self._known.items() if name in names}

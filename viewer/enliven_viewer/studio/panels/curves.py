@@ -7,10 +7,10 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveGroup, CurveInput, Dot, Scale
+from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveDot, CurveGroup, CurveInput, Scale
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
@@ -193,7 +193,7 @@ def _menu(curves: CurveInput) -> None:
     imgui.end_popup()
 
 
-def _told(dot: Dot, group: CurveGroup) -> str:
+def _told(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
         "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time
     )

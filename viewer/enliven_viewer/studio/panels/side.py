@@ -9,12 +9,12 @@ from enliven.mapping import own_clips, play_own_clip, played_clip
 from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
 from enliven_viewer.language import Texts, labelled, later, tr, tr_n
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import character_name, slider, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 

@@ -7,10 +7,10 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
-from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.sources import Offer
+from enliven_viewer.studio.sources import MotionMatch
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
@@ -195,7 +195,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
     imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
     quiet("Matches, the best first. Click one to accept it.")
     tool.lit = tool.offered[0]
-    taken: Offer | None = None
+    taken: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):
         if number:
             imgui.same_line()
@@ -212,7 +212,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
         tool.offered, tool.lit = [], None
 
 
-def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
+def _thumbnail(workspace: Workspace, offer: MotionMatch, at: ImVec2, lit: bool) -> None:
     """Draws the shape's bones as currently seen, with the driven ones in colour."""
     draw = imgui.get_window_draw_list()
     corner = ImVec2(at.x + _THUMBNAIL_SIZE.x, at.y + _THUMBNAIL_SIZE.y)

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.live import time_text
+from enliven_viewer.studio.panel_layout import LEAST, Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.stage import draw_growing
@@ -13,7 +14,6 @@ from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tint
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
-from enliven_viewer.studio.places import LEAST, Area
 from enliven_viewer.studio.timeline import LABELS, RULER
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET

@@ -6,9 +6,9 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.style import packed, panel
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 

@@ -7,9 +7,9 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import spoken
+from enliven_viewer.studio.panel_layout import HOLDER, Area
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
-from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace

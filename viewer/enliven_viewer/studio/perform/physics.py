@@ -8,7 +8,7 @@ from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
+from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
@@ -27,7 +27,7 @@ class StagePhysics:
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self._state: EdgeState[PhysicsMessage] = EdgeState(PHYSICS)
+        self._state: TopicState[PhysicsMessage] = TopicState(PHYSICS)
 
     def advance(self, client: EdgeClient) -> None:
         """Processes the edge's messages."""

@@ -12,8 +12,8 @@ from enliven.takes import Performed, with_performed
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.guests import Guest
 from enliven_viewer.studio.perform.recorder import LiveRecorder
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
 
 _COUNT_IN_S = 3.0
 """Length of the count-in in seconds: one beat per second."""
@@ -57,7 +57,7 @@ class StageRecording:
         connected: Callable[[], bool],
         may: Callable[[str], bool],
         lacks: Callable[[], str],
-        guests: Sequence[Guest] = (),
+        guests: Sequence[SecondaryEdge] = (),
     ) -> None:
         self.editor = editor
         self.recorder = LiveRecorder()

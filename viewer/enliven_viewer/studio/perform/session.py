@@ -17,17 +17,17 @@ from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
 from enliven_viewer.studio.perform.cameras import CameraSearch
+from enliven_viewer.studio.perform.character_sizes import CharacterSizes
 from enliven_viewer.studio.perform.close_up import CloseUp
-from enliven_viewer.studio.perform.guests import Guest, camera_of, together
 from enliven_viewer.studio.perform.holders import Holder
-from enliven_viewer.studio.perform.nearby import NearbyEdge
+from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions
+from enliven_viewer.studio.perform.local_edge import LocalEdge
 from enliven_viewer.studio.perform.physics import StagePhysics
+from enliven_viewer.studio.perform.possession_requests import PossessionRequests
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.sender import StageSender
-from enliven_viewer.studio.perform.sizes import StageSizes
-from enliven_viewer.studio.perform.stepping_in import SteppingIn
-from enliven_viewer.studio.perform.twins import Telling, Twins
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, camera_of, together
+from enliven_viewer.studio.perform.stage_sender import StageSender
 from enliven_viewer.studio.perform.voice import StageVoice
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
@@ -64,18 +64,18 @@ class PerformSession:
         self.live: LiveStage | None = None
         self.scene: Scene | None = None
         self.there = ""
-        self._twins = Twins(editor)
-        self.guests: list[Guest] = []
+        self._twins = LiveOverlay(editor)
+        self.guests: list[SecondaryEdge] = []
         self.recording = StageRecording(
             *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge), self.guests
         )
         self.close_up = CloseUp(editor)
-        self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
+        self.sender, self.sizes = StageSender(editor.toasts.say), CharacterSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
-        self.stepping_in = SteppingIn(self)
+        self.stepping_in = PossessionRequests(self)
         self.address, self.cameras = "", CameraSearch()
         self._client: EdgeClient | None = None
-        self._nearby: NearbyEdge | None = None
+        self._nearby: LocalEdge | None = None
         self._framed: tuple[str, ...] = ()
         self._soon: tuple[str, ...] = ()  # These characters wait for a stage.
 
@@ -123,10 +123,10 @@ class PerformSession:
         if parse_endpoint(wanted) in endpoints:
             mend = tr("Give the address of another camera's computer.")
             raise InputError(tr("that stage is here already"), where=wanted, mend=mend)
-        self.guests.append(Guest(wanted, len(self.guests) + 1, settings))
+        self.guests.append(SecondaryEdge(wanted, len(self.guests) + 1, settings))
         self.addresses.remember(wanted)
 
-    def lead(self, guest: Guest, settings: PlaybackSettings | None = None) -> None:
+    def lead(self, guest: SecondaryEdge, settings: PlaybackSettings | None = None) -> None:
         """Makes a secondary edge the primary one, which receives orders and characters."""
         if self._client is None:
             return
@@ -138,7 +138,7 @@ class PerformSession:
         for address in (before, *others):
             self.join(address, settings)
 
-    def part(self, guest: Guest) -> None:
+    def part(self, guest: SecondaryEdge) -> None:
         """Disconnects a secondary edge. Its part of a running recording is kept."""
         guest.close()
         self.guests.remove(guest)
@@ -149,7 +149,7 @@ class PerformSession:
         Raises:
             ResourceError: if the edge's program is not installed.
         """
-        edge = NearbyEdge(*words)
+        edge = LocalEdge(*words)
         self._follow(str(edge.endpoint))
         self._nearby = edge
         if self.live is not None:
@@ -291,7 +291,9 @@ class PerformSession:
             return
         performs = self.room in ("Perform", "Play")
         heard = self.recording.phase != "idle" or not self.editor.playing
-        telling = Telling(performs and self.connected, heard, self.recording.replaces, self.live.held)
+        telling = OverlayConditions(
+            performs and self.connected, heard, self.recording.replaces, self.live.held
+        )
         self.scene = together(self._twins.shown(self.live.scene, telling), self.guests)
         self.editor.beside_box = self.scene.box
         self.close_up.advance(seconds, self.scene if performs else None, self.meant)

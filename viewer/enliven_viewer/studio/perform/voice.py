@@ -8,7 +8,7 @@ from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, Vo
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
+from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
 
 SHOWN_S = 5.0
 """Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
@@ -31,7 +31,7 @@ class StageVoice:
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
         self.wanted = False
-        self._state: EdgeState[VoiceMessage] = EdgeState(VOICE)
+        self._state: TopicState[VoiceMessage] = TopicState(VOICE)
         self._heard: HeardMessage | None = None
         self._until = 0.0
         self._asked: object = None

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
 from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
 
 _BONE_RADIUS_PX = 2.3
@@ -32,7 +32,7 @@ overlap.
 """
 
 
-def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
+def skeleton_rows(posed: StageCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
     """Returns (N - 1 + N, 12) rows of ``Tubes``: a character's bones, then its handles."""
     pixel = lens.spans(posed.handles)
     mine = posed.id in selection.characters
@@ -72,7 +72,7 @@ def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
     return np.where(longest > 0.0, longest, np.inf)
 
 
-def _tint_chain(posed: StandingCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
+def _tint_chain(posed: StageCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
     """Highlights the bones between neighbours of a chain."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):

@@ -28,7 +28,7 @@ a pixel.
 """
 _MAX_SETTLING_FRAMES = 60
 """Maximum number of frames for settling the surface after a drag: one or two seconds."""
-Held = tuple[tuple[int, float | None], ...]
+HeldPoints = tuple[tuple[int, float | None], ...]
 
 
 class Solver:
@@ -48,7 +48,7 @@ class Solver:
         self._places: Float | None = None
         self._surface: PuppetSurface | None = None
         self._rounds = 0
-        self._refused: Held | None = None
+        self._refused: HeldPoints | None = None
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
         if self._count > TOLD:
             toasts.say(
@@ -148,7 +148,7 @@ class Solver:
         if first and self._count > TOLD:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
-    def _hold(self, held: Held) -> None:
+    def _hold(self, held: HeldPoints) -> None:
         """Changes the control points; in the background if that takes long."""
         surface, self._held, self._places = self._surface, held, None
         assert surface is not None
@@ -163,10 +163,10 @@ class Solver:
             work()
 
 
-def held_by(puppet: Puppet) -> Held:
+def held_by(puppet: Puppet) -> HeldPoints:
     """Returns the vertex and the weight of each control point, which determine the surface."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 
-def _split(held: Held) -> tuple[list[int], list[float | None]]:
+def _split(held: HeldPoints) -> tuple[list[int], list[float | None]]:
     return [vertex for vertex, _ in held], [weight for _, weight in held]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.scan.session import ScanSession
+from enliven_viewer.studio.scan.scan_session import ScanSession
 
 
 def scan_actions(scan: ScanSession) -> Iterator[Action]:

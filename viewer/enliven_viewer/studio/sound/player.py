@@ -23,13 +23,13 @@ class Stream(Protocol):
         """Closes the output."""
 
 
-Fill = Callable[[Any, int, Any, Any], None]
+FillSamples = Callable[[Any, int, Any, Any], None]
 """Writes the next N samples into an int16 array (N, 1). Further arguments: N, and the device's times and
 fault flags.
 """
 
 
-def device(fill: Fill) -> Stream:
+def device(fill: FillSamples) -> Stream:
     """Returns the computer's default audio output.
 
     Raises:
@@ -54,7 +54,7 @@ class SoundPlayer:
         heard: whether sound is on.
     """
 
-    def __init__(self, editor: Editor, opened: Callable[[Fill], Stream] = device) -> None:
+    def __init__(self, editor: Editor, opened: Callable[[FillSamples], Stream] = device) -> None:
         self.editor, self._opened = editor, opened
         self.heard = True
         self._stream: Stream | None = None

@@ -1,6 +1,6 @@
-from .matches import (
+from .motion_matches import (
     Chain as Chain,
-    Offer as Offer,
+    MotionMatch as MotionMatch,
     accepted as accepted,
     matching_view as matching_view,
     offers as offers,

@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport import (
     Overlay,
     Point,
     Selection,
-    StandingCharacter,
+    StageCharacter,
     joint_at,
 )
 
@@ -70,7 +70,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def posed(self) -> StandingCharacter | None:
+    def posed(self) -> StageCharacter | None:
         """Returns the take's skeleton at the project's time; the take is looped.
 
         While playback is stopped at 0, this is its first frame.
@@ -129,11 +129,9 @@ class SourceView:
         return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 
-def posed_take(clip: Clip, time: float) -> StandingCharacter:
+def posed_take(clip: Clip, time: float) -> StageCharacter:
     """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
     joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE, clip.skeleton)
-    return StandingCharacter(
-        shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints
-    )
+    return StageCharacter(shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints)

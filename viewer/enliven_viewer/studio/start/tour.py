@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from enliven_viewer.studio.start.chair_legs import chair_in_picture
 from enliven_viewer.studio.start.demonstration import Demonstration
-from enliven_viewer.studio.start.legs import chair_in_picture
-from enliven_viewer.studio.start.steps import ENDING, TOUR, TourPart, TourStep
 from enliven_viewer.studio.start.target import DrawnWidgets, Rectangle, Target
-from enliven_viewer.studio.start.toured import Desk, Toured
+from enliven_viewer.studio.start.tour_state import TourState, TourWorkspace
+from enliven_viewer.studio.start.tour_steps import ENDING, TOUR, TourPart, TourStep
 from enliven_viewer.studio.viewport import Point
 
 _DONE_DISPLAY_S = 1.2
@@ -41,8 +41,8 @@ class Tour:
         card: last position of the card, in the window's pixels. card_key: its content at that time.
     """
 
-    def __init__(self, desk: Desk, widgets: DrawnWidgets, number: int = 0) -> None:
-        self._toured, self._widgets = Toured(desk), widgets
+    def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
+        self._toured, self._widgets = TourState(desk), widgets
         self.number, self.ticked, self.reviewing = min(number, len(TOUR) - 1), 0.0, False
         self.shows = False
         self.demonstration: Demonstration | None = None

@@ -24,7 +24,7 @@ from enliven.mapping import (
 from enliven.motion.layers import bind_chain, goes_down
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
+from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, accepted, offers
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Overlay
 
@@ -70,8 +70,8 @@ class MapTool(Tool):
         super().__init__(editor)
         self.source = SourceView(editor)
         self.loop = True
-        self.offered: list[Offer] = []
-        self.lit: Offer | None = None
+        self.offered: list[MotionMatch] = []
+        self.lit: MotionMatch | None = None
         self.whole, self.gentle = WholeBody(), False
         self.made: tuple[str, str, Plan, MotionQuality] | None = None
         self._start: tuple[str, int] | None = None
@@ -201,7 +201,7 @@ class MapTool(Tool):
 
         editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
-    def accept(self, offer: Offer) -> None:
+    def accept(self, offer: MotionMatch) -> None:
         """Maps every chain of a suggested match."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(

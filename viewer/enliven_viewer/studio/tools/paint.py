@@ -13,7 +13,7 @@ from enliven.modeling.mesh import plane_of_symmetry
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.viewport import Disc, Overlay, StandingCharacter, surface_at
+from enliven_viewer.studio.viewport import Disc, Overlay, StageCharacter, surface_at
 from enliven_viewer.theme import AFTER, BEFORE, MARK, PLAIN_SURFACE, SHADOW, Colour
 
 BRUSHES: dict[Brush, str] = {
@@ -233,7 +233,7 @@ class PaintTool(Tool):
         return hit.character, _at_rest(posed, mesh, hit.face, place)
 
 
-def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> Float:
+def _at_rest(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
     """Returns (3,) metres: the rest position of a point on a face."""
     own = mesh.faces[face]
     share = barycentric(place[None], posed.vertices[own][None])[0]

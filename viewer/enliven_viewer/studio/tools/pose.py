@@ -13,7 +13,7 @@ from enliven.modeling.edits import drag_handle, key_handle, keys_of
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.drag import CharacterDrag
+from enliven_viewer.studio.tools.character_drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Overlay
 from enliven_viewer.theme import ACCENT, GOOD, QUIET
 

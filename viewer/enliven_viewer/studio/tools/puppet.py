@@ -9,9 +9,9 @@ from enliven_viewer.language import tr
 from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
-    Manipulator,
+    Gizmo,
     PointSuggestions,
-    StandingPuppet,
+    StagePuppet,
     ghost_at,
 )
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
@@ -159,7 +159,7 @@ class PuppetTool(Tool):
         standing = self.puppets.shown
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
-    def manipulator(self) -> Manipulator | None:
+    def manipulator(self) -> Gizmo | None:
         """Returns the gizmo at the selected control point.
 
         Returns None during playback, or right after a point was added.
@@ -171,9 +171,9 @@ class PuppetTool(Tool):
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
             return None
-        return Manipulator(standing.handles[point], self.editor.lens)
+        return Gizmo(standing.handles[point], self.editor.lens)
 
-    def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
+    def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
         """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)

@@ -12,10 +12,10 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
-    Manipulator,
+    Gizmo,
     PointSuggestions,
     PuppetEditor,
-    StandingPuppet,
+    StagePuppet,
     middle_of,
     normals_of,
     partner_vertex,
@@ -45,13 +45,13 @@ class PointDrag:
         moved: whether the point has moved.
     """
 
-    def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
+    def __init__(self, editor: Editor, standing: StagePuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._from: Float = np.array(standing.handles[point])
         # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
         # measured from where it started.
-        self._manipulator = Manipulator(self._from, editor.lens)
+        self._manipulator = Gizmo(self._from, editor.lens)
         self.moved = False
 
     def drag(self, pointer: Pointer) -> None:
@@ -82,11 +82,11 @@ class Pointing(Protocol):
     def held(self) -> PointDrag | None:
         """Returns the current drag of a control point; None for none."""
 
-    def manipulator(self) -> Manipulator | None:
+    def manipulator(self) -> Gizmo | None:
         """Returns the gizmo of the selected control point."""
 
 
-def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
+def marks_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark, ...]:
     """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
     marks: list[Mark] = []
     if tool.held is None:
@@ -100,7 +100,7 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
     return tuple(marks)
 
 
-def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns rings at the ends of limbs.
 
     They are shown only before any key pose exists; later they would be in the way.
@@ -121,7 +121,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
     return marks
 
 
-def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _next_point(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns a ring at the place where a click adds a control point, and one at its mirror image."""
     if tool.hovered_vertex is None:
         return []
@@ -136,7 +136,7 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
     return marks
 
 
-def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _names(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
     marks: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
@@ -154,7 +154,7 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     return marks
 
 
-def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:
+def picture_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> ToolPicture:
     """Returns the control points, gizmo arrows, outline of another key pose, and self-intersecting faces."""
     puppets, mesh = tool.puppets, standing.character.mesh
     warned, ghost = puppets.crossing.faces, puppets.stage.ghost

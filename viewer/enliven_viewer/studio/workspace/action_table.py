@@ -14,14 +14,14 @@ from enliven_viewer.studio.numbers import view_actions
 from enliven_viewer.studio.outliner import alone, choosing_actions
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.brush_actions import painting_actions
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, exportable
-from enliven_viewer.studio.workspace.fitting import fitting_actions
-from enliven_viewer.studio.workspace.input import ViewportInput
-from enliven_viewer.studio.workspace.painting import painting_actions
+from enliven_viewer.studio.workspace.size_matching import fitting_actions
 from enliven_viewer.studio.workspace.take_commands import take_actions
-from enliven_viewer.studio.workspace.view_table import camera_actions, playing_actions, reading_actions
+from enliven_viewer.studio.workspace.view_actions import camera_actions, playing_actions, reading_actions
+from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 _SINGLE_SHAPE_ACTIONS = (
     "file.session",
@@ -35,12 +35,12 @@ why.
 """
 _TIME_SHIFT_S = 0.1
 """Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
-Ask = Callable[[str], None]
+OpenDialog = Callable[[str], None]
 """Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
 
 
 def studio_actions(
-    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
@@ -49,7 +49,7 @@ def studio_actions(
 
 
 def _every(
-    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     yield from _file(ask, preferences)
     yield from _out(commands, ask)
@@ -86,7 +86,7 @@ def _every(
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
-def _file(ask: Ask, preferences: Preferences) -> Iterator[Action]:
+def _file(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     def lacks_recent() -> str:
         return "" if preferences.recent else "No file was opened yet. Open one with Ctrl+O."
 
@@ -105,7 +105,7 @@ def _file(ask: Ask, preferences: Preferences) -> Iterator[Action]:
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
 
 
-def _out(commands: Commands, ask: Ask) -> Iterator[Action]:
+def _out(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
     def lacks_export() -> str:
         try:
             exportable(commands.editor.project)
@@ -147,7 +147,7 @@ def _out(commands: Commands, ask: Ask) -> Iterator[Action]:
     yield Action("file.quit", "File", "Quit", ("ctrl+q",), lambda: ask("quit"), apart=True)
 
 
-def _edit(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[Action]:
+def _edit(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
     c, editor = commands, commands.editor
     yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.lacks_undo)
     yield Action("edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.lacks_redo)

@@ -30,10 +30,10 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
-from enliven_viewer.studio.workspace.fitting import Fitting
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, outwards
 from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
+from enliven_viewer.studio.workspace.size_matching import SizeMatching
 from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
 
@@ -45,7 +45,7 @@ class Commands:
         self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
         self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
-        self.takes, self.fitting = TakeCommands(editor), Fitting(editor)
+        self.takes, self.fitting = TakeCommands(editor), SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
     def play(self) -> None:

@@ -24,7 +24,7 @@ from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
-from enliven_viewer.studio.workspace.opened_size import opened_size
+from enliven_viewer.studio.workspace.model_size import opened_size
 
 MODELS = GLTF_SUFFIXES
 MESHES = (".obj", ".ply", ".stl", ".off")
@@ -236,7 +236,7 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
         _tell(editor, path, notes, mend)
 
 
-def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
+def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     added: list[str] = []
     before = set(editor.project.characters)
 
@@ -271,14 +271,14 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
 
 
 @dataclass(frozen=True)
-class _Performed:
+class _RecordedTake:
     """The content of a recorded take: its possessed meshes, if any, and its performers."""
 
     meshes: Project | None
     clips: tuple[Clip, ...]
 
 
-def _read_performance(path: Path) -> _Performed:
+def _read_performance(path: Path) -> _RecordedTake:
     refused, meshes, clips = list[InputError](), None, ()
     try:
         meshes = read_possessed(path)
@@ -290,10 +290,10 @@ def _read_performance(path: Path) -> _Performed:
         refused.append(error)
     if not clips and (meshes is None or not meshes.characters):
         raise refused[0]
-    return _Performed(meshes, clips)
+    return _RecordedTake(meshes, clips)
 
 
-def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Project, tuple[str, ...]]:
+def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
     added = list[str]()
     if read.meshes is not None:
         for name in read.meshes.characters:

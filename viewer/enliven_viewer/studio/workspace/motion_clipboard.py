@@ -16,7 +16,7 @@ from enliven_viewer.studio.workspace.puppet_commands import aside
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and a chain of its joints, from the root to the end."""
-_Solved = tuple[Project, str, list[str]]
+_SolvedMesh = tuple[Project, str, list[str]]
 """A project with a solved mesh, the mesh's id, and notes about its attachments."""
 
 
@@ -60,7 +60,7 @@ class MotionClipboard:
             return
         name, notes = shape.id, list[str]()
 
-        def work() -> _Solved:
+        def work() -> _SolvedMesh:
             return solve_again(project, name, notes=notes), name, notes
 
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
@@ -112,7 +112,7 @@ class MotionClipboard:
 
         beside = aside(self.editor, [target])
 
-        def work() -> _Solved:
+        def work() -> _SolvedMesh:
             solved_project, moved = give_performance(project, source, name, time=time, notes=notes)
             return (
                 solved_project if moved == name else move_character(solved_project, moved, beside),
@@ -127,14 +127,14 @@ class MotionClipboard:
             target,
         )
 
-    def _begin(self, message: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
+    def _begin(self, message: str, work: Callable[[], _SolvedMesh], word: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
         self.editor.beside.begin(message, work, partial(self._put, word, guarded))
 
-    def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
+    def _put(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)

@@ -8,7 +8,7 @@ from typing import Literal
 from enliven.document import Project, same
 from enliven_viewer.language import later, tr
 
-Side = Literal["only here", "only in the file", "different"]
+DifferenceSide = Literal["only here", "only in the file", "different"]
 
 _ITEM_WORDS = {
     "characters": later("character"),
@@ -33,7 +33,7 @@ class Difference:
     """
 
     item: str
-    side: Side
+    side: DifferenceSide
 
 
 def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:

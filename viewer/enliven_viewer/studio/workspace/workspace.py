@@ -10,14 +10,14 @@ from typing import Any
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
+from enliven_viewer.studio.actions import ActionTable, PaletteSearch, ShortcutCapture
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.numbers import Figures
+from enliven_viewer.studio.numbers import SelectionTransform
 from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions
 from enliven_viewer.studio.performer import PerformerView
@@ -45,14 +45,14 @@ from enliven_viewer.studio.workspace.files import (
     read_to_add,
     save_session,
 )
-from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.project_comparison import (
     Difference,
     compare_projects,
     with_saved_items,
 )
 from enliven_viewer.studio.workspace.project_store import PROJECT, FileChangedError, ProjectStore
-from enliven_viewer.studio.workspace.view_table import curve_action, ghost_action
+from enliven_viewer.studio.workspace.view_actions import curve_action, ghost_action
+from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right and bottom, in pixels of the window."""
@@ -115,7 +115,7 @@ class Workspace:
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
-        self.figures, self.typing = Figures(editor), dict[str, str]()
+        self.figures, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
@@ -131,7 +131,7 @@ class Workspace:
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
-        self.finding, self.wanted_key = Finding(self.actions), WantedKey()
+        self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
         self.history_shown, self.history_seen = False, (0, 0)
         self.shown_layer: tuple[str, int] | None = None
         self.ended = self.starting = False
@@ -170,7 +170,7 @@ class Workspace:
         elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
-            self.finding, self.wanted_key = Finding(self.actions), WantedKey()
+            self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:

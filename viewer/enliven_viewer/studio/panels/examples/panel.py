@@ -11,6 +11,7 @@ from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
 from enliven_viewer.language import tr
 from enliven_viewer.studio.examples import layer_of, with_guessed_joints
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.motion import draw_held
 from enliven_viewer.studio.panels.examples.points import draw_points, suggest
 from enliven_viewer.studio.panels.examples.settings import draw_settings
@@ -18,7 +19,6 @@ from enliven_viewer.studio.panels.fields import character_name, told
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import filled, packed, panel, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 

@@ -7,10 +7,10 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET

@@ -11,11 +11,11 @@ from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import filled, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 

@@ -6,9 +6,9 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace

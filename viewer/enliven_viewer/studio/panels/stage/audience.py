@@ -7,9 +7,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, cards_of
 from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.live import draw_holders, draw_size
 from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import GLASS, INK
 

@@ -8,10 +8,10 @@ from imgui_bundle import ImVec2, imgui
 from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl import window_context
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, list_box, quiet, tinted
 from enliven_viewer.studio.perform import Camera, CameraSearch
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
@@ -33,7 +33,7 @@ _POPUP_ID = "look"
 """The name of the popup with a test image."""
 
 
-class _Shown:
+class _TestImage:
     """The texture of the last test image."""
 
     texture: moderngl.Texture | None = None
@@ -146,13 +146,13 @@ def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
 
 def _texture(picture: UInt8, number: int) -> moderngl.Texture:
     """Returns the texture of a test image, which is made once for each image."""
-    if _Shown.texture is None or _Shown.number != number:
-        if _Shown.texture is not None:
-            _Shown.texture.release()
+    if _TestImage.texture is None or _TestImage.number != number:
+        if _TestImage.texture is not None:
+            _TestImage.texture.release()
         high, wide = picture.shape[:2]
-        _Shown.texture = window_context().texture((wide, high), 3, picture.tobytes(), alignment=1)
-        _Shown.number = number
-    return _Shown.texture
+        _TestImage.texture = window_context().texture((wide, high), 3, picture.tobytes(), alignment=1)
+        _TestImage.number = number
+    return _TestImage.texture
 
 
 def fitting(text: str, room: float) -> str:

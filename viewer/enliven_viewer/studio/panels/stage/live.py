@@ -10,10 +10,10 @@ from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
 from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panel_layout import HOLDER, Area
 from enliven_viewer.studio.panels.stage.scan import ADVICE
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, performer_colour
 

@@ -9,12 +9,12 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras, fitting
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
 from enliven_viewer.studio.panels.style import filled, heading, list_box, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 

@@ -6,11 +6,11 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.wire import ScanMessage
 from enliven_viewer.language import labelled, later, tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import told
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
-from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.scan import Kept, ScanSession, Size, Way, advice_of, scan_marks
+from enliven_viewer.studio.scan import KeptPart, ScanMode, ScanSession, ScanSize, advice_of, scan_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, WAIT, Colour
 
@@ -20,12 +20,12 @@ _ADVICE_TEXT_SIZE = 34.0
 """Text size in pixels of the instructions: readable from three metres, with a camera in the hands."""
 ADVICE = 72.0
 """Distance in pixels from the top of the view to the lower end of the instructions."""
-_SIZE_LABELS: dict[Size, str] = {
+_SIZE_LABELS: dict[ScanSize, str] = {
     "small": later("Something small: a cup, a shoe"),
     "thing": later("A chair, a lamp"),
     "room": later("A room, or a large thing"),
 }
-_MODE_LABELS: dict[Way, tuple[str, str]] = {
+_MODE_LABELS: dict[ScanMode, tuple[str, str]] = {
     "round": (
         later("The camera goes round it"),
         later("Once, a metre and a half away; the object stays in its place"),
@@ -49,7 +49,7 @@ _MODE_LABELS: dict[Way, tuple[str, str]] = {
         ),
     ),
 }
-_KEPT_PART_LABELS: dict[Kept, str] = {
+_KEPT_PART_LABELS: dict[KeptPart, str] = {
     "thing": later("What stands on the floor"),
     "box": later("What is in the box"),
     "all": later("All that was scanned"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.style import caption, packed
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 

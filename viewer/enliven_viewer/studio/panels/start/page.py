@@ -7,9 +7,9 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.style import BODY, heading, packed, quiet
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import SAMPLES, Workspace
 from enliven_viewer.theme import INK, QUIET
 

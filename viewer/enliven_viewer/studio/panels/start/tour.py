@@ -8,9 +8,9 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.start.placing import Rectangle, place_arrow, place_card
+from enliven_viewer.studio.panel_layout import MENU, Area, PanelLayout
+from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
 from enliven_viewer.studio.panels.style import filled, packed
-from enliven_viewer.studio.places import MENU, Area, Places
 from enliven_viewer.studio.start import TOUR, Tour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
@@ -61,7 +61,7 @@ _SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
 )
 
 
-def draw_tour(workspace: Workspace, places: Places) -> None:
+def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the tour on top of everything."""
     area = places.viewport
     tour = workspace.tour
@@ -107,7 +107,7 @@ def _grown(meant: Rectangle) -> Rectangle:
     )
 
 
-def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
+def _card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangle | None) -> Rectangle:
     """Draws the card next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size

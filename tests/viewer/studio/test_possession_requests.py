@@ -1,0 +1,217 @@
+"""Tests that a press of Possess acts at once, or as soon as possible, or is refused with advice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import PATIENCE
+from sample_meshes.chair import make_chair
+from scanning_edge import ScanningEdge
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.wire import ScanMessage
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform import possession_requests
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.files import add_sample
+
+STEP = 33_333_333
+
+
+class Sitting:
+    """An edge in this process, and a session that follows it."""
+
+    def __init__(self, folder: Path, *actors: EmbeddedActor) -> None:
+        self.house, self.editor = ScanningEdge(actors), Editor()
+        self.perform = PerformSession(self.editor, folder)
+        self.perform.room = "Perform"
+        self.house.followers.append(self)
+        self.count, self.present = 0, list[Body]()
+
+    def connect(self) -> None:
+        """Follows the edge, and waits until its characters have arrived."""
+        self.perform.connect(str(self.house.outlet.publisher.endpoint))
+        self.until(lambda: len(self.perform.standing) == len(self.house.stage.actors))
+
+    def poll(self) -> None:
+        """Advances the session, as each frame of the window does."""
+        self.perform.advance(0.02)
+
+    def until(self, done, what: str = "it") -> None:
+        """Shows the current people to the camera until a condition holds."""
+
+        def after_a_frame() -> object:
+            self.count += 1
+            self.house.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
+            return done()
+
+        self.house.until(after_a_frame, what)
+
+    def pictures(self, count: int) -> None:
+        """Runs ``count`` frames."""
+        end = self.count + count
+        self.until(lambda: self.count >= end)
+
+    @property
+    def held(self) -> set[str]:
+        """Returns the characters with a performer attached."""
+        return {one.character for one in self.perform.holders}
+
+    @property
+    def toasts(self) -> list[tuple[str, str]]:
+        """Returns the notifications and their advice."""
+        return [(one.text, one.mend) for one in self.editor.toasts.shown]
+
+
+def person(x: float = 0.0, z: float = -2.5) -> Body:
+    return Body(1, standing_figure() + np.array([x, 0.0, z]), np.ones(20))
+
+
+def actor(name: str = "chair", **options: object) -> EmbeddedActor:
+    mesh = make_chair(0.05)
+    graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+    return EmbeddedActor(character_from(mesh, graph, name), graph, ActorSettings(**options))
+
+
+@pytest.fixture
+def sitting(tmp_path: Path, monkeypatch) -> Iterator:
+    monkeypatch.setattr(possession_requests, "SEEN_S", 0.1)
+    made: list[Sitting] = []
+
+    def make(*actors: EmbeddedActor) -> Sitting:
+        made.append(Sitting(tmp_path, *actors))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.perform.disconnect()
+        one.house.close()
+
+
+def test_person_in_view_steps_in_at_once(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    assert not one.perform.stepping_in.words
+    one.until(lambda: one.held == {"chair"})
+    assert not one.toasts
+
+
+def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words.startswith("No one is in view"), "it is said at once"
+    one.pictures(5)
+    assert not one.held and one.perform.stepping_in.waits
+    one.present = [person()]
+    one.until(lambda: one.held == {"chair"})
+    assert not one.perform.stepping_in.waits and not one.toasts
+
+
+def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    one.perform.stepping_in.press()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.pictures(10)
+    assert not one.held and not one.perform.stepping_in.waits
+
+
+def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
+    monkeypatch.setattr(possession_requests, "PATIENCE_S", 0.1)
+    one = sitting(actor())
+    one.connect()
+    one.perform.stepping_in.press()
+    one.until(lambda: not one.perform.stepping_in.waits)
+    assert one.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
+
+
+def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
+    one = sitting(actor(place="fixed"))
+    one.connect()
+    one.present = [person(z=-9.0)]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    one.until(lambda: one.toasts)
+    ((what, mend),) = one.toasts
+    assert what.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
+    assert not one.perform.stepping_in.waits
+
+
+def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
+    one = sitting(actor("bench"))
+    one.connect()
+    one.present = [person()]
+    add_sample(one.editor, "chair")
+    one.editor.choose("chair")
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == "chair is being made ready for the stage"
+    one.until(lambda: one.held == {"chair"}, "the chair, and not the bench that stood there")
+
+
+def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
+    one = sitting(actor())
+    one.perform.connect(str(one.house.outlet.publisher.endpoint))
+    one.perform.live.near = True  # a stage that was started by this window
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == one.perform.live.making
+    one.present = [person()]
+    one.until(lambda: one.held == {"chair"})
+
+
+def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
+    one = sitting(actor(), actor("scan"))
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers and len(one.perform.standing) == 2)
+    one.house.outlet.send(ScanMessage(1, "scanning"), 0)
+    one.until(lambda: one.perform.possession_requests._scan.phase == "scanning")
+    one.perform.stepping_in.press()
+    assert one.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
+    one.house.outlet.send(ScanMessage(1, "finishing"), 0)
+    one.until(lambda: one.perform.possession_requests._scan.phase == "finishing")
+    one.perform.stepping_in.press()
+    assert one.perform.stepping_in.words == "The scan becomes a character"
+    one.pictures(5)
+    assert not one.held
+    one.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
+    one.until(lambda: one.held == {"scan"})
+
+
+def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.link.edge_connection._COMMAND_TIMEOUT_S", 0.1)
+    one = sitting(actor())
+    one.connect()
+    one.present = [person()]
+    one.until(lambda: one.perform.performers)
+    one.perform.stepping_in.press()
+    end = time.monotonic() + PATIENCE
+    while not one.perform.stepping_in.words and time.monotonic() < end:
+        one.poll()  # the edge compiles meanwhile, and is otherwise idle
+        time.sleep(0.01)
+    assert one.perform.stepping_in.words.startswith("The stage is busy")
+    one.until(lambda: one.held == {"chair"})
+
+
+def test_empty_and_missing_stage_are_reported(sitting) -> None:
+    one = sitting()
+    one.connect()
+    one.until(lambda: one.perform.connected)
+    one.perform.stepping_in.press()
+    assert one.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
+    one.perform.disconnect()
+    one.perform.stepping_in.press()
+    assert not one.perform.stepping_in.waits
