@@ -62,9 +62,9 @@ def main() -> None:
     arguments = parser.parse_args()
     bad = [] if arguments.offline else vulnerabilities()
     if arguments.offline:
-        print(f"vulnerabilities: not checked, --offline was given ({len(pinned())} releases)")
+        print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
     bad += licences()
-    for name in sorted(set(bundled(site_packages())) - documented()):
+    for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
         bad.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
     bad += telemetry(site_packages())
     print(*bad or ["audit: nothing to object to"], sep="\n")
@@ -80,7 +80,7 @@ def tool(name: str) -> str:
     return str(scripts / name)
 
 
-def pinned() -> list[str]:
+def read_pins() -> list[str]:
     """Returns the requirements of constraints.txt without comments and markers."""
     lines = (HOUSE / "constraints.txt").read_text().splitlines()
     return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
@@ -104,7 +104,7 @@ def vulnerabilities() -> list[str]:
     releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
-    for pins in rounds(pinned()):
+    for pins in rounds(read_pins()):
         with tempfile.TemporaryDirectory() as folder:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
             options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
@@ -183,10 +183,10 @@ def licences() -> list[str]:
     packages = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     kinds = sorted({package["License"] for package in packages})
     print(f"licences: {len(packages)} packages under {len(kinds)} names: {'; '.join(kinds)}")
-    return objections(packages)
+    return find_licence_problems(packages)
 
 
-def objections(found: list[dict[str, str]]) -> list[str]:
+def find_licence_problems(found: list[dict[str, str]]) -> list[str]:
     """Returns one sentence for each package with an unknown licence, or with copyleft and no other choice."""
     return [
         f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
@@ -203,7 +203,7 @@ def site_packages() -> Path:
     return Path(numpy.__file__).parents[1]
 
 
-def bundled(packages: Path) -> Iterator[str]:
+def bundled_libraries(packages: Path) -> Iterator[str]:
     """Yields the names of the libraries that wheels bundle, without "lib", hash and version."""
     for folder in (*packages.glob("*.libs"), *packages.glob("*/.dylibs")):
         for path in folder.iterdir():
@@ -211,7 +211,7 @@ def bundled(packages: Path) -> Iterator[str]:
             yield re.sub(r"-\d+$", "", re.sub(r"(-[0-9a-f]{8,})+$", "", stem))
 
 
-def documented() -> set[str]:
+def documented_libraries() -> set[str]:
     """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
     text = (HOUSE / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}

@@ -79,7 +79,7 @@ def command_of(row: Row, rest: list[str]) -> str:
     return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
 
 
-def counted(said: str) -> tuple[int, int]:
+def count_results(said: str) -> tuple[int, int]:
     """Returns (passed, failed) from pytest's last line. Errors count as failed."""
     lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
     matches = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
@@ -97,7 +97,7 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
             env=os.environ | row.environment | extra, cwd=ROOT, capture_output=True, text=True, check=False,
         )  # fmt: skip
         seconds = time.monotonic() - begun
-    passed, failed = counted(done.stdout)
+    passed, failed = count_results(done.stdout)
     if done.returncode:
         print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
     beside = f" beside {row.busy} busy processes" if row.busy else ""

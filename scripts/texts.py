@@ -32,7 +32,7 @@ TRANSLATING_FUNCTIONS = {
     "tr_n": (0,),
     "heading": (0,),
     "quiet": (0,),
-    "told": (0,),
+    "tooltip": (0,),
     "button": (1,),
     "choice": (1, 2),
 }
@@ -76,7 +76,7 @@ def constants(node: ast.AST) -> Iterator[ast.Constant]:
             yield from constants(value)
 
 
-def shown(tree: ast.Module) -> Iterator[ast.Constant]:
+def displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
     """Yields the texts of a module that are passed to a translating function."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
@@ -117,7 +117,7 @@ def texts() -> dict[str, str]:
     for group, name, *_ in NUMBERS:
         places.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
     for path in modules():
-        for node in shown(ast.parse(path.read_text("utf-8"))):
+        for node in displayed_texts(ast.parse(path.read_text("utf-8"))):
             places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
     return places
 

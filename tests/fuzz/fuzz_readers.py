@@ -36,7 +36,7 @@ from enliven.wire.posecode import PoseCodec
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
-from enliven_viewer.render.materials import paint_keys, painted
+from enliven_viewer.render.materials import paint_keys, paint_surface
 from enliven_viewer.render.surface import split_creases
 
 
@@ -81,7 +81,7 @@ def _control(data: bytes, folder: Path) -> None:
             made = convert_characters.message_to_character(body)
             PoseCodec(made)
             surface = split_creases(made.vertices, made.faces, keys=paint_keys(made))
-            assert len(painted(made, surface).rows) == len(surface.source)
+            assert len(paint_surface(made, surface).rows) == len(surface.source)
 
 
 def _recording(data: bytes, folder: Path) -> None:

@@ -27,7 +27,7 @@ class _ActiveCatalogue:
     catalogue: gettext.NullTranslations = gettext.NullTranslations()
 
 
-def speak(language: str) -> None:
+def set_language(language: str) -> None:
     """Switches to a language; to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():

@@ -291,7 +291,7 @@ class _ThemeColour(Sequence[Any]):
         self._is_set = name in ColourSet.__dataclass_fields__
 
     @property
-    def _now(self) -> Sequence[Any]:
+    def _values(self) -> Sequence[Any]:
         source = COLOUR_SETS[_ActiveTheme.colours] if self._is_set else THEMES[_ActiveTheme.theme]
         value: Sequence[Any] = getattr(source, self.name)
         if not self._as_light:
@@ -302,10 +302,10 @@ class _ThemeColour(Sequence[Any]):
         return shares if is_sequence else shares[0]
 
     def __getitem__(self, at: Any) -> Any:
-        return self._now[at]
+        return self._values[at]
 
     def __len__(self) -> int:
-        return len(self._now)
+        return len(self._values)
 
 
 INK: Colour = _ThemeColour("ink")

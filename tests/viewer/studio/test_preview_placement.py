@@ -10,8 +10,8 @@ from made_performer import performer
 
 from enliven.person import Body, Joint
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.stage.live import beside
-from enliven_viewer.studio.perform import WIDER, PreviewPlacement, rectangle_of, seen
+from enliven_viewer.studio.panels.stage.live import area_next_to_preview
+from enliven_viewer.studio.perform import WIDER, PreviewPlacement, project_bodies, rectangle_of
 from enliven_viewer.studio.preferences import Preferences
 
 SIZES = [(900.0, 501.0), (992.0, 501.0), (3460.0, 1940.0), (400.0, 160.0)]
@@ -24,7 +24,7 @@ def moved(body: Body, right: float, away: float) -> Body:
 @settings(deadline=None, max_examples=25)
 @given(st.floats(0.0, 17.0), st.floats(-0.4, 0.4), st.floats(0.3, 3.0))
 def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second, right, away):
-    near, far = (seen([moved(performer(second), right, more)])[0] for more in (0.0, away))
+    near, far = (project_bodies([moved(performer(second), right, more)])[0] for more in (0.0, away))
     for one in (near, far):
         assert np.isfinite(one.places).all()
         assert one.places[Joint.HEAD, 1] < one.places[Joint.HIP_CENTER, 1] < one.places[Joint.ANKLE_LEFT, 1]
@@ -35,9 +35,9 @@ def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second,
 
 
 def test_performer_behind_the_world_camera_is_seen_from_the_front():
-    (one,) = seen([moved(performer(1.0), 3.0, -4.0)])
+    (one,) = project_bodies([moved(performer(1.0), 3.0, -4.0)])
     inside = (one.places > 0.0) & (one.places < [WIDER, 1.0])
-    assert inside.all() and seen([]) == ()
+    assert inside.all() and project_bodies([]) == ()
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -62,10 +62,10 @@ def test_attachment_texts_avoid_the_inset(corner):
     wide = 500.0 if corner == "wide" else 150.0
     left = 10.0 if "left" in corner else 610.0 - wide
     top = 20.0 if "top" in corner else 220.0
-    free = beside(area, (left, top, left + wide, top + 100.0))
+    free = area_next_to_preview(area, (left, top, left + wide, top + 100.0))
     apart = free.x + free.width <= left or free.x >= left + wide
     assert apart == ("low" in corner) and (apart or free == area)
-    assert beside(area, None) == area
+    assert area_next_to_preview(area, None) == area
 
 
 def test_points_behind_the_camera_cover_nothing():

@@ -13,7 +13,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, spoken
+from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, key_label
 from enliven_viewer.studio.actions.search import likeness
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
@@ -200,7 +200,7 @@ def test_a_damaged_file_of_preferences_is_put_aside(tmp_path) -> None:
 
 
 def test_keys_are_written_as_on_a_keyboard() -> None:
-    assert [spoken(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
+    assert [key_label(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
         "Ctrl+Shift+Z",
         "Del",
         "Ctrl+,",

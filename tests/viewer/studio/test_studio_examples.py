@@ -26,16 +26,16 @@ from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.example_edits import (
-    added_switch,
+    add_switch,
     constraints_of,
-    duplicated,
+    duplicate_pose,
+    joint_words,
     layer_of,
-    mirrored_copy,
-    moved_switch,
-    removed_switch,
-    retimed,
-    spoken_joint,
-    turned_a_quarter,
+    mirror_pose,
+    move_switch,
+    remove_switch,
+    retime_pose,
+    turn_quarter,
     with_constraint,
     with_default_settings,
     with_guessed_joints,
@@ -136,7 +136,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     project = add_point(project, "star", vertex("foot"))
     made = with_guessed_joints(project, "star", "walk").puppets["star"].points
     assert made[0].name == "head" and made[0].joint == "bone 3", "what is paired stays"
-    assert made[1].joint and made[1].name == spoken_joint(made[1].joint)
+    assert made[1].joint and made[1].name == joint_words(made[1].joint)
     assert not made[1].foot, "one foot alone is none"
     with pytest.raises(InputError, match="no take"):
         with_guessed_joints(project, "star", "")
@@ -153,7 +153,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     ],
 )
 def test_joints_as_people_call_them(joint: str, said: str) -> None:
-    assert spoken_joint(joint) == said
+    assert joint_words(joint) == said
 
 
 def test_settings_and_names_change_alone_and_come_back() -> None:
@@ -171,36 +171,36 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
 
 def test_a_mesh_is_stood_up_before_it_has_points() -> None:
     project = make_puppet(Project(), star(), "star")
-    lying = turned_a_quarter(project, "star", "x")
+    lying = turn_quarter(project, "star", "x")
     assert np.ptp(lying.puppets["star"].mesh.vertices, 0)[1] == pytest.approx(np.ptp(star().vertices, 0)[2])
     for axis in ("x", "y"):
         turned = project
         for _ in range(4):
-            turned = turned_a_quarter(turned, "star", axis)
+            turned = turn_quarter(turned, "star", axis)
             assert turned.puppets["star"].mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-9)
         shape = turned.puppets["star"].mesh.vertices
         np.testing.assert_allclose(
             shape - shape.mean(0), star().vertices - star().vertices.mean(0), atol=1e-9
         )
     with pytest.raises(InputError, match="points already"):
-        turned_a_quarter(project_with("head"), "star", "x")
+        turn_quarter(project_with("head"), "star", "x")
 
 
 def test_key_poses_are_copied_mirrored_and_moved_to_frames() -> None:
     project = posed()
-    copied = duplicated(project, "star", 1, "sway", 0.2).puppets["star"].poses
+    copied = duplicate_pose(project, "star", 1, "sway", 0.2).puppets["star"].poses
     assert len(copied) == 4 and np.array_equal(copied[3].places, copied[1].places)
     both = set_symmetry(project_with(*TIPS), "star", SIDES)
     places = both.puppets["star"].rest + 0.1 * np.arange(15).reshape(5, 3)
-    both = mirrored_copy(add_key_pose(both, "star", "sway", 0.0, places), "star", 0, "sway", 0.2)
+    both = mirror_pose(add_key_pose(both, "star", "sway", 0.0, places), "star", 0, "sway", 0.2)
     image = both.puppets["star"].poses[1].places
     rest = both.puppets["star"].rest
     np.testing.assert_allclose((image - rest)[[0, 4, 3, 2, 1]], (places - rest) * [-1, 1, 1], atol=1e-9)
-    moved = retimed(project, "star", 1, 0.913).puppets["star"].poses[1].time
+    moved = retime_pose(project, "star", 1, 0.913).puppets["star"].poses[1].time
     assert moved == pytest.approx(27 / 30)
-    assert retimed(project, "star", 0, -5.0).puppets["star"].poses[0].time == 0.0
+    assert retime_pose(project, "star", 0, -5.0).puppets["star"].poses[0].time == 0.0
     with pytest.raises(InputError, match="already"):
-        retimed(project, "star", 1, 2.25)
+        retime_pose(project, "star", 1, 2.25)
 
 
 switch_lists = st.lists(st.integers(1, 119), min_size=0, max_size=8, unique=True).map(
@@ -218,13 +218,13 @@ def taking_turns(switches: tuple[Switch, ...]) -> bool:
 
 @given(switch_lists, st.integers(0, 130), st.data())
 def test_switches_alternate_after_any_edit(switches, frame, data) -> None:
-    added = added_switch(switches, frame, 120)
+    added = add_switch(switches, frame, 120)
     assert taking_turns(added) and added[-1].frame < 120
     if 0 < frame < 120 and frame not in {one.frame for one in switches}:
         assert frame in {one.frame for one in added}
     number = data.draw(st.integers(0, len(switches) - 1))
-    assert taking_turns(removed_switch(switches, number))
-    moved = moved_switch(switches, number, frame, 120)
+    assert taking_turns(remove_switch(switches, number))
+    moved = move_switch(switches, number, frame, 120)
     assert taking_turns(moved) and [one.kind for one in moved] == [one.kind for one in switches]
     assert moved[-1].frame < 120
 

@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import ViewerSettings, WindowStart, sized
+from enliven_viewer.settings import ViewerSettings, WindowStart, with_size
 
 if TYPE_CHECKING:
     from enliven_viewer.link import EdgeFeed, TakeFeed
@@ -63,7 +63,7 @@ def view(
 
     It is the window of `enliven studio` in its Play workspace; H shows the keys.
     """
-    chosen = sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    chosen = with_size(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     need_folder(film, sheet)

@@ -11,7 +11,7 @@ from enliven.exporters import Exporter, Performance
 from enliven.sounds import SOUND_RATE
 from enliven_viewer.film.film import ENDED, make_film
 from enliven_viewer.playback import Document, EdgeState, Timeline
-from enliven_viewer.settings import ViewerSettings, sized
+from enliven_viewer.settings import ViewerSettings, with_size
 
 
 class _SampledSource:
@@ -65,7 +65,7 @@ def write_film(
         InputError: if the size is invalid.
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
-    settings = sized(ViewerSettings(), size or None)
+    settings = with_size(ViewerSettings(), size or None)
     if rate:
         settings = replace(settings, film=replace(settings.film, rate=rate))
     if look:
@@ -76,4 +76,4 @@ def write_film(
     make_film(source, document, path, None, settings, title=name, caption=False, sound=heard)
 
 
-MP4 = Exporter(write_film, heard=True, check=lambda size=None, **_: sized(ViewerSettings(), size))
+MP4 = Exporter(write_film, heard=True, check=lambda size=None, **_: with_size(ViewerSettings(), size))

@@ -78,7 +78,7 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
 
     Each is (H, W, 3) sRGB of the size ``panel`` (width, height).
     """
-    shown, nodes, scale = fitted(character, graph)
+    shown, nodes, scale = fit_graph(character, graph)
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
     spacing = scale * math.sqrt(_area(character) / len(nodes))
@@ -139,7 +139,7 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
     )
 
 
-def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
+def fit_graph(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
     """Returns the character and the nodes scaled for drawing and placed on the floor, and the scale."""
     low, high = character.vertices.min(0), character.vertices.max(0)
     scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-12)
@@ -168,12 +168,12 @@ def write_graph_picture(
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     counts = counts_of(graph)
-    sheet = composed(draw_graph(character, graph, panel), title, counts)
+    sheet = compose_views(draw_graph(character, graph, panel), title, counts)
     write_picture(path, sheet)
     return counts
 
 
-def composed(panels: list[UInt8], title: str, counts: GraphCounts) -> Image.Image:
+def compose_views(panels: list[UInt8], title: str, counts: GraphCounts) -> Image.Image:
     """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
     sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER_HEIGHT), PAPER)

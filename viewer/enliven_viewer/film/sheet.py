@@ -68,10 +68,10 @@ class Tiles:
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
         return [
-            Tile(tile.seconds, self._sized(tile.picture)) for tile in map(self._kept.__getitem__, numbers)
+            Tile(tile.seconds, self._resize(tile.picture)) for tile in map(self._kept.__getitem__, numbers)
         ]
 
-    def _sized(self, picture: UInt8) -> UInt8:
+    def _resize(self, picture: UInt8) -> UInt8:
         height = max(round(picture.shape[0] * self._width / picture.shape[1]), 1)
         sized = Image.fromarray(picture).resize((self._width, height), Image.Resampling.LANCZOS)
         return np.asarray(sized, np.uint8)

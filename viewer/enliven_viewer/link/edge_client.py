@@ -142,7 +142,7 @@ class EdgeClient:
 
         They are refusals, restarts, version mismatches and name clashes.
         """
-        return _emptied(self._notices)
+        return _take_all(self._notices)
 
     def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
         """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
@@ -202,7 +202,7 @@ class EdgeClient:
         )
 
 
-def _emptied(queue: deque[Any]) -> list[Any]:
+def _take_all(queue: deque[Any]) -> list[Any]:
     """Empties a queue and returns its contents."""
     taken = list(queue)
     queue.clear()

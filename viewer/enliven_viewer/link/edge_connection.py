@@ -380,11 +380,11 @@ class EdgeConnection:
         behind = self.status is None or self.status.revision != self._known_revision
         if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
             hello = Hello(self._viewer, listening)
-            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._welcomed):
+            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._take_welcome):
                 self._hello_at = now
         elif now - self._ping_at >= pause or listening != self._told_listening:
             ping = Ping(self._viewer, time.time_ns(), listening)
-            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._ponged):
+            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._take_pong):
                 self._ping_at, self._told_listening = now, listening
         for character, revision in self._wanted.items():
             if (
@@ -401,11 +401,11 @@ class EdgeConnection:
             self._asked_at[character] = now
             self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._take_character)
 
-    def _ponged(self, answer: Answer | None) -> None:
+    def _take_pong(self, answer: Answer | None) -> None:
         if isinstance(answer, Pong):
             self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
 
-    def _welcomed(self, answer: Answer | None) -> None:
+    def _take_welcome(self, answer: Answer | None) -> None:
         """Stores the edge's list of characters, and removes those that are no longer listed."""
         if not isinstance(answer, Welcome):
             return

@@ -58,7 +58,7 @@ class TakeFeed:
         self.name = path.name
         self.unreadable = 0
         self._recording = recording
-        self._messages = _merged(recording, present)
+        self._messages = _merge_by_time(recording, present)
         self._revisions: dict[str, int] = {}
         self._held: dict[tuple[str, int], tuple[Character, PoseCodec]] = {}
         self._searched: set[tuple[str, int]] = set()
@@ -130,7 +130,7 @@ class TakeFeed:
                 continue
 
 
-def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:
+def _merge_by_time(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:
     """Yields (time, topic, bytes) of several topics in order of time."""
 
     def of(order: int, topic: str) -> Iterator[tuple[int, int, str, bytes]]:

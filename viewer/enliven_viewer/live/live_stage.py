@@ -10,7 +10,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.link import Feed
 from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.live.possession_choice import PossessionChoice
-from enliven_viewer.live.view_report import ViewReporter, hidden, turn_to_bones
+from enliven_viewer.live.view_report import ViewReporter, is_end_on, turn_to_bones
 from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
 from enliven_viewer.render import CameraView, OrbitCamera, OverlayVisibility, Scene, SceneStyle, scene_of
 from enliven_viewer.settings import ViewerSettings
@@ -86,7 +86,7 @@ class LiveStage:
 
     def possess(self, mode: Mode = "alone") -> None:
         """Asks the feed to let the chosen performer, or every free one, possess a character."""
-        for name in self._named(self.meant):
+        for name in self._order_targets(self.meant):
             self.feed.ask(self.order_to_possess(mode, name))
 
     def order_to_possess(self, mode: Mode, name: str | None) -> Possess:
@@ -95,12 +95,12 @@ class LiveStage:
 
     def release(self) -> None:
         """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
-        for name in [self.meant] if self.meant in self.held else self._named(None):
+        for name in [self.meant] if self.meant in self.held else self._order_targets(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
         """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
-        for name in self._named(self.meant)[:1]:
+        for name in self._order_targets(self.meant)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
@@ -150,7 +150,7 @@ class LiveStage:
         """Returns the text about the next possession, or about why bones cannot be seen; empty for a take."""
         if self.take:
             return ""
-        if hidden(self.scene, view):
+        if is_end_on(self.scene, view):
             return tr("Some bones point at you: V shows more of them")
         return self.possession.words(self.numbers.number_of)
 
@@ -188,7 +188,7 @@ class LiveStage:
         }
         return replace(scene, boards=shown)
 
-    def _named(self, meant: str | None) -> list[str | None]:
+    def _order_targets(self, meant: str | None) -> list[str | None]:
         """Returns the character for an order. With several characters, None lets the edge choose."""
         if meant in self.document.characters:
             return [meant]

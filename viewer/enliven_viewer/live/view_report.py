@@ -46,7 +46,7 @@ def look_of(view: CameraView) -> Look:
     return Look(forward, up, eye)  # type: ignore[arg-type]
 
 
-def hidden(scene: Scene, view: CameraView) -> bool:
+def is_end_on(scene: Scene, view: CameraView) -> bool:
     """Returns True if a candidate chain points at the camera, so that its direction is not visible."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():

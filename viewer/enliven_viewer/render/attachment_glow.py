@@ -25,7 +25,7 @@ PER_ROW = 256
 """Number of transforms in a row of the texture; shaders/mesh.vert has the same number."""
 
 
-def held_light(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
+def glow_of_nodes(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
     """Returns (J, 3) linear RGB of the glow on each transform of an actor; None if nothing is attached.
 
     Args:

@@ -37,7 +37,7 @@ def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
         surfaces: (K, 3) for each mesh, from :meth:`~enliven_viewer.render.skinned_mesh.SkinnedMesh.hull`.
     """
     bodies = [ball_corners(capsules[:, 0:3], capsules[:, 3]), ball_corners(capsules[:, 4:7], capsules[:, 7])]
-    return np.concatenate([*surfaces, *bodies, _filled_by_props(scene.props)])
+    return np.concatenate([*surfaces, *bodies, _prop_corners(scene.props)])
 
 
 def marks_of(scene: Scene) -> Float:
@@ -88,7 +88,7 @@ def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Flo
     return both.min(0) - room, both.max(0) + room
 
 
-def _filled_by_props(props: Props | None) -> Float:
+def _prop_corners(props: Props | None) -> Float:
     """Returns (N, 3) metres: the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))

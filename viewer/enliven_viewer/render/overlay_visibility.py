@@ -25,7 +25,7 @@ class OverlayVisibility:
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
         """Returns the wanted style adjusted for a moment; ``second`` counts seconds from any start."""
-        shown = self._shown(moment, second)
+        shown = self._overlay_strength(moment, second)
         body = shown
         if moment is not None and moment.props is not None and self._when != "never":
             # A performer that plays along without a mesh is visible only as a skeleton, so always show it.
@@ -35,7 +35,7 @@ class OverlayVisibility:
             wanted, body=body * wanted.body, reveal=shown * wanted.reveal, cues=shown * wanted.cues
         )
 
-    def _shown(self, moment: TimelineMoment | None, second: float) -> float:
+    def _overlay_strength(self, moment: TimelineMoment | None, second: float) -> float:
         """Returns the strength of the overlays, 0 to 1."""
         if self._when != "choosing":
             return float(self._when == "always")

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.render.attachment_glow import held_light
+from enliven_viewer.render.attachment_glow import glow_of_nodes
 from enliven_viewer.render.camera import Box, CameraView
 from enliven_viewer.render.capsules import CapsulePass, capsules_of
 from enliven_viewer.render.drawn_regions import casters_of, marks_of, shadow_bounds, visible_region
@@ -163,7 +163,7 @@ class Renderer:
                     mesh.release()
                 mesh = new_mesh
                 self._meshes[actor.character.id] = new_mesh
-            mesh.hold(held_light(actor, glow, bodies))
+            mesh.hold(glow_of_nodes(actor, glow, bodies))
             if actor.vertices is None:
                 mesh.skin(actor.pose)
             else:

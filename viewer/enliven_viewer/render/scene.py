@@ -97,7 +97,7 @@ class Scene:
         if bounds is None:
             return None
         if loose is not None and len(loose):
-            bounds = bounds_of([np.stack(bounds), _pulled_towards(loose, bounds, reach)]) or bounds
+            bounds = bounds_of([np.stack(bounds), _pull_towards(loose, bounds, reach)]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
@@ -136,7 +136,7 @@ def scene_of(
     return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
 
 
-def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
+def _pull_towards(positions: Float, box: Box, reach: float) -> Float:
     """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
 
     So an object that rolls away is followed less and less, and not at all beyond twice the reach.

@@ -14,11 +14,11 @@ from enliven.document import Character, Pose
 from enliven.meshes import Texture, longest_edge
 from enliven_viewer.render.attachment_glow import AttachmentGlow, reach_of_points
 from enliven_viewer.render.gl import UNITS
-from enliven_viewer.render.materials import Part, SharedTexture, Textures, paint_keys, painted
+from enliven_viewer.render.materials import Part, SharedTexture, Textures, paint_keys, paint_surface
 from enliven_viewer.render.normals import solved_rows
 from enliven_viewer.render.scene import corners
 from enliven_viewer.render.surface import (
-    clustered_faces,
+    cluster_faces,
     is_closed,
     neighbours_in_turn,
     split_creases,
@@ -84,7 +84,7 @@ class SkinnedMesh:
             self.closed
             and longest_edge(character.vertices.astype(np.float64), character.faces) <= _MAX_FINE_EDGE_M
         )
-        paint = painted(character, surface)
+        paint = paint_surface(character, surface)
         self.parts = tuple(
             DrawnPart(part, start, count, self._take(part, textures)) for part, start, count in paint.parts
         )
@@ -95,7 +95,7 @@ class SkinnedMesh:
             ]
         )
         self._faces = ctx.buffer(faces.tobytes())
-        self._coarse_faces = ctx.buffer(clustered_faces(rest, faces, _CONTACT_DETAIL_M).tobytes())
+        self._coarse_faces = ctx.buffer(cluster_faces(rest, faces, _CONTACT_DETAIL_M).tobytes())
         self._paint = ctx.buffer(paint.rows.tobytes())
         self._textures = textures
         self._boxes = boxes_of(character)
@@ -229,7 +229,7 @@ class SkinnedMesh:
             content += [(self._grip[0], "4u2", "in_nodes"), (self._grip[1], "4f", "in_weights")]
         named = [name for name, _ in _PAINT_ATTRIBUTES if name in program]
         if named:
-            formats = [size if name in named else _skipped(size) for name, size in _PAINT_ATTRIBUTES]
+            formats = [size if name in named else _padding(size) for name, size in _PAINT_ATTRIBUTES]
             content.append((self._paint, " ".join(formats), *named))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
 
@@ -250,6 +250,6 @@ def boxes_of(character: Character) -> Float32:
     return boxes
 
 
-def _skipped(size: str) -> str:
+def _padding(size: str) -> str:
     """Returns the padding in place of floats that a program does not use."""
     return f"{4 * int(size[0])}x"

@@ -202,7 +202,7 @@ def drawn_of(group, faces, vertices):
 
 
 @njit(cache=True, nogil=True)
-def summed(group, count, normals, angles):
+def sum_normals(group, count, normals, angles):
     """Returns (G, 3) the sum of the face normals around each group, weighted by corner angle."""
     sums = np.zeros((count, 3))
     for k in range(len(group)):

@@ -16,9 +16,9 @@ from enliven_viewer.studio.panels import (
     split_side,
 )
 from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
-from enliven_viewer.studio.panels.files import draw_working
+from enliven_viewer.studio.panels.files import draw_progress_box
 from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
-from enliven_viewer.studio.panels.stage import draw_perform, draw_rooms, draw_scan
+from enliven_viewer.studio.panels.stage import draw_perform, draw_scan, draw_workspace_tabs
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.window_pictures import WindowPictures, edits_puppet
 from enliven_viewer.studio.workspace import Workspace
@@ -57,7 +57,7 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
     """Draws the menu and the panels of the workspace."""
     room = workspace.perform.room
     draw_menu(workspace)
-    draw_rooms(workspace)
+    draw_workspace_tabs(workspace)
     if places.tools.width:
         draw_toolbar(workspace, places.tools)
     if room == "Perform" and workspace.scan.shown:
@@ -70,7 +70,7 @@ def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictu
         draw_timeline(workspace, places.timeline)
     if places.curves is not None:
         draw_curves(workspace, places.curves)
-    draw_working(workspace, places.viewport)
+    draw_progress_box(workspace, places.viewport)
     draw_overlay(workspace, places.viewport, tool=has_tool(room), hint=places.hint)
 
 

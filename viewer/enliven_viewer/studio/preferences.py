@@ -14,7 +14,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
 from enliven.files import own_folder, read_file, write_file
-from enliven_viewer.language import language_in_use, speak, tr
+from enliven_viewer.language import language_in_use, set_language, tr
 from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
@@ -81,17 +81,17 @@ class Preferences:
         self.text_size, self.toured, self.tour_step = kept.text_size, kept.toured, max(kept.tour_step, 0)
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
-        speak(kept.language)
+        set_language(kept.language)
         self.language = language_in_use()
         use_theme(kept.theme, kept.colours)
         self.theme, self.colours = theme_in_use()
-        self._begun = self._chosen()
+        self._begun = self._current_choices()
 
     def save(self) -> None:
         """Writes the file. If that fails, the choices apply until the program ends."""
         if self.refusal is not None:
             return
-        chosen = self._chosen()
+        chosen = self._current_choices()
         # Write unchanged values back exactly, because a later version may have stored values
         # that are unknown here.
         changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
@@ -118,9 +118,9 @@ class Preferences:
         self.theme, self.colours = theme_in_use()
         self.save()
 
-    def speak(self, language: str) -> None:
+    def set_language(self, language: str) -> None:
         """Changes the language immediately."""
-        speak(language)
+        set_language(language)
         self.language = language_in_use()
         self.save()
 
@@ -135,7 +135,7 @@ class Preferences:
         self.recent = [name, *(other for other in self.recent if other != name)][:_MAX_RECENT_FILES]
         self.save()
 
-    def _chosen(self) -> dict[str, Any]:
+    def _current_choices(self) -> dict[str, Any]:
         """Returns the current choices by their names in the file, as JSON values."""
         kept = _StoredPreferences(
             **{name: getattr(self, name) for name in _StoredPreferences.__struct_fields__}

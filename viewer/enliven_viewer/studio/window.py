@@ -27,7 +27,7 @@ from enliven_viewer.studio.panels import (
 )
 from enliven_viewer.studio.panels.stage import (
     draw_audience,
-    draw_inset,
+    draw_camera_previews,
     draw_live,
     draw_scan_over,
     draw_side_view,
@@ -254,7 +254,7 @@ class StudioWindow:
         elif not self.opening.bare:
             draw_panels(self.workspace, places, pictures)
             if not hides_live(self.workspace):
-                draw_inset(self.workspace, places.viewport, self._inset, pictures.glances)
+                draw_camera_previews(self.workspace, places.viewport, self._inset, pictures.glances)
             if self.workspace.perform.close_up.box is not None:
                 texture = pictures.source.renderer.picture.texture.glo
                 draw_side_view(self.workspace, places.viewport, texture)

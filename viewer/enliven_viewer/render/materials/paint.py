@@ -51,7 +51,7 @@ def paint_keys(character: Character) -> Int32 | None:
     return np.ascontiguousarray(np.concatenate(columns, 1))
 
 
-def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
+def paint_surface(character: Character, surface: DrawnSurface) -> PaintedFaces:
     """Returns the vertex attributes of a character's colours, and the batches of its faces."""
     own = character.materials
     rows = np.zeros((len(surface.source), 13), np.float32)

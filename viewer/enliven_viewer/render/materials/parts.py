@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from enliven.meshes import Texture
 from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMaterial, Transform
-from enliven_viewer.render.materials.textures import mirrored
+from enliven_viewer.render.materials.textures import mirrored_axes
 
 TextureMapping = tuple[int, Transform]
 """A set of texture coordinates, and its transform."""
@@ -63,7 +63,7 @@ def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets
         textures: the textures that the materials refer to.
         sets: number of sets of texture coordinates.
     """
-    folds = [mirrored(texture) for texture in textures]
+    folds = [mirrored_axes(texture) for texture in textures]
     return [_part(material, folds, sets) for material in materials]
 
 

@@ -79,7 +79,7 @@ class Textures:
         """Returns the texture for a map of a material. The caller must give it back."""
         key = id(source), name in _SRGB_MAPS
         if key not in self._held:
-            self._held[key] = self._begun(source, key[1])
+            self._held[key] = self._create_texture(source, key[1])
         self._held[key].users += 1
         return self._held[key]
 
@@ -89,14 +89,14 @@ class Textures:
             if held.decoding is not None and held.decoding.done():
                 pixels, held.decoding = held.decoding.result(), None
                 held.texture.release()
-                held.texture = self._uploaded(held.source, colours, pixels)
+                held.texture = self._upload(held.source, colours, pixels)
 
-    def _begun(self, source: Texture, colours: bool) -> SharedTexture:
+    def _create_texture(self, source: Texture, colours: bool) -> SharedTexture:
         if not self.beside:
-            return SharedTexture(self._uploaded(source, colours, _pixels(source, self._most)), source)
+            return SharedTexture(self._upload(source, colours, _pixels(source, self._most)), source)
         self._pool = self._pool or ThreadPoolExecutor(2, "textures")
         decoding = self._pool.submit(_pixels, source, self._most)
-        return SharedTexture(self._uploaded(source, colours, _WHITE_PIXEL), source, decoding=decoding)
+        return SharedTexture(self._upload(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
         """Removes one user of a texture. A texture without users is freed."""
@@ -110,9 +110,9 @@ class Textures:
     def __len__(self) -> int:
         return len(self._held)
 
-    def _uploaded(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
+    def _upload(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
         sampler = _sampler(source)
-        pixels = _unfolded(decoded, sampler)
+        pixels = _unfold_mirrored(decoded, sampler)
         options = {"internal_format": _SRGB8_ALPHA8} if colours else {}
         texture = self.ctx.texture(pixels.shape[1::-1], 4, pixels.tobytes(), **options)
         texture.build_mipmaps()
@@ -125,7 +125,7 @@ class Textures:
         return texture
 
 
-def mirrored(source: Texture) -> tuple[bool, bool]:
+def mirrored_axes(source: Texture) -> tuple[bool, bool]:
     """Returns whether a texture repeats mirrored across and down.
 
     Such a texture is stored unfolded, twice as long.
@@ -138,7 +138,7 @@ def _sampler(source: Texture) -> dict[str, object]:
     return json.loads(source.sampler) if source.sampler else {}
 
 
-def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
+def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
     """Returns the image together with its mirror image, along each axis with mirrored repeat."""
     for axis, way in ((1, "wrapS"), (0, "wrapT")):
         if sampler.get(way) == _GL_MIRRORED_REPEAT:

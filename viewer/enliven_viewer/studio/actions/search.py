@@ -54,7 +54,7 @@ def _likest(typed: str, *texts: str) -> float | None:
     return max((score for text in {*texts} if (score := likeness(typed, text)) is not None), default=None)
 
 
-def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
+def rank_actions(typed: str, actions: Iterable[Action]) -> list[Action]:
     """Returns the matching actions, best match first. Without letters, returns all in their order."""
     scored = []
     for action in actions:

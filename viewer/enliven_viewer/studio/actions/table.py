@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import spoken
-from enliven_viewer.studio.actions.search import ranked
+from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.search import rank_actions
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
 
@@ -101,7 +101,7 @@ class ActionTable:
 
     def shown_key(self, action: Action) -> str:
         """Returns the first shortcut of an action as displayed; empty if it has none."""
-        return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
+        return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
     def holder(self, key: str, room: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
@@ -123,12 +123,12 @@ class ActionTable:
                 other_key for other_key in self.keys_of(other) if other_key != key
             )
         self._preferences.keys[action_id] = (key,)
-        self._tidy()
+        self._save_changes()
 
     def free(self, action_id: str) -> None:
         """Removes all shortcuts of an action."""
         self._preferences.keys[action_id] = ()
-        self._tidy()
+        self._save_changes()
 
     def own_keys(self) -> None:
         """Restores the default shortcuts of all actions."""
@@ -143,7 +143,7 @@ class ActionTable:
     def find(self, typed: str) -> list[Action]:
         """Returns the matching actions, best match first. Without text, recent actions come first."""
         if typed.strip():
-            return ranked(typed, self)
+            return rank_actions(typed, self)
         first = [self._actions[action_id] for action_id in self.recent if action_id in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
@@ -154,7 +154,7 @@ class ActionTable:
         first = f"{label}  ({key})" if key else label
         return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)
 
-    def _tidy(self) -> None:
+    def _save_changes(self) -> None:
         """Removes shortcuts that equal the defaults, and saves the rest."""
         changed = self._preferences.keys
         for action_id in [

@@ -84,7 +84,7 @@ def groups_of(project: Project, thing: CurveSubject, times: Float) -> dict[str, 
     if moving is not None:
         rows = [moving(float(time)) for time in times]
         turns = continuous(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
-        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrapped(turns)))
+        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrap_rotations(turns)))
         groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
     layer = layer_of_thing(project, thing)
     if layer is not None:
@@ -240,7 +240,7 @@ def _of_node(
     return at
 
 
-def _unwrapped(turns: Float) -> Float:
+def _unwrap_rotations(turns: Float) -> Float:
     """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):

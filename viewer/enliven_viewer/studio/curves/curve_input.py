@@ -26,7 +26,14 @@ from enliven_viewer.studio.curves.channels import (
     layer_number,
     pose_dots,
 )
-from enliven_viewer.studio.curves.key_edits import KEYED, added, beyond, eased, moved, removed
+from enliven_viewer.studio.curves.key_edits import (
+    KEYED,
+    add_curve_key,
+    clamp_warning,
+    move_curve_key,
+    remove_curve_key,
+    set_interpolation,
+)
 from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
@@ -225,15 +232,15 @@ class CurveInput:
     def drag(self, x: float, y: float) -> None:
         """Handles pointer movement: previews the move of the held key."""
         if self._held is not None:
-            self.editor.sketch(self._moved(x, y))
+            self.editor.sketch(self._move_edit(x, y))
 
     def release(self, x: float, y: float) -> None:
         """Handles the release of the button: the drag becomes one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
             if self.thing is not None:
-                self._warn(self.thing, self.shown_name(), *self._wanted(x, y))
-            self.editor.edit("move key", self._moved(x, y))
+                self._warn(self.thing, self.shown_name(), *self._drag_target(x, y))
+            self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
         # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
@@ -253,7 +260,7 @@ class CurveInput:
             return
         name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
         self._warn(thing, name, time, value)
-        self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
+        self.editor.edit("set key", lambda p: add_curve_key(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
         """Removes the selected key."""
@@ -262,7 +269,7 @@ class CurveInput:
             return
         self.chosen = None
         word = later("remove key") if name in (*KEYED, *NUMBERS) else later("remove key pose")
-        self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
+        self.editor.edit(word, lambda p: remove_curve_key(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
         """Handles keyboard input for the selected key: Delete removes it.
@@ -279,7 +286,8 @@ class CurveInput:
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
             self.editor.edit(
-                _EASE_TITLES[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease)
+                _EASE_TITLES[ease],
+                lambda p: set_interpolation(p, thing, self._lane(thing), name, number, ease),
             )
 
     def _lane(self, thing: CurveSubject) -> tuple[int, ...]:
@@ -295,10 +303,10 @@ class CurveInput:
 
     def _warn(self, thing: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
-        if warning := beyond(self.editor.project, thing, name, time, value):
+        if warning := clamp_warning(self.editor.project, thing, name, time, value):
             self.editor.toasts.say(warning)
 
-    def _wanted(self, x: float, y: float) -> tuple[float, float]:
+    def _drag_target(self, x: float, y: float) -> tuple[float, float]:
         """Returns the time and the value to which the pointer drags the held key."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
@@ -311,13 +319,18 @@ class CurveInput:
             dot.value if abs(y - from_y) < REACH / 2 else value,
         )
 
-    def _moved(self, x: float, y: float) -> Edit:
+    def _move_edit(self, x: float, y: float) -> Edit:
         """Returns the edit that moves the held key to a pixel."""
         assert self._held is not None
-        thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
+        thing, name, dot, (time, value) = (
+            self.thing,
+            self.shown_name(),
+            self._held[0],
+            self._drag_target(x, y),
+        )
         assert thing is not None
         lane = self._lane(thing)
-        return lambda project: moved(project, thing, lane, name, dot, time, value)
+        return lambda project: move_curve_key(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
         """Takes the finished curves from the background thread."""

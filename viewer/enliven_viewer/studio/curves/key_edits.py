@@ -30,7 +30,7 @@ _VALUE_LIMITS = {"weight": (0.0, 1.0), "speed": (SLOWEST, FASTEST)}
 Lane = tuple[int, ...]
 
 
-def added(
+def add_curve_key(
     project: Project, thing: CurveSubject, lane: Lane, group: str, time: float, value: float
 ) -> Project:
     """Returns a project with a new key at a time. The channel with the nearest value gets the given value.
@@ -39,7 +39,7 @@ def added(
         lane: the numbers of the layers in the object's lane.
     """
     if group in NUMBERS:
-        own = within(project, thing, group, time, value)
+        own = clamp_value(project, thing, group, time, value)
         return set_layer_key(project, thing.character, lane, NUMBERS[group], time, own)
     word = KEYED[group]
     values = list(getattr(key_at(project, thing.character, thing.handle, time), word))
@@ -48,12 +48,12 @@ def added(
     return set_key(project, thing.character, thing.handle, time, **how)
 
 
-def moved(
+def move_curve_key(
     project: Project, thing: CurveSubject, lane: Lane, group: str, dot: CurveDot, time: float, value: float
 ) -> Project:
     """Returns a project with a key moved to another time and value."""
     if group in NUMBERS:
-        own = within(project, thing, group, time, value)
+        own = clamp_value(project, thing, group, time, value)
         number = NUMBERS[group]
         return move_layer_key(project, thing.character, lane, number, dot.number, time, own)
     if group not in KEYED:
@@ -65,14 +65,16 @@ def moved(
     return move_key(project, thing.character, thing.handle, dot.number, time, **how)
 
 
-def eased(project: Project, thing: CurveSubject, lane: Lane, group: str, number: int, ease: str) -> Project:
+def set_interpolation(
+    project: Project, thing: CurveSubject, lane: Lane, group: str, number: int, ease: str
+) -> Project:
     """Returns a project with another interpolation from a key to the next one."""
     if group in NUMBERS:
         return move_layer_key(project, thing.character, lane, NUMBERS[group], number, ease=ease)
     return ease_key(project, thing.character, thing.handle, number, ease)
 
 
-def removed(project: Project, thing: CurveSubject, lane: Lane, group: str, number: int) -> Project:
+def remove_curve_key(project: Project, thing: CurveSubject, lane: Lane, group: str, number: int) -> Project:
     """Returns a project without a key, or without a key pose of a puppet."""
     if group in NUMBERS:
         return remove_layer_key(project, thing.character, lane, NUMBERS[group], number)
@@ -81,18 +83,18 @@ def removed(project: Project, thing: CurveSubject, lane: Lane, group: str, numbe
     return remove_key_pose(project, thing.character, number)
 
 
-def within(project: Project, thing: CurveSubject, group: str, time: float, value: float) -> float:
+def clamp_value(project: Project, thing: CurveSubject, group: str, time: float, value: float) -> float:
     """Returns the value of a layer's key that is drawn at ``value``, clamped to the playable range."""
     low, high = _VALUE_LIMITS[group]
     return min(max(value / scale_of(project, thing, group, time), low), high)
 
 
-def beyond(project: Project, thing: CurveSubject, group: str, time: float, value: float) -> str:
+def clamp_warning(project: Project, thing: CurveSubject, group: str, time: float, value: float) -> str:
     """Returns a sentence if a value is outside the playable range and was clamped; else empty."""
     if group not in NUMBERS or not np.isfinite(value):
         return ""
     wanted = value / scale_of(project, thing, group, time)
-    if abs(within(project, thing, group, time, value) - wanted) < 1e-9:
+    if abs(clamp_value(project, thing, group, time, value) - wanted) < 1e-9:
         return ""
     if group == "weight":
         return tr("A weight is from 0 to 1")

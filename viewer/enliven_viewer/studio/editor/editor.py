@@ -141,7 +141,7 @@ class Editor:
             over_locks: if True, locked characters may change too. For results that must not be lost.
         """
         self.draft = None
-        after = self._tried(change, over_locks)
+        after = self._try_edit(change, over_locks)
         if after is None:
             return False
         if after is not self.history.project:
@@ -151,9 +151,9 @@ class Editor:
 
     def sketch(self, change: Edit) -> None:
         """Previews an edit during a drag, without adding it to the history."""
-        self.draft = self._tried(change)
+        self.draft = self._try_edit(change)
 
-    def _tried(self, change: Edit, over_locks: bool = False) -> Project | None:
+    def _try_edit(self, change: Edit, over_locks: bool = False) -> Project | None:
         """Returns the project after an edit. If the edit fails, shows a message and returns None.
 
         Internal errors are also shown instead of raised, so that they do not close the artist's window.
@@ -214,7 +214,7 @@ class Editor:
 
     def advance(self, seconds: float) -> None:
         """Advances the playhead, camera and messages by a time step."""
-        self.moves.advance(self.camera, self._followed(), seconds)
+        self.moves.advance(self.camera, self._followed_box(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
@@ -276,10 +276,10 @@ class Editor:
         for character in chosen or self.seen:
             if len(character.extent):
                 extent = seen_points(character.extent, character.vertices)
-                ways.append(way_of(*self._solved(character.id), self.time, extent))
+                ways.append(way_of(*self._solve_character(character.id), self.time, extent))
         self._frame(bounds_of(ways))
 
-    def _solved(self, name: str) -> tuple[Project, RigBase]:
+    def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
         if name in self.project.puppets:
             return self.solving.shown(self.project, name)
@@ -295,7 +295,7 @@ class Editor:
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
-    def _followed(self) -> Box | None:
+    def _followed_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.
 
         Returns None if following is off.

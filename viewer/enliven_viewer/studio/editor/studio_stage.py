@@ -58,10 +58,10 @@ class StudioStage:
             }
         characters = self._known[2]
         if character_id not in characters:
-            characters[character_id] = self._stands(project, character, time)
+            characters[character_id] = self._place_character(project, character, time)
         return characters[character_id]
 
-    def _stands(self, project: Project, character: RigBase, time: float) -> StageCharacter:
+    def _place_character(self, project: Project, character: RigBase, time: float) -> StageCharacter:
         cached, played = self._players.get(character.id), character.needed().items()
         # Compare the takes too. Editing a key replaces a take under the same name, and leaves the character
         # unchanged.

@@ -55,11 +55,11 @@ def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Proj
     An automatic name is replaced by the joint's name.
     """
     names = {control_point.name: control_point for control_point in project.puppet(puppet_id).points}
-    name = unused(spoken_joint(joint), names) if _AUTOMATIC_NAME.fullmatch(point) else point
+    name = unused(joint_words(joint), names) if _AUTOMATIC_NAME.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
-def spoken_joint(joint: str) -> str:
+def joint_words(joint: str) -> str:
     """Returns a joint's name in plain words: "LeftHandIndex1 end" becomes "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
     kept = [word for word in words if word not in _IGNORED_WORDS]
@@ -67,7 +67,7 @@ def spoken_joint(joint: str) -> str:
     return " ".join([*sides, *(word for word in kept if word not in sides)]) or joint.lower() or "point"
 
 
-def turned_a_quarter(project: Project, puppet_id: str, axis: str) -> Project:
+def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
     """Returns a project with a puppet's mesh turned by 90 degrees in its own frame.
 
     The mesh is put on the floor again.
@@ -98,18 +98,18 @@ def with_points(project: Project, puppet_id: str, vertices: Sequence[int]) -> Pr
     return project
 
 
-def duplicated(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
+def duplicate_pose(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
     """Returns a project with a copy of a key pose at another time."""
     return add_key_pose(project, puppet_id, take, time, project.puppet(puppet_id).poses[number].places)
 
 
-def mirrored_copy(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
+def mirror_pose(project: Project, puppet_id: str, number: int, take: str, time: float) -> Project:
     """Returns a project with the mirror image of a key pose at another time."""
-    project = duplicated(project, puppet_id, number, take, time)
+    project = duplicate_pose(project, puppet_id, number, take, time)
     return mirror_key_pose(project, puppet_id, len(project.puppet(puppet_id).poses) - 1)
 
 
-def retimed(project: Project, puppet_id: str, number: int, time: float) -> Project:
+def retime_pose(project: Project, puppet_id: str, number: int, time: float) -> Project:
     """Returns a project with a key pose moved to another frame of its take."""
     take = project.takes[project.puppet(puppet_id).poses[number].take]
     frame = int(np.clip(round(time / take.step), 0, len(take.turns) - 1))
@@ -176,7 +176,7 @@ def _others(
     )
 
 
-def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
+def move_switch(switches: Sequence[Switch], number: int, frame: int, frames: int) -> tuple[Switch, ...]:
     """Returns the switches with one moved to another frame between its neighbours.
 
     The first stays at frame 0.
@@ -189,7 +189,7 @@ def moved_switch(switches: Sequence[Switch], number: int, frame: int, frames: in
     return (*switches[:number], moved, *switches[number + 1 :])
 
 
-def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
+def add_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
     """Returns the switches with one added at a frame: from there the kind is reversed until the next switch.
 
     This splits a phase in three: the old kind, the opposite kind, and the old kind again. The opposite kind
@@ -210,7 +210,7 @@ def added_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[S
     return (*switches[: number + 1], *more, *switches[number + 2 :])
 
 
-def removed_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
+def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
     """Returns the switches without one and without the next one, so that the kinds still alternate."""
     if number == 0:
         return tuple(switches)

@@ -127,14 +127,14 @@ class MotionSolver:
         if error is None:
             solved.good, solved.problem = asked, None
         else:
-            self._refused(solved, error)
+            self._store_error(solved, error)
 
     def _begin(self, request: _Request) -> Future[None]:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, thread_name_prefix="solving")
         return self._pool.submit(_solve, request)
 
-    def _refused(self, solved: _SolveState, error: BaseException) -> None:
+    def _store_error(self, solved: _SolveState, error: BaseException) -> None:
         """Stores the error, and reports it once."""
         if solved.told == str(error) and solved.problem is not None:
             return

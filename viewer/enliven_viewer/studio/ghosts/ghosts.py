@@ -13,7 +13,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts.ghost_picture import GhostPicture, bodies_of, trail_rows
 from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
 from enliven_viewer.studio.ghosts.motion_samples import MotionSamples, SampleRequest, sample
-from enliven_viewer.studio.ghosts.trail_points import traced
+from enliven_viewer.studio.ghosts.trail_points import choose_trail_points
 
 _MAX_CHARACTERS = 3
 """Maximum number of characters with ghosts if none is selected. More would hide one another."""
@@ -48,9 +48,9 @@ class Ghosts:
         if not self.on:
             return None
         self._take()
-        characters = self._shown()
-        self._begin([self._wanted(character) for character in characters])
-        return self._drawn(characters)
+        characters = self._shown_characters()
+        self._begin([self._sample_request(character) for character in characters])
+        return self._draw_ghosts(characters)
 
     def settle(self) -> GhostPicture | None:
         """Returns the same as :meth:`picture`, but waits until all of it is computed.
@@ -63,7 +63,7 @@ class Ghosts:
             picture = self.picture()
         return picture
 
-    def _drawn(self, characters: list[RigBase]) -> GhostPicture:
+    def _draw_ghosts(self, characters: list[RigBase]) -> GhostPicture:
         editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
         for character in characters:
             sampled = self._known.get(character.id)
@@ -73,12 +73,12 @@ class Ghosts:
             mine = editor.selection.character == character.id
             handle, chain = (editor.selection.handle, editor.selection.chain) if mine else (None, ())
             rest = next(iter(sampled.points.values()))
-            points = traced(sampled.wanted.character, rest, handle, chain)
+            points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
             keys = self._keys(sampled.wanted.project, sampled.wanted.character)
             rows.append(trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
-    def _shown(self) -> list[RigBase]:
+    def _shown_characters(self) -> list[RigBase]:
         """Returns the selected character, or else the first few.
 
         A puppet is returned in its last solved state.
@@ -89,7 +89,7 @@ class Ghosts:
         )
         return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
-    def _wanted(self, character: RigBase) -> SampleRequest:
+    def _sample_request(self, character: RigBase) -> SampleRequest:
         editor, how = self.editor, self.editor.settings
         project = editor.project
         if isinstance(character, Puppet):

@@ -15,7 +15,9 @@ one end.
 """
 
 
-def traced(character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]) -> tuple[int, ...]:
+def choose_trail_points(
+    character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]
+) -> tuple[int, ...]:
     """Returns the points of a character that leave a trail: the selected points, or else its far ends.
 
     Args:

@@ -38,10 +38,10 @@ class SelectionTransform:
         if cached is None or not same or not (editor.playing or cached[2] == editor.time):
             # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
             # would cost frames.
-            cached = self._known = (editor.project, editor.selection, editor.time, self._seen())
+            cached = self._known = (editor.project, editor.selection, editor.time, self._surface_bounds())
         return cached[3]
 
-    def _seen(self) -> tuple[Float, Float] | None:
+    def _surface_bounds(self) -> tuple[Float, Float] | None:
         names = self.editor.selection.characters
         characters = [character for character in self.editor.standing if character.id in names]
         points = [
@@ -73,7 +73,7 @@ class SelectionTransform:
         place, names = self.place, self.editor.selection.characters
         if place is not None:
             way = np.eye(3)[axis] * (metres - place[axis])
-            self.editor.edit(later("place {0}", self._told), lambda p: move_characters(p, names, way))
+            self.editor.edit(later("place {0}", self._subject_name), lambda p: move_characters(p, names, way))
 
     def make_tall(self, metres: float) -> None:
         """Scales the selection to a height in metres, in place.
@@ -98,11 +98,11 @@ class SelectionTransform:
             return
 
         def change(project: Project) -> Project:
-            about = _fixed(project, names)
+            about = _fixed_point(project, names)
             project = scale_characters(project, names, factor)
             return move_characters(project, names, (factor - 1.0) * (about - place))
 
-        self.editor.edit(later("size of {0}", self._told), change)
+        self.editor.edit(later("size of {0}", self._subject_name), change)
 
     def turn(self, axis: int, degrees: float) -> None:
         """Turns the selection about a world axis through its position."""
@@ -111,16 +111,16 @@ class SelectionTransform:
             turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
             still = np.zeros(3)
             self.editor.edit(
-                later("turn {0}", self._told), lambda p: move_characters(p, names, still, turn, place)
+                later("turn {0}", self._subject_name), lambda p: move_characters(p, names, still, turn, place)
             )
 
     @property
-    def _told(self) -> str:
+    def _subject_name(self) -> str:
         names = self.editor.selection.characters
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
 
-def _fixed(project: Project, names: tuple[str, ...]) -> Float:
+def _fixed_point(project: Project, names: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
     middle = middle_of(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

@@ -25,7 +25,7 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             "View",
             f"Bookmark {number}",
             (key,),
-            lambda name=name: take_view(editor, name),
+            lambda name=name: restore_view(editor, name),
             lambda name=name, key=key: _lacks(editor, name, key),
             about="The view that was stored.",
             apart=number == 1,
@@ -58,7 +58,7 @@ def store_view(editor: Editor, name: str) -> None:
         )
 
 
-def take_view(editor: Editor, name: str) -> None:
+def restore_view(editor: Editor, name: str) -> None:
     """Restores a stored view."""
     mark = editor.project.views[name]
     editor.moves.follow = editor.moves.turntable = False

@@ -11,7 +11,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
 
 
-def alone(action: Action, editor: Editor) -> Action:
+def single_shape_action(action: Action, editor: Editor) -> Action:
     """Returns the action of a single shape with a check.
 
     If several shapes are selected, the action is unavailable and says so.

@@ -9,7 +9,7 @@ from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveDot, CurveGroup, CurveInput, Scale
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.timeline import LABELS
 from enliven_viewer.studio.workspace import Workspace
@@ -74,7 +74,7 @@ def _names(
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             workspace.remember("fit curves")
-            told("Show all values. The wheel shows more or less of them, the middle button moves them.")
+            tooltip("Show all values. The wheel shows more or less of them, the middle button moves them.")
             _values(workspace, curves, shown)
     imgui.end_child()
 
@@ -86,7 +86,7 @@ def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None
             values = shown.values[:, number]
             value = float(np.interp(now, times, values)) if np.isfinite(values).all() else float("nan")
             with tinted(_colour(shown, number), imgui.Col_.text):
-                imgui.text_unformatted(f"   {name}   {_written(value, shown.unit)}")
+                imgui.text_unformatted(f"   {name}   {_format_value(value, shown.unit)}")
 
 
 def _plot(
@@ -101,7 +101,7 @@ def _plot(
             y = origin.y + scale.y(value)
             strong = abs(value) < 1e-9
             draw.add_line(ImVec2(left, y), ImVec2(right, y), packed(LINE, 2.4 if strong else 0.8))
-            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _written(value, group.unit))
+            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _format_value(value, group.unit))
         for time, numbered in layout.ticks():
             if numbered:
                 x = origin.x + layout.x(time)
@@ -152,7 +152,7 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
         if dot is not None:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
             if not curves.busy:
-                imgui.set_tooltip(_told(dot, group))
+                imgui.set_tooltip(_hover_text(dot, group))
         if imgui.is_mouse_double_clicked(0):
             curves.double(x, y)
         elif imgui.is_mouse_clicked(0):
@@ -193,9 +193,9 @@ def _menu(curves: CurveInput) -> None:
     imgui.end_popup()
 
 
-def _told(dot: CurveDot, group: CurveGroup) -> str:
+def _hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
-        "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time
+        "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
     advice = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
     return f"{value_text}\n{advice}"
@@ -221,7 +221,7 @@ def _colour(group: CurveGroup, number: int) -> Colour:
     return red / 255, green / 255, blue / 255, 1.0
 
 
-def _written(value: float, unit: str) -> str:
+def _format_value(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "-"
     places = 0 if unit == "\u00b0" else 2

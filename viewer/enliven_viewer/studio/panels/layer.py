@@ -10,7 +10,7 @@ from enliven.document import FEET, Layer, Playing, Project, RigBase, Shape
 from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.fields import Change, slider, switch, told
+from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
 from enliven_viewer.studio.panels.style import heading, quiet
 from enliven_viewer.studio.workspace import Workspace
 
@@ -144,14 +144,14 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
     workspace.remember("feet")
     if jointed:
-        told("Every choice but Auto also finds the feet that are not pinned yet (P)")
+        tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
-        told("The parts that touch the floor at rest, or the feet you named (E)")
+        tooltip("The parts that touch the floor at rest, or the feet you named (E)")
     is_requested = False
     if not jointed and feet != "never":
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
-        told("Feet are held for the motion at that time; find them again after you edit its clips")
+        tooltip("Feet are held for the motion at that time; find them again after you edit its clips")
     if is_requested or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)

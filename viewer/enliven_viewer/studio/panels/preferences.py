@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import LANGUAGES, Texts, tr
-from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.actions import KEYS, Action, held_keys, key_label
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import Workspace
@@ -76,13 +76,13 @@ def _reading(workspace: Workspace) -> None:
     imgui.text_unformatted(tr("Colours"))
     imgui.same_line()
     colours = _choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
-    told("Colours of limbs, performers, takes and control points")
+    tooltip("Colours of limbs, performers, takes and control points")
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Language"))
     imgui.same_line(110)
     language = _choice(workspace, "language", LANGUAGES, preferences.language, 170.0)
     if language != preferences.language:
-        preferences.speak(language)
+        preferences.set_language(language)
     if (theme, colours) != (preferences.theme, preferences.colours):
         preferences.paint(theme, colours)
     imgui.separator()
@@ -137,7 +137,9 @@ def _capture(workspace: Workspace) -> None:
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with tinted(WAIT, imgui.Col_.text):
-        imgui.text_unformatted(tr("{0} is the key of \u201c{1}\u201d.", spoken(wanted.key), tr(other.label)))
+        imgui.text_unformatted(
+            tr("{0} is the key of \u201c{1}\u201d.", key_label(wanted.key), tr(other.label))
+        )
     if imgui.button(f"{_taking(actions[wanted.action])}###take"):
         wanted.take(actions)
     workspace.remember("take the key")

@@ -10,7 +10,7 @@ from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
 from enliven_viewer.language import Texts, labelled, later, tr, tr_n
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import character_name, slider, told
+from enliven_viewer.studio.panels.fields import character_name, slider, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
@@ -59,7 +59,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
         elif isinstance(workspace.input.tool, PaintTool):
             _brush(workspace, workspace.input.tool)
         elif chosen is not None:
-            _chosen(workspace, chosen)
+            _draw_selection(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
             draw_layer(workspace, chosen, layer)
@@ -67,7 +67,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
             workspace.shown_layer = None
 
 
-def _chosen(workspace: Workspace, character: RigBase) -> None:
+def _draw_selection(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
     heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
     character_name(workspace, character)
@@ -107,7 +107,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    told("The model's clip that plays instead of its other motion; keys stay")
+    tooltip("The model's clip that plays instead of its other motion; keys stay")
 
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
@@ -125,15 +125,15 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
         if imgui.radio_button(f"{tr(word)}###brush {brush}", tool.brush == brush):
             workspace.actions.do(f"paint.{brush}")
         workspace.remember(f"brush {brush}")
-        told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
+        tooltip(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
     tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     workspace.remember("brush size")
-    told("The keys [ and ]")
+    tooltip("The keys [ and ]")
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
-    told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
+    tooltip(workspace.actions.tip(workspace.actions["paint.both_sides"]))
     character = workspace.editor.chosen()
     if character is not None and character.mesh is not None and character.kind == "graph":
         _swing(workspace, character.id)
@@ -154,7 +154,7 @@ def _swing(workspace: Workspace, name: str) -> None:
         return handle_characters(project, [name], exaggeration=wanted)
 
     slider(workspace, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    told("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
+    tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
 def _several(workspace: Workspace) -> None:

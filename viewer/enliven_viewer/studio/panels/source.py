@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
 from enliven_viewer.studio.sources import MotionMatch
 from enliven_viewer.studio.tools import MapTool
@@ -50,16 +50,16 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
-        told("Find the parts of the chosen shape that look most like the take now")
+        tooltip("Find the parts of the chosen shape that look most like the take now")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
         workspace.remember("whole body")
-        told("Map every limb of the take onto a limb of the chosen shape at once")
-        _how(workspace, tool)
+        tooltip("Map every limb of the take onto a limb of the chosen shape at once")
+        _draw_options(workspace, tool)
         if tool.made is not None:
             with small():
-                for line in _said(*tool.made[2:]):
+                for line in _quality_lines(*tool.made[2:]):
                     quiet(line)
     if tool.offered:
         _offers(workspace, tool, viewport)
@@ -88,20 +88,20 @@ _WHOLE_BODY_OPTIONS = (
 """Options of whole-body retargeting: the setting, its label, and its effect."""
 
 
-def _how(workspace: Workspace, tool: MapTool) -> None:
+def _draw_options(workspace: Workspace, tool: MapTool) -> None:
     """Draws the button that opens the options of whole-body retargeting."""
     imgui.same_line()
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
     workspace.remember("whole how")
-    told("How a whole body is mapped: floor, steps, travel")
+    tooltip("How a whole body is mapped: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE_BODY_OPTIONS:
         on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole, name))[1]
         setattr(tool.whole, name, on)
         workspace.remember(f"whole {name}")
-        told(about)
+        tooltip(about)
     _, tool.gentle = imgui.checkbox(
         labelled(
             tr("Move limbs less where the surface would stretch"),
@@ -110,11 +110,11 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
         tool.gentle,
     )
     workspace.remember("whole gentle")
-    told("Reduces the motion equally on both sides until the surface stretches only a little")
+    tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
     imgui.end_popup()
 
 
-def _said(plan: Plan, quality: MotionQuality) -> list[str]:
+def _quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:

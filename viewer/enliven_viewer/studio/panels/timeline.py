@@ -7,9 +7,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.panel_layout import LEAST, Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import draw_growing
+from enliven_viewer.studio.panels.stage import draw_recorded_clip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
@@ -100,7 +100,7 @@ def _transport(workspace: Workspace) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    told("Begin again at the end, or at the out point")
+    tooltip("Begin again at the end, or at the out point")
     _points(workspace)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
@@ -110,7 +110,7 @@ def _transport(workspace: Workspace) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    told("Drag: how fast it plays here; the project does not change")
+    tooltip("Drag: how fast it plays here; the project does not change")
     _tracking(workspace)
     _buttons(workspace)
 
@@ -150,23 +150,23 @@ def _buttons(workspace: Workspace) -> None:
     if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
         workspace.actions.do("clip.split")
     workspace.remember("split")
-    told("Split the clip under the playhead  (Shift+S)")
+    tooltip("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG + "##marker", ImVec2(34, 0)):
         workspace.actions.do("clip.mark")
     workspace.remember("add marker")
-    told("A marker at the playhead  (Shift+M); double-click one to name it")
+    tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
     with tinted(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
         if imgui.button(_MAGNET + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     workspace.remember("snapping")
-    told("Dragged items snap to clips, markers, the playhead and frames")
+    tooltip("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
     if imgui.button(_ALL + "##all", ImVec2(34, 0)):
         timeline.show_all()
     workspace.remember("show all")
-    told("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
+    tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -179,7 +179,7 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         elif imgui.is_mouse_clicked(0):
             io = imgui.get_io()
             timeline.press(x, y, alt=io.key_alt, ctrl=io.key_ctrl)
-        _turned(workspace, x, size)
+        _handle_wheel(workspace, x, size)
         if imgui.is_mouse_dragging(2, 0.0):
             timeline.pan(-imgui.get_io().mouse_delta.x)
         _cursor(timeline.layout.handle_at(x, y).kind)
@@ -191,7 +191,7 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         timeline.release(x)
 
 
-def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
+def _handle_wheel(workspace: Workspace, x: float, size: ImVec2) -> None:
     """Handles the wheel: scrolls the lanes, pans with Shift, zooms with Ctrl."""
     io, timeline = imgui.get_io(), workspace.timeline
     if io.key_ctrl and io.mouse_wheel:
@@ -237,7 +237,7 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         else:
             draw_details(workspace, layout, lane, origin, size)
     tell_details(workspace, layout, origin)
-    if not draw_growing(workspace, layout, origin, size.y) and not lanes:
+    if not draw_recorded_clip(workspace, layout, origin, size.y) and not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
         performs = workspace.perform.room == "Perform"
         usual = _NO_RECORDING if performs else _NO_MOTION

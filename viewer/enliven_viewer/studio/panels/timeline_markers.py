@@ -37,7 +37,7 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
             draw.add_text(ImVec2(at + 5, top + 10), packed(INK, 0.95), marker.id)
     if timeline.marker and not imgui.is_popup_open(_POPUP_ID):
         imgui.open_popup(_POPUP_ID)
-    _named(workspace)
+    _marker_popup(workspace)
 
 
 def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
@@ -80,7 +80,7 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         draw.add_triangle_filled(*grip, packed(tint))
 
 
-def _named(workspace: Workspace) -> None:
+def _marker_popup(workspace: Workspace) -> None:
     """Draws the popup that renames or removes a marker."""
     timeline, editor = workspace.timeline, workspace.editor
     name = timeline.marker

@@ -46,7 +46,7 @@ def draw_details(
     with small():
         label = tr(_ROW_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
         draw.add_text(ImVec2(origin.x + 28, top + lane.height / 2 - 7), packed(QUIET), label)
-    {"poses": _poses, "band": _bands, "held": _held}[lane.kind](workspace, layout, lane, origin)
+    {"poses": _poses, "band": _bands, "held": _draw_constraints}[lane.kind](workspace, layout, lane, origin)
 
 
 def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
@@ -107,7 +107,7 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
             draw.add_rect_filled(ImVec2(x - 2, top), ImVec2(x + 2, top + lane.height), packed(tint), 1.0)
 
 
-def _held(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
+def _draw_constraints(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws a mark for every hard constraint.
 
     A dot is a position, a bar is standing still, and two dots are level.

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import spoken
+from enliven_viewer.studio.actions import key_label
 from enliven_viewer.studio.panel_layout import HOLDER, Area
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
@@ -124,7 +124,7 @@ def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
     workspace.widgets["hint"] = (x, y, x + wide, y + high)
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tr(tool.label))
-    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
+    _draw_wrapped_text(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
 
@@ -168,7 +168,7 @@ def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     )
     draw.add_text(font, size, ImVec2(x, y), packed(INK), workspace.caption)
     if workspace.pressed:
-        key = spoken(workspace.pressed)
+        key = key_label(workspace.pressed)
         left = x + wide + 34
         right = left + imgui.calc_text_size(key).x + 22
         draw.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), packed(INK), 7.0)
@@ -202,11 +202,11 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
     draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
     line = top + 8
     for (text, colour), extent in zip(texts, extents, strict=True):
-        _wrapped(draw, ImVec2(left + 20, line), packed(colour, seen), text, _MAX_MESSAGE_WIDTH)
+        _draw_wrapped_text(draw, ImVec2(left + 20, line), packed(colour, seen), text, _MAX_MESSAGE_WIDTH)
         line += extent.y
     return top
 
 
-def _wrapped(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
+def _draw_wrapped_text(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
     """Draws text wrapped to a maximum width."""
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

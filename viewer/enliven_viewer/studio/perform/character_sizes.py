@@ -59,7 +59,7 @@ class CharacterSizes:
         for message in client.latest(SIZES).values():
             if message.character in standing:
                 self._told[message.character] = message
-        self._say(before)
+        self._update_text(before)
         for name in standing:
             self._swing(name, client)
         if self._editor.draft is not None:
@@ -90,7 +90,7 @@ class CharacterSizes:
             return ""
         return "It has its own size. Scale it with both hands first"
 
-    def _say(self, before: dict[str, SizeMessage]) -> None:
+    def _update_text(self, before: dict[str, SizeMessage]) -> None:
         """Updates the displayed text."""
         now = time.monotonic()
         if self.going is not None:
@@ -134,9 +134,9 @@ class CharacterSizes:
         asked, when = self._asked.get(key, (np.nan, -_RESEND_INTERVAL_S))
         if asked != wanted or now - when > _RESEND_INTERVAL_S:
             self._asked[key] = wanted, now
-            client.ask(order, lambda answer: self._answered(order, wanted, answer))
+            client.ask(order, lambda answer: self._take_answer(order, wanted, answer))
 
-    def _answered(self, order: Resize, wanted: float | None, answer: Answer) -> None:
+    def _take_answer(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._asked[order.do, order.character or ""] = wanted, float("inf")
             outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")

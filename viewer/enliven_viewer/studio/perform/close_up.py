@@ -50,7 +50,7 @@ class CloseUp:
     def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._since += seconds
-        box = None if scene is None or not self.on else about_to_be_held(scene, meant)
+        box = None if scene is None or not self.on else pending_limb_box(scene, meant)
         if (
             box is None
             and self.box is not None
@@ -76,14 +76,14 @@ class CloseUp:
         return Lens(camera.view(width / height), (width, height))
 
     @property
-    def _turned(self) -> bool:
+    def _view_was_turned(self) -> bool:
         """Returns True if the artist has moved the view since it was sent to the limb."""
         return not np.allclose(self.editor.camera.goal, self._sent, atol=_VIEW_TOLERANCE)
 
     def _go_to(self, box: Box) -> None:
         """Frames a limb, unless the artist has moved the view meanwhile."""
         camera, size = self.editor.camera, self.editor.size
-        if self._framed is not None and self._turned:
+        if self._framed is not None and self._view_was_turned:
             self._before = None
         else:
             if self._framed is None:
@@ -96,13 +96,13 @@ class CloseUp:
 
     def _go_back(self) -> None:
         """Restores the previous view, unless the artist has moved the view."""
-        if self._before is not None and not self._turned:
+        if self._before is not None and not self._view_was_turned:
             *target, azimuth, elevation, distance = self._before
             self.editor.camera.go(target, azimuth, elevation, distance)
         self._before = self._framed = None
 
 
-def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
+def pending_limb_box(scene: Scene, meant: str | None = None) -> Box | None:
     """Returns the bounding box of the limb that the next possession would attach.
 
     Returns None without such a limb, or if it is most of a character.

@@ -64,15 +64,15 @@ class LiveOverlay:
             elif not told.performs:
                 boards.pop(name, None)
             elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
-                moved, joints = self._layered(character, actor, told)
+                moved, joints = self._add_live_motion(character, actor, told)
                 actors.append(moved)
                 hidden.add(name)
                 if name in boards:
-                    boards[name] = _carried(boards[name], character, actor, joints)
-            elif isinstance(character, GraphShape) and self._over(character, actor, told):
-                actors.append(self._performed_over(character, actor))
+                    boards[name] = _move_match_lines(boards[name], character, actor, joints)
+            elif isinstance(character, GraphShape) and self._overdubs(character, actor, told):
+                actors.append(self._add_performance(character, actor))
                 hidden.add(name)
-            elif _alone(character, actor, told, playing=self.editor.playing):
+            elif _replaces_own(character, actor, told, playing=self.editor.playing):
                 actors.append(actor)
                 hidden.add(name)
         self.hidden = frozenset(hidden)
@@ -80,7 +80,7 @@ class LiveOverlay:
         self._overs = {name: over for name, over in self._overs.items() if name in hidden}
         return replace(scene, actors=tuple(actors), boards=boards)
 
-    def _layered(
+    def _add_live_motion(
         self, shape: Shape, actor: SceneCharacter, told: OverlayConditions
     ) -> tuple[SceneCharacter, Float]:
         """Returns a rigged character with its own motion and the live motion added, and its joints."""
@@ -93,12 +93,12 @@ class LiveOverlay:
         pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.heard)
         return replace(actor, pose=pose), joints
 
-    def _over(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
+    def _overdubs(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
         performed = shape.id in told.held and told.heard and not told.replaces
         return performed and _same(shape, actor) and plays(self.editor.project, shape)
 
-    def _performed_over(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+    def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""
         cached = self._overs.get(shape.id)
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
@@ -117,12 +117,14 @@ def _same(character: RigBase, actor: SceneCharacter) -> bool:
     return character.mesh is not None and len(character.mesh.vertices) == len(actor.character.vertices)
 
 
-def _alone(character: RigBase, actor: SceneCharacter, told: OverlayConditions, *, playing: bool) -> bool:
+def _replaces_own(
+    character: RigBase, actor: SceneCharacter, told: OverlayConditions, *, playing: bool
+) -> bool:
     """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
     return told.heard and (not playing or (_same(character, actor) and character.id in told.held))
 
 
-def _carried(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:
+def _move_match_lines(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:
     """Returns a character's matches with their lines moved to its joints (N, 3) as shown."""
     pose = actor.pose
     live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)

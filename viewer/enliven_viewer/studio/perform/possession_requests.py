@@ -119,7 +119,7 @@ class PossessionRequests:
         if press is None:
             return
         if press.asked:
-            self.words = self._busy(press)
+            self.words = self._busy_text(press)
             return
         lacking = self._lacks(press)
         if lacking:
@@ -191,7 +191,7 @@ class PossessionRequests:
             stage.sender.put(stage.client.stage, stage.editor.project, name)
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
-    def _busy(self, press: _PendingPress) -> str:
+    def _busy_text(self, press: _PendingPress) -> str:
         """Returns a text if the edge has not answered for a while."""
         lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
         return tr("The stage is busy. Please wait a moment") if lasts else ""
@@ -202,12 +202,12 @@ class PossessionRequests:
         if stage.live is None or stage.client is None:
             return
         press.asked, press.since = True, press.since or time.monotonic()
-        self.words = self._busy(press)
+        self.words = self._busy_text(press)
         meant = press.character if press.character in stage.standing else None
         order = stage.live.order_to_possess(press.mode, meant)
-        stage.client.ask(order, lambda answer: self._answered(press, answer))
+        stage.client.ask(order, lambda answer: self._take_answer(press, answer))
 
-    def _answered(self, press: _PendingPress, answer: Answer) -> None:
+    def _take_answer(self, press: _PendingPress, answer: Answer) -> None:
         """Handles the edge's answer. A busy edge is asked again."""
         if press is not self._press:
             return

@@ -82,7 +82,7 @@ def width_of(camera: CameraMessage | None) -> float:
     return WIDER if camera is None or not camera.height else camera.width / camera.height
 
 
-def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[ProjectedBody, ...]:
+def project_bodies(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[ProjectedBody, ...]:
     """Returns performers as seen by their camera.
 
     If its position is unknown, a level camera in front of them is assumed.
@@ -90,7 +90,7 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[P
     if not bodies:
         return ()
     if camera is not None:
-        return tuple(_through(camera, body) for body in bodies)
+        return tuple(_project_body(camera, body) for body in bodies)
     nearest = max(float(body.joints[:, 2].max()) for body in bodies)
     eye = np.array([0.0, EYE, 0.0])
     if nearest > -_MIN_CAMERA_DISTANCE:
@@ -106,7 +106,7 @@ def seen(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[P
     return tuple(bodies_seen)
 
 
-def _through(camera: CameraMessage, body: Body) -> ProjectedBody:
+def _project_body(camera: CameraMessage, body: Body) -> ProjectedBody:
     """Returns a performer as seen by a camera with a known position."""
     rows, (across, down, right, low) = np.reshape(camera.place, (3, 4)), camera.lens
     ahead = (body.joints - rows[:, 3]) @ rows[:, :3]

@@ -85,7 +85,7 @@ class StageRecording:
             if self.hold_still and self.recorder.still > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
             elif self.span is not None and self.seconds >= self.span[1] - self._start:
-                self._span_ended(self.span)
+                self._end_span(self.span)
             elif (self.recorder.cut and not self._guests) or self._silent > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
@@ -149,7 +149,7 @@ class StageRecording:
                 self._beside = alternatives if alternatives != self.recorded else ""
                 self.editor.undo()
         elif self.phase == "recording":
-            self._ended()
+            self._end_recorders()
             self.editor.growing = 0.0
         self.phase = "idle"
         self.editor.scrub(self._start)
@@ -188,7 +188,7 @@ class StageRecording:
                 self.editor.undo()
             return
         editor = self.editor
-        (performed, *others), start, replaces = self._ended(), self._start, self.replaces
+        (performed, *others), start, replaces = self._end_recorders(), self._start, self.replaces
         if until_ns is not None:
             others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
             performed = performed.until(until_ns)
@@ -196,7 +196,9 @@ class StageRecording:
         added: list[str] = []
 
         def change(project: Project) -> Project:
-            after, names = _recorded(project, (performed, *others), start, replaces=replaces, beside=beside)
+            after, names = _insert_recording(
+                project, (performed, *others), start, replaces=replaces, beside=beside
+            )
             added.extend(names)
             return after
 
@@ -219,14 +221,14 @@ class StageRecording:
         recorders = (self.recorder, *(guest.recorder for guest in self._guests))
         copies = [copy for copy in (recorder.so_far() for recorder in recorders) if copy is not None]
         start, replaces, beside = self._start, self.replaces, self._beside
-        return lambda project: _recorded(project, copies, start, replaces=replaces, beside=beside)[0]
+        return lambda project: _insert_recording(project, copies, start, replaces=replaces, beside=beside)[0]
 
     def drop(self) -> None:
         """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
         if phase == "recording":
-            self._ended()
+            self._end_recorders()
             self.editor.growing, self.editor.playing = 0.0, False
         if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
@@ -236,7 +238,7 @@ class StageRecording:
         fresh, self._fresh = self._fresh, ""
         return fresh
 
-    def _ended(self) -> list[Performed]:
+    def _end_recorders(self) -> list[Performed]:
         """Ends all recorders and returns their recordings, the primary edge's first."""
         return [
             recorder.end()
@@ -244,7 +246,7 @@ class StageRecording:
             if recorder.recording
         ]
 
-    def _span_ended(self, span: tuple[float, float]) -> None:
+    def _end_span(self, span: tuple[float, float]) -> None:
         """Keeps the recording of the span. In loop mode the next pass starts at once."""
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
@@ -286,7 +288,7 @@ class StageRecording:
         return f"take {number}"
 
 
-def _recorded(
+def _insert_recording(
     project: Project, performed: Sequence[Performed], start: float, *, replaces: bool, beside: str
 ) -> tuple[Project, list[str]]:
     """Returns a project with a recording inserted at a time, and the ids of its new items.

@@ -47,7 +47,7 @@ class SecondaryEdge:
         self.address, self.number = address, number
         self._client = EdgeClient([address], "enliven window", prefixed=True)
         feed = EdgeFeed(self._client)
-        feed.heard, feed.restarted = self._heard, self._began_again
+        feed.heard, feed.restarted = self._record, self._handle_restart
         self.recorder = LiveRecorder()
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
@@ -102,15 +102,15 @@ class SecondaryEdge:
         """Closes the connection to the edge."""
         self.live.close()
 
-    def _heard(self, topic: Topic, value: Any) -> None:
+    def _record(self, topic: Topic, value: Any) -> None:
         if topic is not CALLS:
             self.recorder.heard(topic, value)
 
-    def _began_again(self) -> None:
+    def _handle_restart(self) -> None:
         self.recorder.restarted()
 
 
-def together(scene: Scene, guests: Sequence[SecondaryEdge]) -> Scene:
+def merge_scenes(scene: Scene, guests: Sequence[SecondaryEdge]) -> Scene:
     """Returns a scene merged with the live scenes of other edges.
 
     Each edge's performers get separate ids and colours.
@@ -122,11 +122,11 @@ def together(scene: Scene, guests: Sequence[SecondaryEdge]) -> Scene:
         there = guest.live.scene
         actors += there.actors
         bodies += [replace(body, id=body.id + APART * guest.number) for body in there.bodies]
-        boards |= {name: _carried(board, APART * guest.number) for name, board in there.boards.items()}
+        boards |= {name: _renumber_board(board, APART * guest.number) for name, board in there.boards.items()}
     return replace(scene, actors=tuple(actors), bodies=tuple(bodies), boards=boards)
 
 
-def _carried(board: Board, ids: int) -> Board:
+def _renumber_board(board: Board, ids: int) -> Board:
     """Returns a match list of another edge, with ``ids`` added to the known ids of its performers."""
     rows = tuple(replace(row, body=row.body + ids) if row.body >= 0 else row for row in board.rows)
     return replace(board, body=board.body + ids if board.body >= 0 else -1, rows=rows)

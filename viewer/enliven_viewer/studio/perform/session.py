@@ -26,7 +26,7 @@ from enliven_viewer.studio.perform.physics import StagePhysics
 from enliven_viewer.studio.perform.possession_requests import PossessionRequests
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, camera_of, together
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, camera_of, merge_scenes
 from enliven_viewer.studio.perform.stage_sender import StageSender
 from enliven_viewer.studio.perform.voice import StageVoice
 
@@ -103,7 +103,7 @@ class PerformSession:
         client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
-        feed.heard, feed.restarted = self._heard, self._began_again
+        feed.heard, feed.restarted = self._handle_message, self._handle_restart
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
     def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
@@ -223,12 +223,12 @@ class PerformSession:
     @property
     def holders(self) -> tuple[Holder, ...]:
         """Returns which performers currently control what."""
-        own = _numbered(self.live, self.recording.recorder) if self.connected and self.live else ()
+        own = _numbered_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
         guest_holders = (
             holder
             for guest in self.guests
             if guest.connected
-            for holder in _numbered(guest.live, guest.recorder)
+            for holder in _numbered_holders(guest.live, guest.recorder)
         )
         return (*own, *guest_holders)
 
@@ -294,7 +294,7 @@ class PerformSession:
         telling = OverlayConditions(
             performs and self.connected, heard, self.recording.replaces, self.live.held
         )
-        self.scene = together(self._twins.shown(self.live.scene, telling), self.guests)
+        self.scene = merge_scenes(self._twins.shown(self.live.scene, telling), self.guests)
         self.editor.beside_box = self.scene.box
         self.close_up.advance(seconds, self.scene if performs else None, self.meant)
         if performs and self.live.present != self._framed and self.live.scene.box:
@@ -308,7 +308,7 @@ class PerformSession:
             self.editor.toasts.complain(EnlivenError(problem, where="the stage on this machine", mend=mend))
             self.disconnect()
 
-    def _began_again(self) -> None:
+    def _handle_restart(self) -> None:
         """Handles a restart of the edge.
 
         Follows its new clock, and puts the characters on its empty stage again.
@@ -317,7 +317,7 @@ class PerformSession:
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
-    def _heard(self, topic: Topic, value: Any) -> None:
+    def _handle_message(self, topic: Topic, value: Any) -> None:
         """Handles commands from a pedal or a voice, and passes all other messages to the recorder."""
         if topic is not CALLS:
             self.recording.recorder.heard(topic, value)
@@ -400,7 +400,7 @@ class PerformSession:
         return not lacking
 
 
-def _numbered(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
+def _numbered_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
     """Returns which performers control what on one edge, with the numbers shown to people."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now

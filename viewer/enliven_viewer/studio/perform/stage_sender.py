@@ -39,7 +39,7 @@ class StageSender:
         character = project.character(name)
         is_resent = self.states.get(name) == "on the stage"
         self._sent[name], self.states[name] = character, "being sent"
-        on_answer = partial(self._answered, name, is_resent)
+        on_answer = partial(self._take_answer, name, is_resent)
         if isinstance(character, Puppet) and len(character.poses) < 2 and character.mesh is not None:
             # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
             # possess.
@@ -55,14 +55,14 @@ class StageSender:
         """Removes a character from the stage."""
         self._sent.pop(name, None)
         self.states.pop(name, None)
-        stage.remove(name, partial(self._removed, name))
+        stage.remove(name, partial(self._take_removal, name))
 
     def advance(self, stage: StageLink, project: Project) -> None:
         """Sends edited characters after a pause in the editing."""
         now = time.monotonic()
         for name, sent in list(self._sent.items()):
             character = project.characters.get(name)
-            if character is not None and _stands_alike(character, sent):
+            if character is not None and _differs_in_motion_only(character, sent):
                 self._sent[name] = character
                 continue
             if character is None or character is sent or self.states[name].startswith("refused"):
@@ -82,18 +82,18 @@ class StageSender:
         """Discards the state of the stage after the link was closed."""
         self.states, self._sent, self._seen = {}, {}, {}
 
-    def _answered(self, name: str, again: bool, answer: Answer) -> None:
+    def _take_answer(self, name: str, again: bool, answer: Answer) -> None:
         if name not in self._sent:
             return
         if isinstance(answer, Done):
             self.states[name] = "on the stage"
             if not again:
-                self._tell(tr("{0} stands on the stage", name), self._said(name))
+                self._tell(tr("{0} stands on the stage", name), self._placement_note(name))
         elif isinstance(answer, Refused):
             self.states[name] = later("refused: {0}", answer.reason)
             self._tell(tr("{0} cannot stand on the stage", name), answer.reason)
 
-    def _said(self, name: str) -> str:
+    def _placement_note(self, name: str) -> str:
         """Returns a note for the artist about a character that was put on the stage."""
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
@@ -102,14 +102,14 @@ class StageSender:
             )
         return tr("It follows every edit.")
 
-    def _removed(self, name: str, answer: Answer) -> None:
+    def _take_removal(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._tell(tr("{0} was not removed from the stage", name), answer.reason)
         else:
             self._tell(tr("{0} is gone from the stage", name), "")
 
 
-def _stands_alike(character: RigBase, sent: RigBase) -> bool:
+def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
     """Returns True if an edit of a possessed mesh changed only its motion.
 
     On the stage the mesh is at rest.

@@ -107,9 +107,9 @@ class StageVoice:
             self._ask(client, self.wanted)
 
     def _ask(self, client: EdgeClient, on: bool) -> None:
-        client.ask(Listen(on), self._answered)
+        client.ask(Listen(on), self._take_answer)
 
-    def _answered(self, answer: Answer) -> None:
+    def _take_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self.wanted = False
             self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)

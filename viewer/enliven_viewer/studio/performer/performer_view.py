@@ -150,14 +150,14 @@ class PerformerView:
         frame = int(np.clip(round(moment[1] / clip.step), 0, len(clip.turns) - 1))
         cached = self._figures.get((moment[0], frame))
         if cached is None or cached[0] is not clip:
-            cached = (clip, self._made(clip, frame))
+            cached = (clip, self._make_figure(clip, frame))
             self._figures = {
                 **dict(list(self._figures.items())[-_MAX_CACHED_FIGURES:]),
                 (moment[0], frame): cached,
             }
         return cached[1]
 
-    def _made(self, clip: Clip, frame: int) -> PerformerFigure:
+    def _make_figure(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing

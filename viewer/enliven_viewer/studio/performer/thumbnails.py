@@ -79,12 +79,12 @@ class Thumbnails:
             if future.exception() is not None:
                 log.warning("a key pose cannot be drawn", exc_info=future.exception())
                 continue
-            self._done[key] = puppet.mesh, self._drawn(puppet, future.result())
+            self._done[key] = puppet.mesh, self._draw_thumbnail(puppet, future.result())
             while len(self._done) > _MAX_CACHED_THUMBNAILS:
                 self._done.pop(next(iter(self._done)))[1].release()
             return
 
-    def _drawn(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
+    def _draw_thumbnail(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
         character = self._characters.of(puppet)

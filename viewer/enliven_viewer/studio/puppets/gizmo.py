@@ -52,16 +52,16 @@ class Gizmo:
 
     def at(self, pixel: Point) -> str:
         """Returns the part under a pixel, or an empty string."""
-        centre, tips = self._seen()
+        centre, tips = self._projected_arrows()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
         where = np.array(pixel)
         if np.linalg.norm(where - centre) <= _RING_RADIUS_PX:
             return "view"
         ways = [
-            (self._away(centre, tips[axis], where), axis)
+            (self._arrow_distance(centre, tips[axis], where), axis)
             for axis in range(3)
-            if self._along(axis) > _MIN_VISIBLE_FRACTION
+            if self._foreshortening(axis) > _MIN_VISIBLE_FRACTION
         ]
         away, axis = min(ways, default=(np.inf, 0))
         if away <= _GRAB_DISTANCE_PX:
@@ -102,14 +102,14 @@ class Gizmo:
         arrows = []
         for axis in range(3):
             part = PARTS[axis]
-            if self._along(axis) <= _MIN_VISIBLE_FRACTION or (alone and part not in alone):
+            if self._foreshortening(axis) <= _MIN_VISIBLE_FRACTION or (alone and part not in alone):
                 continue
             arrows.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
         return np.concatenate(arrows) if arrows else np.zeros((0, 12), np.float32)
 
     def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
         """Returns the squares and the ring, as marks over the image."""
-        centre, _ = self._seen()
+        centre, _ = self._projected_arrows()
         if not np.isfinite(centre).all():
             return ()
         marks: list[Fill | Line | Disc] = []
@@ -148,13 +148,13 @@ class Gizmo:
         rows[1, 7] = 0.15 * pixel
         return rows
 
-    def _seen(self) -> tuple[Float, Float]:
+    def _projected_arrows(self) -> tuple[Float, Float]:
         """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""
         points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
         pixels, _ = self.lens.project(points)
         return pixels[0], pixels[1:]
 
-    def _along(self, axis: int) -> float:
+    def _foreshortening(self, axis: int) -> float:
         """Returns the foreshortening of an arrow: 0 along the line of sight, 1 perpendicular to it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
@@ -176,7 +176,7 @@ class Gizmo:
         return self.lens.project(corners)[0]
 
     @staticmethod
-    def _away(centre: Float, tip: Float, at: Float) -> float:
+    def _arrow_distance(centre: Float, tip: Float, at: Float) -> float:
         """Returns the distance in pixels from the outer part of an arrow."""
         way = tip - centre
         length = float(way @ way)

@@ -67,7 +67,7 @@ class KeyPoses(PuppetSelection):
 
         An existing key pose there is edited instead.
         """
-        puppet = self._wanted()
+        puppet = self._selected_puppet()
         if puppet is None:
             return False
         there = self.pose_at(take, time)
@@ -82,7 +82,7 @@ class KeyPoses(PuppetSelection):
 
     def edit_pose(self, number: int) -> bool:
         """Edits an existing key pose."""
-        puppet = self._wanted()
+        puppet = self._selected_puppet()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
         before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))

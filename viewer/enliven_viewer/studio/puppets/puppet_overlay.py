@@ -44,7 +44,7 @@ class PuppetOverlay:
         buffer.clear(0.0, depth=1.0)
         self.ctx.enable_only(moderngl.DEPTH_TEST)
         self.ctx.depth_func = "<"
-        self._loaded(vertices, faces).render(moderngl.TRIANGLES)
+        self._load_mesh(vertices, faces).render(moderngl.TRIANGLES)
         picture.widen()
         self._blend(moderngl.NOTHING)
         mask.use(UNITS["picture"])
@@ -115,7 +115,7 @@ class PuppetOverlay:
             self._mask = (texture, self.ctx.framebuffer([texture], self.ctx.depth_renderbuffer(size)))
         return self._mask
 
-    def _loaded(self, vertices: Float32, faces: Int32) -> moderngl.VertexArray:
+    def _load_mesh(self, vertices: Float32, faces: Int32) -> moderngl.VertexArray:
         """Returns the mesh on the GPU. The same mesh is not uploaded again."""
         if self._mesh is None or self._mesh[0] is not vertices or self._mesh[1] is not faces:
             if self._mesh is not None:

@@ -47,7 +47,7 @@ class PuppetSelection:
 
     def add_point(self, vertex: int) -> bool:
         """Adds a control point at a vertex, with symmetry also at its mirror image, as one edit."""
-        puppet = self._wanted()
+        puppet = self._selected_puppet()
         if puppet is None:
             return False
         taken = [point.vertex for point in puppet.points]
@@ -91,7 +91,7 @@ class PuppetSelection:
                 tr("Put and drag its control points one by one."),
             )
 
-    def _wanted(self) -> Puppet | None:
+    def _selected_puppet(self) -> Puppet | None:
         if self.puppet is None:
             self.editor.toasts.say(tr("No puppet is chosen"), tr("Click one first."))
         return self.puppet

@@ -15,7 +15,7 @@ from enliven.examples import State, in_world, pose_of_state
 from enliven.modeling.edits import as_standing
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
-from enliven_viewer.studio.puppets.puppet_states import played_state
+from enliven_viewer.studio.puppets.puppet_states import playback_state
 from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter, moved
 
@@ -98,7 +98,7 @@ class PuppetStage:
             surface = self._wanted[1].result()
             if self._ghost is None or self._ghost.surface is not surface:
                 state = State(pose.places, now.state.yaw, now.state.root)
-                self._ghost = self._standing(puppet, state, surface)
+                self._ghost = self._make_stage_puppet(puppet, state, surface)
             return self._ghost
         return None
 
@@ -115,7 +115,7 @@ class PuppetStage:
         key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
         if self._known is None or not _same(self._known[0], key):
             self.surfaces.keep_only(set(project.puppets))
-            self._known = (key, tuple(self._stands(puppet) for puppet in project.puppets.values()))
+            self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
         return self._known[1]
 
     def standing_of(self, puppet_id: str) -> StagePuppet | None:
@@ -132,21 +132,21 @@ class PuppetStage:
         if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
             self._polls += 1
 
-    def _stands(self, puppet: Puppet) -> StagePuppet:
+    def _place_puppet(self, puppet: Puppet) -> StagePuppet:
         editor, posing, newest = self.editor, self.posing, puppet
         places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            way = posing.start_state or played_state(editor, puppet)[1]
+            way = posing.start_state or playback_state(editor, puppet)[1]
             state = State(places, way.yaw, way.root)
         else:
-            puppet, state = played_state(editor, puppet)
+            puppet, state = playback_state(editor, puppet)
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
             puppet = cast(Puppet, as_standing(editor.project, puppet, editor.time))
         warm = editor.playing or editor.scrubbing or posing.dragging
-        return self._standing(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+        return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 
-    def _standing(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
+    def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
         handles = in_world(puppet, state, state.places)
         return StagePuppet(
             puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface

@@ -16,7 +16,7 @@ def rest_state(puppet: Puppet) -> State:
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
-def played_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
+def playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
     """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.

@@ -49,7 +49,7 @@ class SelfIntersectionSearch:
         if self._now is None and surface is not self._seen:
             self._seen = surface
             self._threads = self._threads or ThreadPoolExecutor(1, "crossing faces")
-            self._now = self._threads.submit(self._found, puppet, surface)
+            self._now = self._threads.submit(self._find_faces, puppet, surface)
 
     def wait(self) -> None:
         """Waits for the current check. For sessions without a window."""
@@ -63,7 +63,7 @@ class SelfIntersectionSearch:
             self._now.cancel()
         self.faces, self.said, self._now, self._seen = np.zeros(0, np.int64), "", None, None
 
-    def _found(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
+    def _find_faces(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
         finder = self._finder
         if finder is None:
             finder = self._finder = SelfIntersection(puppet.mesh)

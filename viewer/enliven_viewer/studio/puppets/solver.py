@@ -67,7 +67,7 @@ class Solver:
         if not puppet.points:
             self._shown = self.mesh.vertices
         elif self._places is None or not np.array_equal(places, self._places):
-            self._shown = self._moved(surface, places, warm=warm)
+            self._shown = self._move_points(surface, places, warm=warm)
         return self._shown
 
     def ready(self, puppet: Puppet) -> PuppetSurface | None:
@@ -114,12 +114,12 @@ class Solver:
             self._rounds = 0
         return True
 
-    def _moved(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
+    def _move_points(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
         small = self._count <= TOLD
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
-                surface.hold(*_split(self._held))  # This is the rest pose, which needs no solving.
+                surface.hold(*_split_points(self._held))  # This is the rest pose, which needs no solving.
                 return surface.pose
             return surface.settle(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
@@ -133,7 +133,7 @@ class Solver:
         self._refused = self._held
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
-        held, weights = _split(self._held)
+        held, weights = _split_points(self._held)
         if self._count > AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
         future: Future[PuppetSurface] = Future()
@@ -154,7 +154,7 @@ class Solver:
         assert surface is not None
 
         def work() -> PuppetSurface:
-            surface.hold(*_split(held))
+            surface.hold(*_split_points(held))
             return surface
 
         if self._count > LARGE:
@@ -168,5 +168,5 @@ def held_by(puppet: Puppet) -> HeldPoints:
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 
-def _split(held: HeldPoints) -> tuple[list[int], list[float | None]]:
+def _split_points(held: HeldPoints) -> tuple[list[int], list[float | None]]:
     return [vertex for vertex, _ in held], [weight for _, weight in held]

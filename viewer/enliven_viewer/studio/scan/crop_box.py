@@ -61,7 +61,9 @@ class CropBox:
 
     def press(self, at: Point, lens: Lens) -> bool:
         """Handles a button press. Returns whether a handle was grabbed."""
-        near_handles = [(away, side) for side, away in self._away(at, lens) if away <= _GRAB_DISTANCE_PX]
+        near_handles = [
+            (away, side) for side, away in self._handle_distances(at, lens) if away <= _GRAB_DISTANCE_PX
+        ]
         self._held = min(near_handles)[1] if near_handles else None
         return self._held is not None
 
@@ -125,7 +127,7 @@ class CropBox:
         middle[axis] = self.corners[end, axis]
         return middle
 
-    def _away(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
+    def _handle_distances(self, at: Point, lens: Lens) -> list[tuple[tuple[int, int], float]]:
         """Returns each handle in front of the camera, with its distance in pixels from a point."""
         distances = []
         for side in product((0, 1), range(3)):

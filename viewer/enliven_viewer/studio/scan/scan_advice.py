@@ -55,7 +55,7 @@ def advice_of(said: ScanMessage) -> Advice:
     if said.phase != "scanning":
         return Advice("")
     if said.thing in ("carried", "settling", "sought", "lost"):
-        return Advice(_moved(said), "wait")
+        return Advice(_moved_object_advice(said), "wait")
     if said.thing == "person":
         return _person(said)
     if said.tracking in _TRACKING_ADVICE:
@@ -73,7 +73,7 @@ def advice_of(said: ScanMessage) -> Advice:
         )
     if not said.view:
         return Advice(tr("All round: press Done"), "good")
-    return Advice(_way(said), "good", arrow=True)
+    return Advice(_direction_words(said), "good", arrow=True)
 
 
 def _person(status: ScanMessage) -> Advice:
@@ -87,7 +87,7 @@ def _person(status: ScanMessage) -> Advice:
     return Advice(tr("Turn on the spot, slowly: {0:.0f} of 100", 100 * (1 - status.missing)))
 
 
-def _moved(status: ScanMessage) -> str:
+def _moved_object_advice(status: ScanMessage) -> str:
     """Returns the instruction for an object with an unknown pose."""
     if status.thing == "carried":
         return tr("Object lifted or lost: put it down, and go round it")
@@ -98,11 +98,11 @@ def _moved(status: ScanMessage) -> str:
     return tr("Not found yet: walk on, show what was seen before")
 
 
-def _way(status: ScanMessage) -> str:
+def _direction_words(status: ScanMessage) -> str:
     """Returns the instruction towards the recommended view, from the carrier's perspective."""
     camera = np.array(status.stage_from_camera).reshape(3, 4)[:, 3]
     eye, target = np.array(status.view[:3]), np.array(status.view[3:])
-    round_it = _about(camera - target, eye - target)
+    round_it = _turn_words(camera - target, eye - target)
     up = float(eye[1] - camera[1])
     higher = up > _MIN_HEIGHT_DIFFERENCE_M
     held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
@@ -117,7 +117,7 @@ def _way(status: ScanMessage) -> str:
     return held or tr("Good: go on slowly")
 
 
-def _about(one: Float, other: Float) -> float:
+def _turn_words(one: Float, other: Float) -> float:
     """Returns the angle about +Y from one direction to another, in radians from -pi to pi."""
     angle = np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2])
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

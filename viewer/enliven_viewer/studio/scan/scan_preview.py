@@ -32,7 +32,7 @@ class ScanPreviewMesh:
         if same and all(self._pieces.get(key) is piece for key, piece in pieces.items()):
             return False
         self._pieces = pieces
-        self.picture = _joined(list(pieces.values())) if pieces else None
+        self.picture = _join_pieces(list(pieces.values())) if pieces else None
         return True
 
     @property
@@ -43,7 +43,7 @@ class ScanPreviewMesh:
         return np.asarray(np.quantile(self.picture.vertices, [0.02, 0.98], axis=0), float)
 
 
-def _joined(pieces: list[ScanPieceMessage]) -> ScanPreview:
+def _join_pieces(pieces: list[ScanPieceMessage]) -> ScanPreview:
     """Returns the pieces joined into one surface that is smooth across the seams."""
     vertices: list[Float32] = []
     faces: list[Int32] = []

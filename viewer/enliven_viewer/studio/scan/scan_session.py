@@ -205,9 +205,9 @@ class ScanSession:
     def _ask(self, order: Scan) -> None:
         client = self.perform.client
         if client is not None:
-            client.ask(order, self._answered)
+            client.ask(order, self._take_answer)
 
-    def _answered(self, answer: Answer) -> None:
+    def _take_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             problem, _, mend = answer.reason.removeprefix("scan: ").partition(". ")
             self.editor.toasts.say(problem[:1].upper() + problem[1:], mend)

@@ -1,8 +1,8 @@
 from .motion_matches import (
     Chain as Chain,
     MotionMatch as MotionMatch,
-    accepted as accepted,
+    apply_match as apply_match,
     matching_view as matching_view,
-    offers as offers,
+    rank_matches as rank_matches,
 )
 from .source_view import SourceView as SourceView

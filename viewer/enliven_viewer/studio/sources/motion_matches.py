@@ -30,7 +30,7 @@ class MotionMatch:
         return tuple(sorted({joint for _, target in self.pairs for joint in target}))
 
 
-def offers(
+def rank_matches(
     clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
 ) -> list[MotionMatch]:
     """Returns the best matches of a take's pose at a time with a shape with joints (N, 3).
@@ -59,7 +59,7 @@ def offers(
     return best_offers
 
 
-def accepted(project: Project, offer: MotionMatch, lens: Lens, source_lens: Lens, loop: bool) -> Project:
+def apply_match(project: Project, offer: MotionMatch, lens: Lens, source_lens: Lens, loop: bool) -> Project:
     """Returns the project with every chain of a match driven."""
     for source, target in offer.pairs:
         project = bind_chain(

@@ -102,12 +102,12 @@ def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     rest, now = chair.mesh.vertices, _pixels(editor, chair)
     legs = sorted(legs_of(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
     for leg in legs:
-        box, others = _aired(_box(now[leg])), _others(chair.mesh, leg, now)
+        box, others = _add_margin(_box(now[leg])), _others(chair.mesh, leg, now)
         for share in _CUT_HEIGHTS:
             path = _stroke_across(rest[leg, 1], now[leg], share)
             if path is not None and _in_picture(path, editor.size) and not _meets(path, others):
                 return Target(box=box, path=path)
-    return Target(box=_aired(_box(now[legs[0]])))
+    return Target(box=_add_margin(_box(now[legs[0]])))
 
 
 def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
@@ -186,7 +186,7 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
     # The path starts at a point on the surface, so take the vertex nearest to the mean.
     start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]
     path = tuple((float(x), float(y)) for x, y in (start, there[end]))
-    return Target(box=_aired(_box(own)), path=path)
+    return Target(box=_add_margin(_box(own)), path=path)
 
 
 def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
@@ -197,7 +197,7 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
     if extent is None or not len(extent):
         return Target()
     pixels = editor.lens.project(np.asarray(extent, float))[0]
-    return Target(box=_aired(_box(pixels))) if np.isfinite(pixels).all() else Target()
+    return Target(box=_add_margin(_box(pixels))) if np.isfinite(pixels).all() else Target()
 
 
 def _pixels(editor: Editor, shape: GraphShape) -> Float:
@@ -210,6 +210,6 @@ def _box(pixels: Float) -> Rectangle:
     return left, top, right, bottom
 
 
-def _aired(box: Rectangle) -> Rectangle:
+def _add_margin(box: Rectangle) -> Rectangle:
     left, top, right, bottom = box
     return left - _LEG_MARGIN_PX, top - _LEG_MARGIN_PX, right + _LEG_MARGIN_PX, bottom + _LEG_MARGIN_PX

@@ -135,7 +135,7 @@ class TourState:
     @property
     def chair(self) -> GraphShape | None:
         """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
-        held = self._held()
+        held = self._held_characters()
         chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
         return chairs[-1] if chairs else None
 
@@ -165,7 +165,7 @@ class TourState:
     @property
     def is_held(self) -> bool:
         """Returns True if a dancer possesses the chair."""
-        return bool(self._held())
+        return bool(self._held_characters())
 
     @property
     def dances(self) -> bool:
@@ -205,7 +205,7 @@ class TourState:
         """Returns True if a tool is the active one."""
         return self.desk.input.tool.name == name
 
-    def _held(self) -> Sequence[str]:
+    def _held_characters(self) -> Sequence[str]:
         graphs = self.desk.editor.project.graphs
         return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
 

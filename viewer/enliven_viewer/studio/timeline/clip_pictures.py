@@ -45,7 +45,7 @@ class ClipPictures:
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
             work = _figures(project, take)
-            future = self._known[take] = self._pool.submit(lambda: drawn(*work()))
+            future = self._known[take] = self._pool.submit(lambda: draw_sheet(*work()))
         return future.result() if future.done() and future.exception() is None else None
 
     def finish(self) -> None:
@@ -91,7 +91,7 @@ def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
     return lines[:: max(len(lines) // _MAX_LINES, 1)]
 
 
-def drawn(points: Float, lines: AnyArray) -> UInt8:
+def draw_sheet(points: Float, lines: AnyArray) -> UInt8:
     """Returns the (R, C, 4) sheet of figures with points (P, N, 3) in metres.
 
     Each is centred and seen from the front.

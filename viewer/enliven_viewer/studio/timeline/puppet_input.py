@@ -14,11 +14,11 @@ from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.examples import (
     CoverageCache,
     TakeCoverage,
-    added_switch,
+    add_switch,
     constraints_of,
-    moved_switch,
-    removed_switch,
-    retimed,
+    move_switch,
+    remove_switch,
+    retime_pose,
     without_constraint,
 )
 from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
@@ -75,7 +75,7 @@ class PuppetRows:
             return False
         take = self.editor.project.takes[self.details.layer(handle.number).take]
         frame = round(handle.seconds / take.step)
-        switches = added_switch(self._switches(handle.number), frame, len(take.turns))
+        switches = add_switch(self._switches(handle.number), frame, len(take.turns))
         self._edit(later("add a switch"), handle, switches=switches)
         return True
 
@@ -87,7 +87,7 @@ class PuppetRows:
         if puppet is None or puppet.id != handle.character or handle.number >= len(puppet.layers):
             return False
         if handle.kind == "switch":
-            remaining = removed_switch(self._switches(handle.number), handle.item)
+            remaining = remove_switch(self._switches(handle.number), handle.item)
             self._edit(later("remove a switch"), handle, switches=remaining)
             return True
         constraints = constraints_of(self.editor.project, puppet.id, handle.number)
@@ -102,10 +102,10 @@ class PuppetRows:
         ``switches`` are those at the start of the drag.
         """
         if handle.kind == "pose":
-            return lambda project: retimed(project, handle.character, handle.item, seconds)
+            return lambda project: retime_pose(project, handle.character, handle.item, seconds)
         take = self.editor.project.takes[self.details.layer(handle.number).take]
         frame = round(seconds / take.step)
-        return self._changing(handle, switches=moved_switch(switches, handle.item, frame, len(take.turns)))
+        return self._changing(handle, switches=move_switch(switches, handle.item, frame, len(take.turns)))
 
     def _edit(self, word: str, handle: LaneHandle, **changes: Any) -> None:
         self.editor.edit(word, self._changing(handle, **changes))

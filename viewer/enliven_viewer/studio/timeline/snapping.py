@@ -10,7 +10,7 @@ SNAP = 6.0
 """Snapping distance in pixels."""
 
 
-def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
+def snap_times(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
     """Returns the times that a drag snaps to.
 
     These are 0, the playhead, markers, and the ends of all clips except the held one.
@@ -24,7 +24,7 @@ def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list
     return places
 
 
-def snapped(
+def snap_offset(
     layout: TimelineLayout, times: Sequence[float], places: Sequence[float], frame: float
 ) -> tuple[float, float | None]:
     """Returns the offset that moves one of ``times`` to a place, or else the first to a whole frame.

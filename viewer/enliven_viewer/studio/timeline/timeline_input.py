@@ -12,7 +12,7 @@ from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
 from enliven_viewer.studio.timeline.layout import GAP, RULER, Lane, LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_input import DRAGGED, PuppetRows
-from enliven_viewer.studio.timeline.snapping import places_of, snapped
+from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
 
 _NO_HANDLE = LaneHandle("nothing")
 _MIN_VISIBLE_S = 0.25
@@ -149,7 +149,7 @@ class TimelineInput:
         if handle.kind == "fold":
             self.folded = self.folded ^ {handle.character}
         elif handle.kind == "solo":
-            self.editor.edit("solo", lambda project: _alone(project, handle.character))
+            self.editor.edit("solo", lambda project: _solo(project, handle.character))
         self.editor.choose(handle.character)
 
     def drag(self, x: float) -> None:
@@ -159,14 +159,14 @@ class TimelineInput:
             self.editor.scrub(self._held_layout.time(x))
         elif self._handle.kind in _SPAN_HANDLES:
             self.editor.marked = self._span_to(x)
-        elif self._dragged is not None and x != self._from:
+        elif self._drag_title is not None and x != self._from:
             if self.editor.puppets.posing:
                 self.editor.puppets.accept()
             self.editor.sketch(self._change(x))
 
     def release(self, x: float) -> None:
         """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
-        word, handle = self._dragged, self._handle
+        word, handle = self._drag_title, self._handle
         if word is not None and self.editor.draft is not None:
             self.editor.edit(word, self._change(x))
         elif handle.kind == "pose":
@@ -207,7 +207,7 @@ class TimelineInput:
         self.start = min(max(start, 0.0), room)
 
     @property
-    def _dragged(self) -> str | None:
+    def _drag_title(self) -> str | None:
         """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
         if self._drag is not None:
             return self._drag.word
@@ -242,9 +242,9 @@ class TimelineInput:
         moved = layout.time(x) - layout.time(self._from)
         ends = {"from": (span[0],), "to": (span[1],)}.get(kind, span)
         if self.snapping:
-            places = places_of(layout, self.editor.time, self._handle)
+            places = snap_times(layout, self.editor.time, self._handle)
             times = [end + moved for end in ends]
-            more, self.stuck = snapped(layout, times, places, self.editor.settings.frame_step)
+            more, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
             moved += more
         if kind == "marked":
             moved = max(moved, -span[0])
@@ -257,8 +257,8 @@ class TimelineInput:
         layout = self._held_layout
         seconds = layout.project.markers[handle.name].seconds + moved
         if self.snapping:
-            places = places_of(layout, self.editor.time, handle)
-            more, self.stuck = snapped(layout, [seconds], places, self.editor.settings.frame_step)
+            places = snap_times(layout, self.editor.time, handle)
+            more, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
             seconds += more
         return lambda project: move_marker(project, handle.name, seconds)
 
@@ -268,7 +268,7 @@ def _changing(handle: LaneHandle, **changes: Any) -> Edit:
     return lambda project: change_layers(project, handle.character, handle.layers, **changes)
 
 
-def _alone(project: Project, name: str) -> Project:
+def _solo(project: Project, name: str) -> Project:
     """Returns the project with a character soloed. If the others are already muted, unmutes all."""
     playing = {key: character for key, character in project.characters.items() if character.playing}
     others = [character for key, character in playing.items() if key != name]

@@ -71,7 +71,7 @@ class CharacterDrag:
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
         if self.editor.snapping.acts(pointer.ctrl):
             way = self.editor.snapping.way(self._stands, way)
-        return self._carried(project, way)
+        return self._move_characters(project, way)
 
     def turned(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters turned in the image plane.
@@ -81,9 +81,9 @@ class CharacterDrag:
         With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
         """
         turn = from_rotation_vector(self._turn(pointer))
-        return self._carried(project, np.zeros(3), turn, self._about)
+        return self._move_characters(project, np.zeros(3), turn, self._about)
 
-    def _carried(
+    def _move_characters(
         self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
     ) -> Project:
         """Returns the project with the characters moved at all times.
@@ -107,11 +107,11 @@ class CharacterDrag:
         )
 
     def _turn(self, pointer: Pointer) -> Float:
-        axis, radians = self._turned(pointer)
+        axis, radians = self._turn_characters(pointer)
         snapping = self.editor.snapping
         return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
 
-    def _turned(self, pointer: Pointer) -> tuple[Float, float]:
+    def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
         """Returns the (3,) unit axis, and the rotation in radians."""
         lens, start = self.editor.lens, self._start
         across = _ROTATION_PER_PIXEL * (pointer.at[0] - start.at[0])

@@ -24,7 +24,7 @@ from enliven.mapping import (
 from enliven.motion.layers import bind_chain, goes_down
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, accepted, offers
+from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, apply_match, rank_matches
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Overlay
 
@@ -140,7 +140,7 @@ class MapTool(Tool):
             time = editor.time % max(clip.duration, clip.step)
             posed = editor.posed(shape.id)
             most = editor.settings.matches
-            self.offered = offers(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
+            self.offered = rank_matches(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
 
@@ -206,7 +206,7 @@ class MapTool(Tool):
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
-            lambda p: accepted(_without_clip(p, offer.shape), offer, lens, other, self.loop),
+            lambda p: apply_match(_without_clip(p, offer.shape), offer, lens, other, self.loop),
         ):
             self._last = None
             count = len(offer.pairs)

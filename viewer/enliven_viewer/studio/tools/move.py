@@ -75,7 +75,7 @@ class MoveTool(Tool):
             lens, at, snap = editor.lens, pixels[0], editor.settings.snap
             self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
         elif not held.several:
-            self._host = self._beneath(pointer) if pointer.shift else None
+            self._host = self._merge_target(pointer) if pointer.shift else None
 
     def release(self, pointer: Pointer) -> None:
         """Merges at the playhead if there is a target; else moves the character.
@@ -88,7 +88,7 @@ class MoveTool(Tool):
             return
         name, notes = held.character, list[str]()
         if host is None and pointer.shift and not held.several:
-            host = self._beneath(pointer)
+            host = self._merge_target(pointer)
         if host is None:
             editor.edit(later("move {0}", held.told), lambda project: held.moved(project, pointer))
             if pointer.shift:
@@ -109,14 +109,14 @@ class MoveTool(Tool):
             for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
                 editor.toasts.say(note)
 
-    def _beneath(self, pointer: Pointer) -> Hit | None:
+    def _merge_target(self, pointer: Pointer) -> Hit | None:
         """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
         held = self._held
         if held is None:
             return None
-        return self.character_at(pointer, without=held.character) or self._beside(held)
+        return self.character_at(pointer, without=held.character) or self._touched_character(held)
 
-    def _beside(self, held: CharacterDrag) -> Hit | None:
+    def _touched_character(self, held: CharacterDrag) -> Hit | None:
         """Returns the character that the dragged one touches or nearly touches."""
         vertices = self.editor.posed(held.character).vertices
         if not len(vertices):
@@ -166,7 +166,7 @@ class MoveTool(Tool):
     def overlay(self) -> Overlay:
         plain = super().overlay()
         if self._held is not None and self._host is not None and self._host.handle < 0:
-            return self._named(self._held, self._host, plain)
+            return self._name_overlay(self._held, self._host, plain)
         node = self.on_bone(self._host)
         if self._held is None or node is None:
             return plain
@@ -178,7 +178,7 @@ class MoveTool(Tool):
         )
         return Overlay(marks, plain.chain, plain.hovered)
 
-    def _named(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
+    def _name_overlay(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
         """Returns the overlay that names the merge target above the dragged character."""
         vertices, lens = self.editor.posed(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up

@@ -71,7 +71,7 @@ class SelectTool(Tool):
         box, self._box = self._box, None
         if box is None:
             return
-        touched = self._touched(box)
+        touched = self._boxed_characters(box)
         before = self.editor.selection.characters if pointer.shift else ()
         self.editor.choose_all(*before, *touched)
 
@@ -88,7 +88,7 @@ class SelectTool(Tool):
         marks = (Fill(corners, (*ACCENT[:3], 0.10)), Line(corners, ACCENT, 1.5, True))
         return Overlay(marks, plain.chain, plain.hovered)
 
-    def _touched(self, box: tuple[Point, Point]) -> list[str]:
+    def _boxed_characters(self, box: tuple[Point, Point]) -> list[str]:
         """Returns the characters with a handle or a surface point inside a box of the image."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         names = []

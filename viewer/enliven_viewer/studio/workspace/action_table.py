@@ -11,7 +11,7 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.numbers import view_actions
-from enliven_viewer.studio.outliner import alone, choosing_actions
+from enliven_viewer.studio.outliner import choosing_actions, single_shape_action
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
 from enliven_viewer.studio.workspace.brush_actions import painting_actions
@@ -45,14 +45,14 @@ def studio_actions(
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
     for action in _every(commands, user_input, ask, preferences):
-        yield alone(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
+        yield single_shape_action(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
 
 
 def _every(
     commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     yield from _file(ask, preferences)
-    yield from _out(commands, ask)
+    yield from _export_actions(commands, ask)
     yield from _edit(commands, user_input, ask)
     yield from choosing_actions(commands.editor)
     yield _snap(commands.editor)
@@ -105,7 +105,7 @@ def _file(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
 
 
-def _out(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
+def _export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
     def lacks_export() -> str:
         try:
             exportable(commands.editor.project)

@@ -28,7 +28,7 @@ one.
 """
 
 
-def _split(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
+def _split_clip(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
     return split_clip(project, name, numbers, time)
 
 
@@ -54,7 +54,7 @@ def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
 
 
 _CLIP_EDITS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
-    "split": (later("split clip"), _split),
+    "split": (later("split clip"), _split_clip),
     "blend": (later("blend clips"), _blend),
     "reverse": (later("reverse clip"), _reverse),
     "mirror": (later("mirror motion"), _mirror),

@@ -133,7 +133,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, path, rig.notes, _told_clips(editor.project, added_ids[-1]))
+        _show_notes(editor, path, rig.notes, _clip_notes(editor.project, added_ids[-1]))
         editor.frame_way()
 
 
@@ -153,7 +153,7 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
     return project, names
 
 
-def _told_clips(project: Project, shape_id: str) -> str:
+def _clip_notes(project: Project, shape_id: str) -> str:
     """Returns a sentence about the clip that an opened model plays, and where its other clips are."""
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
@@ -191,7 +191,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, path, notes, tr("It is a puppet: put control points on it with K."))
+        _show_notes(editor, path, notes, tr("It is a puppet: put control points on it with K."))
         editor.frame_way()
 
 
@@ -216,7 +216,7 @@ def _add_played(
 
     if editor.edit(later("open {0}", file_name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, Path(file_name), notes, "")
+        _show_notes(editor, Path(file_name), notes, "")
         editor.frame_way()
 
 
@@ -233,7 +233,7 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
             if puppet
             else tr("Map it onto a shape with M.")
         )
-        _tell(editor, path, notes, mend)
+        _show_notes(editor, path, notes, mend)
 
 
 def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
@@ -306,7 +306,7 @@ def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[
     return project, tuple(added)
 
 
-def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
+def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
     """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""

@@ -12,7 +12,7 @@ from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.workspace.puppet_commands import aside
+from enliven_viewer.studio.workspace.puppet_commands import side_offset
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and a chain of its joints, from the root to the end."""
@@ -46,7 +46,7 @@ class MotionClipboard:
         If a performance was copied, its performers possess the selected mesh instead.
         """
         if self._performed is not None and self.editor.chosen() is not None:
-            self._give(self._performed)
+            self._give_performance(self._performed)
         target, lens = chosen_chain(self.editor), self.editor.lens
         if self._copied is not None and target is not None:
             source, chain = self._copied
@@ -95,7 +95,7 @@ class MotionClipboard:
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
-    def _give(self, source: str) -> None:
+    def _give_performance(self, source: str) -> None:
         """Transfers the performance of a mesh to the selected character.
 
         It starts from that character's current pose.
@@ -110,7 +110,7 @@ class MotionClipboard:
             self.editor.toasts.complain(InputError(tr("{0} no longer exists", source), where=name, mend=mend))
             return
 
-        beside = aside(self.editor, [target])
+        beside = side_offset(self.editor, [target])
 
         def work() -> _SolvedMesh:
             solved_project, moved = give_performance(project, source, name, time=time, notes=notes)
@@ -132,9 +132,9 @@ class MotionClipboard:
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.beside.begin(message, work, partial(self._put, word, guarded))
+        self.editor.beside.begin(message, work, partial(self._put_mesh, word, guarded))
 
-    def _put(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
+    def _put_mesh(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)

@@ -39,7 +39,7 @@ class PuppetCommands:
             return False
         name, mesh = chosen
         upright, place = standing_mesh(mesh)
-        beside = place + aside(self.editor, [self.editor.project.characters[name]])
+        beside = place + side_offset(self.editor, [self.editor.project.characters[name]])
 
         def change(project: Project) -> tuple[Project, str]:
             puppet_name = unused(f"{name} puppet", project.characters)
@@ -140,7 +140,7 @@ class PuppetCommands:
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
+def side_offset(editor: Editor, characters: Sequence[RigBase]) -> Float:
     """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
     right = editor.lens.view.camera_from_world[0, :3]
     wide = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)

@@ -13,7 +13,7 @@ from enliven_viewer.studio.examples import (
     with_constraint,
     without_constraint,
 )
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import heading, quiet, small
 from enliven_viewer.studio.workspace import Workspace
 
@@ -47,12 +47,12 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
         x, y, z = editor.puppets.seen(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
     workspace.remember("hold here")
-    told(tr("{0} goes through this place at this frame", name))
+    tooltip(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
         wanted = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     workspace.remember("hold still")
-    told(tr("{0} does not move at this frame", name))
+    tooltip(tr("{0} does not move at this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
     if imgui.begin_combo("##level", tr("Level")):
@@ -61,7 +61,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
                 wanted = Coupling(name, other, frame)
         imgui.end_combo()
     workspace.remember("hold level")
-    told(tr("{0} is as high as another control point at this frame", name))
+    tooltip(tr("{0} is as high as another control point at this frame", name))
     if wanted is not None:
         editor.edit(
             later("hold {0}", name), lambda project: with_constraint(project, puppet.id, number, wanted)

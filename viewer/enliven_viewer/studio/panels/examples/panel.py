@@ -15,7 +15,7 @@ from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.motion import draw_held
 from enliven_viewer.studio.panels.examples.points import draw_points, suggest
 from enliven_viewer.studio.panels.examples.settings import draw_settings
-from enliven_viewer.studio.panels.fields import character_name, told
+from enliven_viewer.studio.panels.fields import character_name, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import filled, packed, panel, small, tinted
@@ -57,7 +57,7 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
         workspace.editor.puppets.accept()
         workspace.editor.choose(None)
     workspace.remember("all shapes")
-    told("Back to everything that is on the stage")
+    tooltip("Back to everything that is on the stage")
     imgui.same_line()
     character_name(workspace, puppet)
 
@@ -69,7 +69,7 @@ def _next_step(workspace: Workspace, puppet: Puppet) -> None:
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     workspace.remember("next step")
-    told(about)
+    tooltip(about)
 
 
 def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
@@ -97,7 +97,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _box(workspace, ACCENT, tr("Before it moves"), _gathered(lacking))
+        _box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
         _box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
     else:
@@ -106,7 +106,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
         _box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
 
 
-def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
+def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
     """Returns the sentences, with those about pairing merged.
 
     Five of them would push the points off the panel.

@@ -8,7 +8,7 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.viewport import axes_marks
@@ -57,7 +57,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
         if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
         workspace.remember("play take")
-        told("The puppet plays this take too, as a layer of its own")
+        tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
         imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
@@ -67,7 +67,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     if linked:
         imgui.pop_style_color()
     workspace.remember("linked")
-    told("Both views turn together")
+    tooltip("Both views turn together")
 
 
 def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render import LOOKS
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import FILM_SIZES, RATES, Workspace
 
@@ -40,7 +40,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
     at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
     options.rate = RATES[imgui.combo("##rate", at, [tr("{0} a second", rate) for rate in RATES])[1]]
     workspace.remember("export rate")
-    told("Pictures or poses per second")
+    tooltip("Pictures or poses per second")
     if film:
         _film(workspace)
     else:
@@ -74,7 +74,7 @@ def _range(workspace: Workspace) -> None:
         options.first, options.last = editor.marked
     imgui.end_disabled()
     workspace.remember("export marked")
-    told("Only the part between the in and out points (Alt+I, Alt+O)")
+    tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
 
 
 def _film(workspace: Workspace) -> None:
@@ -106,7 +106,7 @@ def _format(workspace: Workspace) -> None:
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]
         workspace.remember("export morphs")
-        told(
+        tooltip(
             "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
         )
         imgui.same_line(0.0, 18.0)
@@ -115,5 +115,5 @@ def _format(workspace: Workspace) -> None:
     )[1]
     options.unit = "cm" if centimetres else "m"
     workspace.remember("export centimetres")
-    told("Many programs that read .bvh expect centimetres")
+    tooltip("Many programs that read .bvh expect centimetres")
     quiet("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")

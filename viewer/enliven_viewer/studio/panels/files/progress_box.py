@@ -24,7 +24,7 @@ _WINDOW_FLAGS = (
 )
 
 
-def draw_working(workspace: Workspace, area: Area) -> None:
+def draw_progress_box(workspace: Workspace, area: Area) -> None:
     """Draws cancellable work at the upper right of the view."""
     beside = workspace.editor.beside
     progress = beside.progress

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
 from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import small, tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import QUIET
@@ -64,7 +64,7 @@ def _word(text: str, tip: str) -> None:
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text_unformatted(text)
-    told(tip)
+    tooltip(tip)
 
 
 def number_field(

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import default_colour
@@ -108,14 +108,14 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     workspace.remember(row.key)
     on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT_WIDTH * row.depth + _FOLD_WIDTH
     if clicked:
-        _clicked(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
+        _handle_click(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
     if hovered and twice and not on_arrow:
         outliner.begin_rename(row)
     if row.kind == CHARACTER:
         _drag(outliner, row)
     if outliner.renaming == row.key:
         imgui.same_line(start + _FOLD_WIDTH)
-        _renamed(workspace, outliner, row)
+        _rename_field(workspace, outliner, row)
     else:
         _words(outliner, row, at, width - switches)
     if row.kind == CHARACTER:
@@ -124,12 +124,12 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _switch(workspace, f"delete {row.id}", _TRASH, False):
             workspace.commands.takes.delete_row(row.id)
-        told("Delete it: one of several takes of a lane, or one that nothing plays")
+        tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
         if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):
             outliner.live_hidden = not outliner.live_hidden
-        told("Show the live stage while you animate and model")
+        tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
@@ -166,7 +166,7 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     draw.pop_clip_rect()
 
 
-def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
+def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
     """Folds a row, shows a take next to the shapes, or selects the row's object."""
     io = imgui.get_io()
     if fold and row.folds:
@@ -183,7 +183,7 @@ def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) 
             workspace.input.take("puppet")
 
 
-def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
@@ -209,11 +209,11 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _switch(workspace, f"eye {row.id}", CLOSED_EYE if now.hidden else EYE, now.hidden):
         outliner.hide(*names, on=not now.hidden)
-    told("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
+    tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
     if _switch(workspace, f"lock {row.id}", _LOCKED if now.locked else _UNLOCKED, now.locked):
         outliner.lock(*names, on=not now.locked)
-    told("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
+    tooltip("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
 
 
 def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:

@@ -22,8 +22,8 @@ from enliven_viewer.studio.perform import (
     PerformSession,
     PreviewPlacement,
     ProjectedBody,
+    project_bodies,
     rectangle_of,
-    seen,
     width_of,
 )
 from enliven_viewer.studio.picture import PreviewTextures
@@ -40,7 +40,9 @@ _TEXT_SIZE = 13.0
 """Text size in pixels in the inset."""
 
 
-def draw_inset(workspace: Workspace, area: Area, inset: PreviewPlacement, pictures: PreviewTextures) -> None:
+def draw_camera_previews(
+    workspace: Workspace, area: Area, inset: PreviewPlacement, pictures: PreviewTextures
+) -> None:
     """Draws the inset over the viewport, if it is enabled and performers are visible."""
     perform = workspace.perform
     views = views_of(perform) if workspace.preferences.performer else []
@@ -49,7 +51,7 @@ def draw_inset(workspace: Workspace, area: Area, inset: PreviewPlacement, pictur
         return
     room = area.width, area.height
     widths = [width_of(view.camera) for view in views]
-    left, top, wide, tall = inset.place(*room, sum(widths) / WIDER, lambda: _covered(workspace))
+    left, top, wide, tall = inset.place(*room, sum(widths) / WIDER, lambda: _covered_rectangles(workspace))
     draw, x = imgui.get_background_draw_list(), area.x + left
     for view, width in zip(views, widths, strict=True):
         _view(draw, Area(x, area.y + top, width * tall, tall), view, pictures.of(view.name, view.camera))
@@ -90,7 +92,7 @@ def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> Camera
     return CameraPreview(name, live.scene.bodies, camera, limb_tints(live.scene.boards))
 
 
-def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
+def _covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     """Returns the rectangles covered by live characters and by those of the project."""
     editor, rectangles = workspace.editor, []
     lens, own = editor.lens, bounds_of([character.extent for character in editor.seen])
@@ -103,7 +105,7 @@ def _covered(workspace: Workspace) -> list[tuple[float, float, float, float]]:
 
 def _view(draw: imgui.ImDrawList, area: Area, view: CameraPreview, texture: int | None) -> None:
     """Draws one camera's image."""
-    name, bodies = view.name, seen(view.bodies, view.camera)
+    name, bodies = view.name, project_bodies(view.bodies, view.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
     draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
     if texture is not None:

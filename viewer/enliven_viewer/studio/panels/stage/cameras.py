@@ -9,7 +9,7 @@ from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render.gl import window_context
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import heading, list_box, quiet, tinted
 from enliven_viewer.studio.perform import Camera, CameraSearch
 from enliven_viewer.studio.workspace import Workspace
@@ -90,7 +90,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
         workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
-    told(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
+    tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
     if beside:
         imgui.same_line()
         imgui.begin_disabled(search.looking is not None)
@@ -101,7 +101,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
             looks = True
         imgui.end_disabled()
         workspace.remember(f"look {number}")
-        told("See what it sees")
+        tooltip("See what it sees")
     if camera.trouble:
         with tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)

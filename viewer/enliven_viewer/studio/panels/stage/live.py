@@ -61,13 +61,13 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
     if perform.room in ("Perform", "Play"):
-        free = beside(area, workspace.widgets.get("performer inset"))
+        free = area_next_to_preview(area, workspace.widgets.get("performer inset"))
         high = draw_holders(perform, draw, free)
         if high:
             bottom = area.y + area.height
             workspace.widgets["holders"] = (free.x, bottom - high, free.x + free.width, bottom)
         draw_size(perform, draw, area)
-        draw_heard(perform, draw, area, heard_below(is_scanned=workspace.scan.active))
+        draw_utterance(perform, draw, area, utterance_bottom(is_scanned=workspace.scan.active))
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -105,7 +105,7 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
         live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
 
 
-def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
+def area_next_to_preview(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     """Returns the part of the view next to an inset at the bottom."""
     if inset is None or inset[3] < area.y + area.height / 2:
         return area
@@ -138,7 +138,7 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
     return 0.0 if bottom == begin else area.y + area.height - bottom
 
 
-def heard_below(*, is_scanned: bool) -> float:
+def utterance_bottom(*, is_scanned: bool) -> float:
     """Returns the lower end of the recognised words in pixels from the top.
 
     It lies below the instruction of a scan.
@@ -146,7 +146,7 @@ def heard_below(*, is_scanned: bool) -> float:
     return ADVICE + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING if is_scanned else _UTTERANCE_BOTTOM
 
 
-def draw_heard(
+def draw_utterance(
     perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _UTTERANCE_BOTTOM
 ) -> None:
     """Draws the recognised words in large text at the top, without moving other text."""

@@ -10,7 +10,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras, fitting
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
 from enliven_viewer.studio.panels.style import filled, heading, list_box, packed, panel, quiet, small, tinted
@@ -48,14 +48,14 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
             return
         _primary(workspace, perform)
         imgui.begin_child("##rest")
-        _connected(workspace, perform, live, area)
+        _draw_stage_state(workspace, perform, live, area)
         # Draw these also in the frame in which the user leaves the stage.
         _performers(workspace, perform, live)
         _characters(workspace, perform)
         if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _FULL_WIDTH):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
-        told("Carry the camera round it, and it becomes a character")
+        tooltip("Carry the camera round it, and it becomes a character")
         if perform.client is not None:
             draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
@@ -74,7 +74,7 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    told(perform.stepping_in.words if waits else tr("Step in as its only performer  (P)"))
+    tooltip(perform.stepping_in.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -100,7 +100,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
         recording.record()
     workspace.remember("record")
-    told("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
+    tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
@@ -114,8 +114,8 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if not edge.connected:
         if live.near and not len(live.document.timeline):
             return live.making, WAIT
-        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain(edge.address))
-        looked = tr("Looking for a stage at {0}", _plain(edge.address))
+        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain_text(edge.address))
+        looked = tr("Looking for a stage at {0}", _plain_text(edge.address))
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
     if edge.phase == "ended":
         return tr("The camera or recording has ended"), WAIT
@@ -130,7 +130,7 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     return tr("Connected, {0}", behind) if behind else tr("Connected"), GOOD
 
 
-def _plain(address: str) -> str:
+def _plain_text(address: str) -> str:
     return address.removeprefix("tcp://") or tr("the address")
 
 
@@ -151,7 +151,7 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
         perform.voice.wanted,
     )[1]
     workspace.remember("voice wanted")
-    told("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
+    tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     heading("A camera elsewhere")
     quiet("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
@@ -171,22 +171,22 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--loop"))
     workspace.remember("recorded person")
-    told("Plays the recording that comes with enliven again and again, like a person at the camera")
+    tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
         workspace.ask("perform")
     workspace.remember("recording of yours")
-    told("A camera recording or motion capture (.bvh) that plays again and again")
+    tooltip("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
     workspace.remember("webcam")
-    told("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
+    tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
     workspace.remember("made-up person")
-    told("A figure that waves and walks, for trying things out")
+    tooltip("A figure that waves and walks, for trying things out")
 
 
-def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
+def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
     """Draws the state and the problems of the stage.
 
     The box has a fixed height, so that nothing below it moves.
@@ -199,7 +199,7 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
-    told("Leave the stage; recordings are kept")
+    tooltip("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
     roomy = area.height > _MIN_TALL_PANEL_HEIGHT
     imgui.begin_child(
@@ -209,21 +209,21 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
     at, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
     draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
-    _wrapped(words)
+    _draw_wrapped_text(words)
     edge = live.document.edge
     with small():
         if perform.connected and edge.message:
             with tinted(WAIT, imgui.Col_.text):
-                _wrapped(edge.message)
+                _draw_wrapped_text(edge.message)
         for state in edge.health[:2]:
             with tinted(WAIT, imgui.Col_.text):
-                _wrapped(state.what)
+                _draw_wrapped_text(state.what)
             quiet(state.mend)
     imgui.end_child()
     workspace.remember("stage state")
 
 
-def _wrapped(text: str) -> None:
+def _draw_wrapped_text(text: str) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(text)
     imgui.pop_text_wrap_pos()
@@ -238,7 +238,7 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
             perform.lead(guest)
         workspace.remember(f"lead {number}")
-        told("Send new characters and commands to this stage from now on")
+        tooltip("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
             perform.part(guest)
@@ -263,7 +263,7 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
         recording.again(beside=True)
     workspace.remember("again beside")
     imgui.end_disabled()
-    told("Both are kept: choose in the lane on the timeline which of them plays")
+    tooltip("Both are kept: choose in the lane on the timeline which of them plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
@@ -271,7 +271,7 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
     recording.replaces = imgui.checkbox(
         labelled(tr("In place of what moves there"), "In place of what moves there"), recording.replaces
     )[1]
-    told("On: the parts that you move lose the motion they had. Off: yours is added to it")
+    tooltip("On: the parts that you move lose the motion they had. Off: yours is added to it")
     workspace.remember("replaces")
     _ends(workspace, recording)
 
@@ -283,7 +283,7 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    told("The still end is left out")
+    tooltip("The still end is left out")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -303,7 +303,7 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
     workspace.remember("clear span")
     recording.loops = imgui.checkbox(labelled(tr("Over and over"), "Over and over"), recording.loops)[1]
     workspace.remember("loops")
-    told("The marked time is recorded again and again until you stop; all are kept, the last one plays")
+    tooltip("The marked time is recorded again and again until you stop; all are kept, the last one plays")
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
@@ -333,7 +333,7 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
         perform.put()
     imgui.end_disabled()
     workspace.remember("put")
-    told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+    tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
 def _reveal_list(workspace: Workspace) -> None:
@@ -369,7 +369,7 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
         perform.there = name if standing else perform.there
         workspace.editor.choose(name if own else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
-    told(state_text if state.startswith("refused") else "")
+    tooltip(state_text if state.startswith("refused") else "")
     if can_remove:
         imgui.same_line(room - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
@@ -395,30 +395,30 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
     workspace.remember("parts")
-    told("The body parts that step in; the stage shows what they would move  (1 to 9)")
+    tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
         perform.stepping_in.press("join")
     workspace.remember("join")
-    told("Step in together with its current performers  (J)")
+    tooltip("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
         perform.stepping_in.press("extend")
     workspace.remember("extend")
-    told("Hold with these parts, too  (E)")
+    tooltip("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
     workspace.remember("release")
-    told("Let go  (R)")
+    tooltip("Let go  (R)")
     if imgui.checkbox(
         labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")
-    told("Newcomers cannot step in  (K)")
+    tooltip("Newcomers cannot step in  (K)")
 
 
 def _part(name: str) -> str:

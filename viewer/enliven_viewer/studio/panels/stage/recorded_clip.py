@@ -11,7 +11,7 @@ from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, DARK, INK, ON_FILL
 
 
-def draw_growing(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
+def draw_recorded_clip(workspace: Workspace, layout: TimelineLayout, origin: ImVec2, tall: float) -> bool:
     """Draws the growing clip below the last lane, or at the bottom of the timeline if that is out of view.
 
     Args:

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.wire import ScanMessage
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import heading, packed, panel, quiet, tinted
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
 from enliven_viewer.studio.scan import KeptPart, ScanMode, ScanSession, ScanSize, advice_of, scan_marks
@@ -133,7 +133,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
         if imgui.radio_button(f"{tr(words)}###way {way}", scan.way == way):
             scan.way = way
         workspace.remember(f"scan {way}")
-        told(more)
+        tooltip(more)
     heading("Its name")
     imgui.set_next_item_width(-1)
     scan.name = imgui.input_text_with_hint("##scan name", "scan", scan.name)[1]
@@ -148,7 +148,7 @@ def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
         workspace.actions.do("scan.again")
     imgui.end_disabled()
     workspace.remember("scan again")
-    told("Go on scanning to fill gaps: lay it on its side, or look from below")
+    tooltip("Go on scanning to fill gaps: lay it on its side, or look from below")
 
 
 def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
@@ -172,7 +172,7 @@ def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
     if imgui.button(labelled("\uf0e2  " + tr("Undo"), "Undo"), half):
         workspace.actions.do("scan.undo")
     workspace.remember("scan undo")
-    told(
+    tooltip(
         tr(
             "Takes the last {0:.0f} seconds back: a hand came into view, or the camera slipped",
             status.undoable,
@@ -197,7 +197,7 @@ def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
         ):
             workspace.actions.do("scan.done")
     workspace.remember("scan done")
-    told("It is cut out, stands on the stage, and can be possessed")
+    tooltip("It is cut out, stands on the stage, and can be possessed")
     if imgui.button(labelled(tr("Cancel"), "Cancel"), _FULL_WIDTH):
         workspace.actions.do("scan.cancel")
     workspace.remember("scan cancel")
@@ -213,7 +213,7 @@ def _progress(status: ScanMessage) -> None:
     share = 1.0 - min(max(status.missing, 0.0), 1.0)
     with tinted((*GOOD[:3], 0.9), imgui.Col_.plot_histogram):
         imgui.progress_bar(share, ImVec2(-1, 10), "")
-    told(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * share))
+    tooltip(tr("{0:.0f} of 100 parts of the surface in the middle were seen", 100 * share))
     arrow = "" if status.thing == "person" else tr(" The arrow leads to where most is missing.")
     quiet(tr("Yellow lines: seen too little yet.{0}", arrow))
     if status.note:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.stage.cameras import fitting
 from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
 from enliven_viewer.studio.perform import LOOSE_LABELS, PerformSession
@@ -62,7 +62,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
             voice.toggle(perform.client)
     imgui.end_disabled()
     workspace.remember("voice")
-    told("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
+    tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
     room = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
     words = voice.words
     colour = (GOOD if voice.is_understood else WAIT) if words else INK
@@ -72,13 +72,13 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
             imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH_SIZE + 8, top.y + 2 + 18 * number))
             with tinted(tint, imgui.Col_.text):
                 imgui.text_unformatted(fitting(text, room))
-            told(text)
+            tooltip(text)
     workspace.remember("voice state")
     imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP_SIZE, top.y + 6))
     if imgui.button("?##phrases", ImVec2(_HELP_SIZE, _HELP_SIZE)):
         imgui.open_popup(_POPUP_ID)
     workspace.remember("voice phrases")
-    told("Commands you can say")
+    tooltip("Commands you can say")
     if imgui.begin_popup(_POPUP_ID):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
@@ -105,7 +105,7 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
     workspace.remember("physics")
-    told("Loose objects on the stage, which characters knock over")
+    tooltip("Loose objects on the stage, which characters knock over")
     if changed:
         physics.ask(perform.client, number)
     imgui.begin_child("##physics state", ImVec2(0, _PHYSICS_HEIGHT))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import ROOMS
 from enliven_viewer.studio.workspace import Workspace
@@ -25,12 +25,12 @@ _MIN_GAP = 12.0
 """Minimum gap in pixels between the menus and the first tab."""
 
 
-def rooms_width(*, narrow: bool = False) -> float:
+def tabs_width(*, narrow: bool = False) -> float:
     """Returns the width in pixels of all tabs, including the gap before them."""
     return _MIN_GAP + (_NARROW_TAB_WIDTH if narrow else _TAB_WIDTH) * len(ROOMS)
 
 
-def draw_rooms(workspace: Workspace) -> None:
+def draw_workspace_tabs(workspace: Workspace) -> None:
     """Draws one tab per workspace in the middle of the menu bar.
 
     The Perform tab has a dot during a recording.
@@ -50,7 +50,7 @@ def draw_rooms(workspace: Workspace) -> None:
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
             perform.room = room
-        told(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[room]), number + 1))
+        tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[room]), number + 1))
         lit = perform.room == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
         letters = imgui.calc_text_size(tr(room)).x
