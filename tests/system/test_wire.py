@@ -382,24 +382,24 @@ SECOND = 1_000_000_000
 def test_the_clock_is_found_between_its_bounds() -> None:
     """Random delays, one direction slow: the truth stays within the bounds, and is estimated closely."""
     rng, offset, clock = np.random.default_rng(0), 5 * SECOND, ClockEstimate()
-    assert clock.offset_ns == 0 and not clock.known
+    assert clock.offset_ns == 0 and not clock.is_known
     now = 0
     for _ in range(60):
         there, back = (int(d) for d in rng.uniform(1e5, [4e7, 1.6e7]))
-        clock.answered(now, now + there + offset, now + there + back)
+        clock.add_ping(now, now + there + offset, now + there + back)
         now += SECOND
-        clock.heard(now + offset, now + int(rng.uniform(1e5, 1.6e7)))
+        clock.add_heartbeat(now + offset, now + int(rng.uniform(1e5, 1.6e7)))
         assert max(clock._lower) <= offset <= min(clock._upper)
     assert abs(clock.offset_ns - offset) < 2_000_000
 
 
 def test_one_machine_has_one_clock_and_a_clock_that_is_set_is_noticed() -> None:
     clock = ClockEstimate()
-    clock.answered(0, 30_000_000, 32_000_000)
+    clock.add_ping(0, 30_000_000, 32_000_000)
     assert clock.offset_ns == 0, "nothing says that the clocks differ"
-    clock.answered(SECOND, SECOND + 60 * SECOND, SECOND + 2_000_000)
+    clock.add_ping(SECOND, SECOND + 60 * SECOND, SECOND + 2_000_000)
     assert abs(clock.offset_ns - 60 * SECOND) <= 2_000_000
-    clock.heard(SECOND + 90 * SECOND, SECOND + 3_000_000)
-    assert not clock.known, "bounds that exclude each other are forgotten"
-    clock.answered(5, 3, 4)
-    assert not clock.known, "an answer before its question says nothing"
+    clock.add_heartbeat(SECOND + 90 * SECOND, SECOND + 3_000_000)
+    assert not clock.is_known, "bounds that exclude each other are forgotten"
+    clock.add_ping(5, 3, 4)
+    assert not clock.is_known, "an answer before its question says nothing"

@@ -23,7 +23,7 @@ said: dict[str, object] = {"done": False, "complaints": []}
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Types a position as a sum, a height in centimetres, and a text that is not a number."""
     workspace = window.workspace
-    editor, figures = workspace.editor, workspace.figures
+    editor, figures = workspace.editor, workspace.selection_transform
     ctx.yield_(4)
     editor.choose("post")
     ctx.yield_(4)
@@ -33,7 +33,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
         ctx.yield_(3)
     said["place"], said["tall"] = float(figures.place[0]), float(figures.height)
     said["steps"] = list(editor.history.names)
-    said["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    said["complaints"] = [toast.text for toast in editor.toasts.shown if toast.is_error]
     said["done"] = True
     workspace.store.forget()
     window.close()

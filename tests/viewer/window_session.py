@@ -60,7 +60,7 @@ def main() -> None:
     settings = StudioSettings(render=render, width=640, height=480)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
     live = workspace.perform.live = LiveStage(feed, Document())
-    workspace.perform.room = "Play"
+    workspace.perform.active_workspace = "Play"
     window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
     def after(window: StudioWindow) -> None:

@@ -193,7 +193,7 @@ class Growth:
         """Adds the newest pieces of the surface."""
         for piece in self._sent.changes(scanner.volumes[0], 10**9):
             self._pieces[str(piece.place)] = piece
-        self._mesh.take(self._pieces, _NO_NUMBER)
+        self._mesh.update(self._pieces, _NO_NUMBER)
         if self.told is not None:
             self.stage_from_scan = self.told
             return self._mesh.picture

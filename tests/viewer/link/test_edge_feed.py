@@ -115,7 +115,7 @@ def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> 
     first = edge()
     feed, document, heard = EdgeFeed(EdgeClient([first.endpoint])), Document(), list[object]()
     feed.restarted = lambda: heard.append("restarted")
-    feed.heard = lambda topic, value: heard.append(value.time_ns) if topic is BODIES else None
+    feed.on_message = lambda topic, value: heard.append(value.time_ns) if topic is BODIES else None
 
     def performer(time_ns: int) -> BodiesMessage:
         return bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], time_ns)
@@ -147,7 +147,7 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
     """Ten seconds of poses and of performers: neither may look like a clock that started again."""
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
-    feed.heard = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
+    feed.on_message = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
 
     def turn() -> None:
         list(publisher.poll())

@@ -43,7 +43,7 @@ def test_smoothing_is_requested_for_the_chosen_performer_and_ends_at_off() -> No
 
 
 def test_every_key_of_possession_means_one_thing_in_its_workspace() -> None:
-    keys = [(one.key, room) for one in PERFORM_ACTIONS if one.key for room in one.rooms or ROOMS]
+    keys = [(one.key, room) for one in PERFORM_ACTIONS if one.key for room in one.workspaces or ROOMS]
     assert len(set(keys)) == len(keys)
     assert {key for key, room in keys if room == "Play"} >= {*"pjerbknmvlgs123456789", "comma", "period"}
 

@@ -62,7 +62,7 @@ class House:
         self.workspace = Workspace(Editor(project=project_of_mesh(mesh, "chair")), folder)
         self.workspace.editor.choose("chair")
         self.session = self.workspace.perform
-        self.session.room = "Perform"
+        self.session.active_workspace = "Perform"
         self.session.connect(str(outlet.publisher.endpoint))
 
     def until(self, done: Callable[[], object]) -> None:
@@ -86,16 +86,16 @@ def house(tmp_path) -> Iterator[House]:
 def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
     session, editor, sizes = house.session, house.workspace.editor, house.session.sizes
     first = editor.project
-    house.until(lambda: session.connected and session.performers and "chair" in session.standing)
-    assert session.meant == "chair" and not house.workspace.actions.do("perform.its_own_size_again")
+    house.until(lambda: session.connected and session.performers and "chair" in session.stage_ids)
+    assert session.target == "chair" and not house.workspace.actions.do("perform.its_own_size_again")
     house.workspace.actions.do("perform.scale_with_both_hands_or_let_it_stay")
-    house.until(lambda: sizes.going == "chair")
+    house.until(lambda: sizes.scaled_character == "chair")
     house.until(lambda: sizes.words is not None)
     assert sizes.words[0] == "chair: 100%" and "apart" in sizes.words[1]
     house.person.away = 1.2
     house.until(lambda: sizes.of("chair") > 1.6)
     assert editor.project is first, "nothing is kept before it stays"
-    house.until(lambda: sizes.going is None)  # the hands stay still
+    house.until(lambda: sizes.scaled_character is None)  # the hands stay still
     assert "It stays." in sizes.words
     size = sizes.of("chair")
     house.until(lambda: editor.project.handling)
@@ -116,7 +116,7 @@ def test_hand_scaling_is_kept_undone_and_set_again(house: House) -> None:
 
 def test_soft_swing_setting_is_dragged_undone_and_set_again(house: House) -> None:
     session, editor, actor = house.session, house.workspace.editor, house.actor
-    house.until(lambda: session.connected and session.performers and "chair" in session.standing)
+    house.until(lambda: session.connected and session.performers and "chair" in session.stage_ids)
     assert actor.exaggeration is None, "as the stage's settings say"
     editor.sketch(lambda project: handle_characters(project, ["chair"], exaggeration=3.0))
     house.until(lambda: actor.exaggeration == 3.0)  # during the drag

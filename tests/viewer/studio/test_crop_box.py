@@ -130,7 +130,7 @@ class Perform:
     """A link to an edge that never answers."""
 
     def __init__(self):
-        self.client, self.room = Client(), "Perform"
+        self.client, self.active_workspace = Client(), "Perform"
 
 
 def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
@@ -143,7 +143,7 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     )
     passed.over = scan
     top = pixel(editor.lens, middle_of(scan.box, (1, 1)))
-    scan.said = ScanMessage(number=1, phase="paused")
+    scan.message = ScanMessage(number=1, phase="paused")
     yaw = editor.camera.view(1.6).camera_from_world.copy()
     passed.press(top)
     passed.release(top)

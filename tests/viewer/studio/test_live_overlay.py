@@ -42,12 +42,12 @@ def on_stage(held: bool = True) -> SceneCharacter:
 def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
     twins, scene = LiveOverlay(editor), Scene((on_stage(),))
     editor.time = 0.7
-    (shown,) = twins.shown(scene, OverlayConditions()).actors
+    (shown,) = twins.merge(scene, OverlayConditions()).actors
     assert twins.hidden == {"arm"}
     plays = pose_of(editor.project, "arm", 0.7)
     above = np.maximum(ARM.skeleton.parents, 0)
     np.testing.assert_allclose(shown.pose.positions, plays.joints[above] + ASIDE, atol=1e-5)
-    replaced = twins.shown(scene, OverlayConditions(replaces=True)).actors[0]
+    replaced = twins.merge(scene, OverlayConditions(replaces_motion=True)).actors[0]
     rest = on_stage().pose
     np.testing.assert_allclose(replaced.pose.linear[1], rest.linear[1], atol=1e-5)
     assert np.abs(shown.pose.linear[1] - rest.linear[1]).max() > 0.05, "the wave would be left out for it"
@@ -56,7 +56,7 @@ def test_a_rigged_one_plays_in_its_place_on_the_stage(editor: Editor) -> None:
 def test_project_character_is_shown_while_editing(editor: Editor) -> None:
     twins = LiveOverlay(editor)
     board = Board("arm", "choosing", 1, 5, 0, (), 0)
-    scene = twins.shown(Scene((on_stage(),), boards={"arm": board}), OverlayConditions(performs=False))
+    scene = twins.merge(Scene((on_stage(),), boards={"arm": board}), OverlayConditions(is_performing=False))
     assert scene.actors == () and scene.boards == {} and twins.hidden == frozenset()
 
 
@@ -64,7 +64,7 @@ def test_matches_lie_on_the_bones_as_they_are_shown(editor: Editor) -> None:
     editor.time = 0.7
     line = ARM.skeleton.positions[[0, 1]] + ASIDE
     board = Board("arm", "choosing", 1, 5, 0, (MatchRow("1-1", 0, 1.0, (line, line[:0])),), 1)
-    shown = LiveOverlay(editor).shown(Scene((on_stage(),), boards={"arm": board}), OverlayConditions())
+    shown = LiveOverlay(editor).merge(Scene((on_stage(),), boards={"arm": board}), OverlayConditions())
     (there, nothing) = shown.boards["arm"].rows[0].lines
     np.testing.assert_allclose(there, pose_of(editor.project, "arm", 0.7).joints[[0, 1]] + ASIDE, atol=1e-5)
     assert len(nothing) == 0
@@ -75,43 +75,43 @@ def test_one_that_was_edited_meanwhile_is_the_projects_until_the_stage_has_it(ed
         on_stage(), pose=Pose("arm", 5, np.zeros((1, 3, 3), np.float32), np.zeros((1, 3), np.float32))
     )
     twins = LiveOverlay(editor)
-    assert twins.shown(Scene((other,)), OverlayConditions(heard=False)).actors == () and not twins.hidden
+    assert twins.merge(Scene((other,)), OverlayConditions(plays_live=False)).actors == () and not twins.hidden
 
 
 def test_possessed_mesh_is_live_while_attached_and_plays_otherwise() -> None:
     project, name = possessed_chair(4)
     editor = Editor(project=project)
-    character = editor.posed(name).drawn
+    character = editor.stage_character(name).drawn
     assert character is not None
     actor = SceneCharacter(character, character.rest_pose())
     twins = LiveOverlay(editor)
 
     def live(playing: bool, **telling) -> bool:
         editor.playing = playing
-        shown = twins.shown(Scene((actor,)), OverlayConditions(**telling)).actors
+        shown = twins.merge(Scene((actor,)), OverlayConditions(**telling)).actors
         assert (twins.hidden == {name}) == bool(shown)
         return bool(shown)
 
-    assert live(False) and live(True, held={name})
+    assert live(False) and live(True, held_ids={name})
     assert not live(True), "it plays while others are recorded"
-    assert not live(True, heard=False, held={name}), "what was recorded is looked at"
+    assert not live(True, plays_live=False, held_ids={name}), "what was recorded is looked at"
 
 
 def test_attached_mesh_plays_with_the_live_motion_on_top() -> None:
     project, name = possessed_chair(20)
     editor = Editor(project=project)
     editor.time = 0.4
-    character = editor.posed(name).drawn
+    character = editor.stage_character(name).drawn
     assert character is not None
     rest = character.rest_pose()
     bent = replace(rest, positions=rest.positions + ASIDE)
     top = character.pivots[:, 1].argmax()
     bent.positions[top] += [0.1, 0.0, 0.0]
-    twins, plays = LiveOverlay(editor), editor.posed(name).pose
-    held = OverlayConditions(held={name})
-    (shown,) = twins.shown(Scene((SceneCharacter(character, bent),)), held).actors
+    twins, plays = LiveOverlay(editor), editor.stage_character(name).pose
+    held = OverlayConditions(held_ids={name})
+    (shown,) = twins.merge(Scene((SceneCharacter(character, bent),)), held).actors
     apart = np.linalg.norm(shown.pose.positions - plays.positions, axis=1)
     assert apart[top] == pytest.approx(0.1, abs=5e-3) and np.delete(apart, top).max() < 5e-3
-    instead = replace(held, replaces=True)
-    (shown,) = twins.shown(Scene((SceneCharacter(character, bent),)), instead).actors
+    instead = replace(held, replaces_motion=True)
+    (shown,) = twins.merge(Scene((SceneCharacter(character, bent),)), instead).actors
     np.testing.assert_array_equal(shown.pose.positions, bent.positions)

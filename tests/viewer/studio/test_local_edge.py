@@ -20,23 +20,23 @@ from enliven_viewer.studio.workspace.files import add_sample
 def test_local_camera_start_error_is_shown(tmp_path, words, said):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
-    perform.connect_nearby(*words)
-    assert not perform.known, "its address is another one the next time"
+    perform.connect_local(*words)
+    assert not perform.known_addresses, "its address is another one the next time"
     deadline = time.monotonic() + PATIENCE
     while perform.live is not None:
         assert time.monotonic() < deadline, "the edge never ended"
         perform.advance(0.01)
         time.sleep(0.02)
-    (toast,) = (toast for toast in editor.toasts.shown if toast.bad)
+    (toast,) = (toast for toast in editor.toasts.shown if toast.is_error)
     assert said in toast.text and toast.mend and "enliven:" not in toast.text
 
 
 def test_characters_of_a_local_stage_move_to_the_next_stage(tmp_path):
     editor = Editor()
     perform = PerformSession(editor, tmp_path)
-    perform.connect_nearby("--sensor", "kinekt")
+    perform.connect_local("--sensor", "kinekt")
     add_sample(editor, "chair")
-    perform.sender.stands("chair", editor.project.character("chair"))
+    perform.sender.mark_sent("chair", editor.project.character("chair"))
     assert not perform.waiting
     perform.disconnect()
     assert perform.waiting == ("chair",)

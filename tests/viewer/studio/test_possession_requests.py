@@ -31,14 +31,14 @@ class Sitting:
     def __init__(self, folder: Path, *actors: EmbeddedActor) -> None:
         self.house, self.editor = ScanningEdge(actors), Editor()
         self.perform = PerformSession(self.editor, folder)
-        self.perform.room = "Perform"
+        self.perform.active_workspace = "Perform"
         self.house.followers.append(self)
         self.count, self.present = 0, list[Body]()
 
     def connect(self) -> None:
         """Follows the edge, and waits until its characters have arrived."""
         self.perform.connect(str(self.house.outlet.publisher.endpoint))
-        self.until(lambda: len(self.perform.standing) == len(self.house.stage.actors))
+        self.until(lambda: len(self.perform.stage_ids) == len(self.house.stage.actors))
 
     def poll(self) -> None:
         """Advances the session, as each frame of the window does."""
@@ -100,8 +100,8 @@ def test_person_in_view_steps_in_at_once(sitting) -> None:
     one.connect()
     one.present = [person()]
     one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
-    assert not one.perform.stepping_in.words
+    one.perform.possession_requests.press()
+    assert not one.perform.possession_requests.words
     one.until(lambda: one.held == {"chair"})
     assert not one.toasts
 
@@ -109,32 +109,32 @@ def test_person_in_view_steps_in_at_once(sitting) -> None:
 def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
     one = sitting(actor())
     one.connect()
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words.startswith("No one is in view"), "it is said at once"
+    one.perform.possession_requests.press()
+    assert one.perform.possession_requests.words.startswith("No one is in view"), "it is said at once"
     one.pictures(5)
-    assert not one.held and one.perform.stepping_in.waits
+    assert not one.held and one.perform.possession_requests.waits
     one.present = [person()]
     one.until(lambda: one.held == {"chair"})
-    assert not one.perform.stepping_in.waits and not one.toasts
+    assert not one.perform.possession_requests.waits and not one.toasts
 
 
 def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
     one = sitting(actor())
     one.connect()
-    one.perform.stepping_in.press()
-    one.perform.stepping_in.press()
+    one.perform.possession_requests.press()
+    one.perform.possession_requests.press()
     one.present = [person()]
     one.until(lambda: one.perform.performers)
     one.pictures(10)
-    assert not one.held and not one.perform.stepping_in.waits
+    assert not one.held and not one.perform.possession_requests.waits
 
 
 def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
     monkeypatch.setattr(possession_requests, "PATIENCE_S", 0.1)
     one = sitting(actor())
     one.connect()
-    one.perform.stepping_in.press()
-    one.until(lambda: not one.perform.stepping_in.waits)
+    one.perform.possession_requests.press()
+    one.until(lambda: not one.perform.possession_requests.waits)
     assert one.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
 
 
@@ -143,11 +143,11 @@ def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
     one.connect()
     one.present = [person(z=-9.0)]
     one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
+    one.perform.possession_requests.press()
     one.until(lambda: one.toasts)
     ((what, mend),) = one.toasts
     assert what.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
-    assert not one.perform.stepping_in.waits
+    assert not one.perform.possession_requests.waits
 
 
 def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
@@ -157,17 +157,17 @@ def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting)
     add_sample(one.editor, "chair")
     one.editor.choose("chair")
     one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == "chair is being made ready for the stage"
+    one.perform.possession_requests.press()
+    assert one.perform.possession_requests.words == "chair is being made ready for the stage"
     one.until(lambda: one.held == {"chair"}, "the chair, and not the bench that stood there")
 
 
 def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     one = sitting(actor())
     one.perform.connect(str(one.house.outlet.publisher.endpoint))
-    one.perform.live.near = True  # a stage that was started by this window
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == one.perform.live.making
+    one.perform.live.is_local = True  # a stage that was started by this window
+    one.perform.possession_requests.press()
+    assert one.perform.possession_requests.words == one.perform.live.making
     one.present = [person()]
     one.until(lambda: one.held == {"chair"})
 
@@ -176,15 +176,15 @@ def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitti
     one = sitting(actor(), actor("scan"))
     one.connect()
     one.present = [person()]
-    one.until(lambda: one.perform.performers and len(one.perform.standing) == 2)
+    one.until(lambda: one.perform.performers and len(one.perform.stage_ids) == 2)
     one.house.outlet.send(ScanMessage(1, "scanning"), 0)
     one.until(lambda: one.perform.possession_requests._scan.phase == "scanning")
-    one.perform.stepping_in.press()
+    one.perform.possession_requests.press()
     assert one.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
     one.house.outlet.send(ScanMessage(1, "finishing"), 0)
     one.until(lambda: one.perform.possession_requests._scan.phase == "finishing")
-    one.perform.stepping_in.press()
-    assert one.perform.stepping_in.words == "The scan becomes a character"
+    one.perform.possession_requests.press()
+    assert one.perform.possession_requests.words == "The scan becomes a character"
     one.pictures(5)
     assert not one.held
     one.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
@@ -197,12 +197,12 @@ def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
     one.connect()
     one.present = [person()]
     one.until(lambda: one.perform.performers)
-    one.perform.stepping_in.press()
+    one.perform.possession_requests.press()
     end = time.monotonic() + PATIENCE
-    while not one.perform.stepping_in.words and time.monotonic() < end:
+    while not one.perform.possession_requests.words and time.monotonic() < end:
         one.poll()  # the edge compiles meanwhile, and is otherwise idle
         time.sleep(0.01)
-    assert one.perform.stepping_in.words.startswith("The stage is busy")
+    assert one.perform.possession_requests.words.startswith("The stage is busy")
     one.until(lambda: one.held == {"chair"})
 
 
@@ -210,8 +210,8 @@ def test_empty_and_missing_stage_are_reported(sitting) -> None:
     one = sitting()
     one.connect()
     one.until(lambda: one.perform.connected)
-    one.perform.stepping_in.press()
+    one.perform.possession_requests.press()
     assert one.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
     one.perform.disconnect()
-    one.perform.stepping_in.press()
-    assert not one.perform.stepping_in.waits
+    one.perform.possession_requests.press()
+    assert not one.perform.possession_requests.waits

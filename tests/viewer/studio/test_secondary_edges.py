@@ -36,10 +36,10 @@ def two(tmp_path: Path):
     stamp = time.time_ns()
     edges = [started(f"{name}-{stamp}", tmp_path / name) for name in ("left", "right")]
     session = PerformSession(Editor(), tmp_path)
-    session.room = "Perform"
+    session.active_workspace = "Perform"
     session.recording.count_in = False
     for _, address in edges:
-        session.join(address)
+        session.add_secondary(address)
     yield session, edges
     session.disconnect()
     for edge, _ in edges:
@@ -59,7 +59,7 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
     with pytest.raises(InputError, match="here already"):
         session.join(edges[1][1])
-    (guest,) = session.guests
+    (guest,) = session.secondary_edges
     until(session, lambda: session.performers and guest.performers and len(session.holders) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.bodies) == 2)
@@ -84,4 +84,4 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     assert lasts[1] > lasts[0] + 0.5, "the second one was recorded to the end"
     assert len(session.editor.history.names) == 1, "one edit"
     session.part(guest)
-    assert session.guests == []
+    assert session.secondary_edges == []

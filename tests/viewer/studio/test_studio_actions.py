@@ -120,10 +120,10 @@ def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     stage.actions.do("view.bones")
     finding = PaletteSearch(stage.actions)
-    assert finding.found[0].id == "view.bones" and len(finding.found) == len(list(stage.actions))
+    assert finding.matches[0].id == "view.bones" and len(finding.matches) == len(list(stage.actions))
     finding.step(-1)
-    assert finding.marked == len(finding.found) - 1
-    assert finding.chosen() is None, "the last lacks a stage"
+    assert finding.marked == len(finding.matches) - 1
+    assert finding.highlighted_action() is None, "the last lacks a stage"
     finding.type("undo")
     assert finding.marked == 0
 
@@ -138,7 +138,7 @@ def table(folder: Path, done: list[str]) -> ActionTable:
     for name, own in keys.items():
         rooms = ROOMS.get(name, ())
         deed = lambda name=name: done.append(name)  # noqa: E731
-        made.add(Action(name, "Menu", name.upper(), own, deed, rooms=rooms))
+        made.add(Action(name, "Menu", name.upper(), own, deed, workspaces=rooms))
     return made
 
 
@@ -157,29 +157,29 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     for name, action, key in todo:
         getattr(actions, name)(*(one for one in (action, key) if one))
         if name == "give":
-            assert all(actions.holder(key, room).id == action for room in ROOMS.get(action, ("",)))
+            assert all(actions.action_with_keys(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "own_keys":
-            assert not actions.changed and actions.holder("x").id == "a"
+            assert not actions.changed and actions.action_with_keys("x").id == "a"
     again = table(folder, done)
     assert [again.keys_of(one) for one in again] == [actions.keys_of(one) for one in actions]
     for room in ("", "Here", "There"):
-        here = [one for one in actions if (room in one.rooms if room else not one.rooms)]
+        here = [one for one in actions if (room in one.workspaces if room else not one.workspaces)]
         held = [key for action in here for key in actions.keys_of(action)]
         assert len(held) == len(set(held)), "a key has one meaning in a workspace"
-        again.room = lambda room=room: room
+        again.workspace = lambda room=room: room
         for key in held:
             done.clear()
-            assert again.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
+            assert again.press(key, own=bool(room)) and done == [actions.action_with_keys(key, room).id]
 
 
 def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
     done = list[str]()
     actions = table(tmp_path, done)
     for room in ("", "Here", "There"):
-        actions.room = lambda room=room: room
+        actions.workspace = lambda room=room: room
         assert actions.press("x", own=True) is bool(room) and actions.press("x")
     assert done == ["a", "d", "a", "f", "a"]
-    actions.give("e", "x")
+    actions.set_shortcut("e", "x")
     assert [actions.keys_of(actions[one]) for one in "adef"] == [("x",), (), ("x",), ()]
 
 

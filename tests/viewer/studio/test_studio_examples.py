@@ -65,7 +65,7 @@ def solved(solving: MotionSolver, project: Project):
 def test_incomplete_puppets_are_not_solved() -> None:
     solving = MotionSolver(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
-        shown = solving.shown(project, "star")
+        shown = solving.newest_solution(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
@@ -82,7 +82,7 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
         assert solved(solving, bad)[1] is good.puppets["star"], "the last good one"
     problem = solving.problem("star")
     assert problem is not None and "left" in problem.what and "contradicts" in problem.what
-    assert [toast.bad for toast in toasts.shown] == [True]
+    assert [toast.is_error for toast in toasts.shown] == [True]
     np.testing.assert_array_equal(state_of(*solved(solving, bad), 0.4).places, before)
     assert solved(solving, good)[1] is good.puppets["star"] and solving.problem("star") is None
     solving.close()
@@ -92,7 +92,7 @@ def test_retimed_layer_is_shown_without_solving() -> None:
     solving, project = MotionSolver(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
-    assert solving.shown(moved, "star")[1] is moved.puppets["star"]
+    assert solving.newest_solution(moved, "star")[1] is moved.puppets["star"]
     solving.close()
 
 
@@ -329,7 +329,7 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor.advance(10.0)
     workspace.edit_pose(0)
     editor.advance(10.0)
-    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]
+    pixels = editor.lens.project(workspace.puppets.stage.find("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

@@ -226,7 +226,9 @@ def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
     viewport = Viewport(offscreen_context(), (320, 240), RenderSettings())
     seen = []
     for shown in (None, ghosts.settle()):
-        viewport.draw(editor.standing, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False)
+        viewport.draw(
+            editor.stage_characters, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False
+        )
         seen.append(viewport.renderer.pixels().astype(int))
     changed = np.abs(seen[1] - seen[0]).max(2) > 12
     assert changed.sum() > 100

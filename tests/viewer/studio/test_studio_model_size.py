@@ -57,14 +57,14 @@ def test_a_rigged_model_of_any_size_opens_near_the_camera(make_limb, tmp_path: P
     workspace = Workspace.new(Editor(), tmp_path)
     assert workspace.attempt(lambda: workspace.open(path))
     editor = workspace.editor
-    tall = float(np.ptp(editor.seen[0].vertices[:, 1]))
+    tall = float(np.ptp(editor.visible_characters[0].vertices[:, 1]))
     assert 0.25 <= tall <= 3.0
     noted = [toast.text for toast in editor.toasts.shown if "m tall" in toast.text]
     assert bool(noted) == (larger not in (1.0,))
     editor.frame_all()
     assert editor.camera.goal[5] < FARTHEST_M
     editor.camera.advance(100.0)
-    pixels = editor.lens.project(editor.seen[0].vertices)[0]
+    pixels = editor.lens.project(editor.visible_characters[0].vertices)[0]
     assert (pixels >= 0).all() and (pixels <= editor.size).all()
     assert np.ptp(pixels[:, 1]) > 0.3 * editor.size[1], "it fills the picture"
 
@@ -91,7 +91,9 @@ def test_bones_are_no_thicker_than_a_share_of_the_skeleton(make_limb) -> None:
     for away in (1.0, 40.0):
         editor.camera.go(editor.camera.target, 0.5, 0.2, 5.0 * away)
         editor.camera.advance(100.0)
-        thick[away] = skeleton_rows(editor.seen[0], editor.lens, Selection(), Overlay())[:, 3].max()
-    size = float(np.ptp(editor.seen[0].handles, axis=0).max())
+        thick[away] = skeleton_rows(editor.visible_characters[0], editor.lens, Selection(), Overlay())[
+            :, 3
+        ].max()
+    size = float(np.ptp(editor.visible_characters[0].handles, axis=0).max())
     assert thick[40.0] <= 0.03 * size, "from afar the bones would hide the model"
     assert thick[1.0] > 0.004

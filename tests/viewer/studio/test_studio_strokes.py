@@ -24,7 +24,7 @@ MOST = 6
 
 def spot(editor: Editor, chance: random.Random) -> Place:
     """Returns a position in the image on a visible object, or near it."""
-    seen = [one for one in editor.seen if len(one.extent)]
+    seen = [one for one in editor.visible_characters if len(one.extent)]
     at = np.array([chance.random(), chance.random()])
     if seen:
         extent = chance.choice(seen).extent

@@ -109,9 +109,9 @@ def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     toasts.complain(InputError("it is flat", where="stroke", mend="Draw a circle."))
     toasts.say("done")
     assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
-    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].bad
+    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].is_error
     toasts.advance(3.0)
-    assert [toast.bad for toast in toasts.shown] == [True]
+    assert [toast.is_error for toast in toasts.shown] == [True]
     toasts.advance(1.5)
     assert toasts.shown == ()
 

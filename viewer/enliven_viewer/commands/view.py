@@ -139,12 +139,12 @@ def _window(
 
     chosen = StudioSettings(settings.render, settings.width, settings.height)
     workspace = Workspace.new(Editor(chosen))
-    workspace.perform.room = "Play"
+    workspace.perform.active_workspace = "Play"
     if take is not None:
         workspace.perform.follow_take(take, settings.playback)
     else:
         for address in addresses:
-            workspace.perform.join(address, settings.playback)
+            workspace.perform.add_secondary(address, settings.playback)
     StudioWindow(workspace, opening=opening).run(seconds=seconds)
 
 

@@ -338,7 +338,7 @@ class EdgeConnection:
                 self._notify(Notice("info", f"{message.edge} has restarted"))
             self._begin(message.instance)
         self.status = message
-        self.clock.heard(message.published_ns, time.time_ns())
+        self.clock.add_heartbeat(message.published_ns, time.time_ns())
         if message.revision != self._known_revision:
             self._hello_at = -math.inf
 
@@ -403,7 +403,7 @@ class EdgeConnection:
 
     def _take_pong(self, answer: Answer | None) -> None:
         if isinstance(answer, Pong):
-            self.clock.answered(answer.sent_ns, answer.edge_ns, time.time_ns())
+            self.clock.add_ping(answer.sent_ns, answer.edge_ns, time.time_ns())
 
     def _take_welcome(self, answer: Answer | None) -> None:
         """Stores the edge's list of characters, and removes those that are no longer listed."""

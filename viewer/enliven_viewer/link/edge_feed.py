@@ -27,13 +27,13 @@ class EdgeFeed:
 
     Attributes:
         link: the sockets.
-        heard: called with the topic and value of every message, in timeline order.
+        on_message: called with the topic and value of every message, in timeline order.
         restarted: called when another process of the edge is detected, before its messages.
     """
 
     def __init__(self, link: EdgeClient) -> None:
         self.link = link
-        self.heard: Callable[[Topic, Any], None] = lambda topic, value: None
+        self.on_message: Callable[[Topic, Any], None] = lambda topic, value: None
         self.restarted: Callable[[], None] = lambda: None
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
@@ -57,9 +57,9 @@ class EdgeFeed:
             arrived.sort(key=lambda arrival: _time_ns(arrival[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)
-            self.heard(topic, value)
+            self.on_message(topic, value)
         for call in self.link.take(CALLS):
-            self.heard(CALLS, call)
+            self.on_message(CALLS, call)
         self._forget_cues(document)
         poses = [value for topic, value in arrived if topic is POSE]
         if poses:

@@ -35,10 +35,10 @@ class LiveStage:
         possession: options of the next possession.
         scene: the last displayed scene.
         scrubbing: whether the pointer is dragging the playhead.
-        meant: the character that orders apply to; None leaves the choice to the edge.
+        target: the character that orders apply to; None leaves the choice to the edge.
         held: the possessed characters. holding: ids of the performers that control something.
         numbers: numbers of the performers, as shown to people.
-        near: whether the edge was started on this machine for this window, so that its start takes time.
+        is_local: whether the edge was started on this machine for this window, so that its start takes time.
     """
 
     def __init__(
@@ -54,11 +54,11 @@ class LiveStage:
         self._view_reporter = ViewReporter()
         self._surfaces = SolvedSurfaces()
         self._since, self.scrubbing = 0.0, False
-        self.meant: str | None = None
+        self.target: str | None = None
         self.held: set[str] = set()
         self.holding: set[int] = set()
         self.numbers = PerformerNumbers()
-        self.near = False
+        self.is_local = False
 
     def advance(self, seconds: float) -> None:
         """Processes received messages, and advances the viewer's clock by ``seconds``."""
@@ -72,7 +72,7 @@ class LiveStage:
         self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
-    def quiet(self) -> bool:
+    def is_quiet(self) -> bool:
         """Returns True if nothing has arrived for a while and nothing is being played back."""
         return self._since > _SILENCE_TIMEOUT_S
 
@@ -86,7 +86,7 @@ class LiveStage:
 
     def possess(self, mode: Mode = "alone") -> None:
         """Asks the feed to let the chosen performer, or every free one, possess a character."""
-        for name in self._order_targets(self.meant):
+        for name in self._order_targets(self.target):
             self.feed.ask(self.order_to_possess(mode, name))
 
     def order_to_possess(self, mode: Mode, name: str | None) -> Possess:
@@ -95,12 +95,12 @@ class LiveStage:
 
     def release(self) -> None:
         """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
-        for name in [self.meant] if self.meant in self.held else self._order_targets(None):
+        for name in [self.target] if self.target in self.held else self._order_targets(None):
             self.feed.ask(Release(name, self.possession.body))
 
     def scale_by_hands(self) -> None:
         """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
-        for name in self._order_targets(self.meant)[:1]:
+        for name in self._order_targets(self.target)[:1]:
             self.feed.ask(Resize("hands", name, self.possession.body))
 
     def choose_parts(self, number: int) -> None:
@@ -162,7 +162,7 @@ class LiveStage:
         edge = self.document.edge
         if edge.connected:
             return tr("Waiting for the characters of the stage")
-        if self.near:
+        if self.is_local:
             return edge.message or self.making
         return edge.message or tr("Waiting for a stage at {0}", edge.address.removeprefix("tcp://"))
 

@@ -85,7 +85,7 @@ class Desktop:
 
         def move(window: Any, x: float, y: float) -> None:
             before[0](window, x / self.scale, y / self.scale)
-            self.path.tell(x / self.scale, y / self.scale)
+            self.path.add(x / self.scale, y / self.scale)
 
         def enter(window: Any, inside: int) -> None:
             held = any(glfw.get_mouse_button(self._window, button) for button in range(3))

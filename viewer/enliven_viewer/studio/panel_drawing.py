@@ -34,7 +34,7 @@ _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
 
 def panel_layout_of(workspace: Workspace, *, bare: bool) -> PanelLayout:
     """Returns the layout of the panels at the window's size; for a bare window, only the view."""
-    size, room = imgui.get_io().display_size, workspace.perform.room
+    size, room = imgui.get_io().display_size, workspace.perform.active_workspace
     without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[room]
     if room == "Play" and workspace.perform.live is not None:
         # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
@@ -55,7 +55,7 @@ def has_tool(room: str) -> bool:
 
 def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
     """Draws the menu and the panels of the workspace."""
-    room = workspace.perform.room
+    room = workspace.perform.active_workspace
     draw_menu(workspace)
     draw_workspace_tabs(workspace)
     if places.tools.width:

@@ -20,7 +20,7 @@ class PointerPath:
     def __init__(self) -> None:
         self._told: list[PointerPosition] = []
 
-    def tell(self, x: float, y: float) -> None:
+    def add(self, x: float, y: float) -> None:
         """Adds the position of a pointer event, in whole pixels like ImGui's."""
         self._told.append((float(math.floor(x)), float(math.floor(y))))
         del self._told[:-_MAX_POSITIONS]

@@ -107,12 +107,12 @@ class Preferences:
         self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
         self.save()
 
-    def calm(self) -> None:
+    def set_less_motion(self) -> None:
         """Switches camera animation on or off."""
         self.less_motion = not self.less_motion
         self.save()
 
-    def paint(self, theme: str = "", colours: str = "") -> None:
+    def set_colours(self, theme: str = "", colours: str = "") -> None:
         """Changes the theme or the palette immediately; an empty argument keeps the current one."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = theme_in_use()
@@ -129,7 +129,7 @@ class Preferences:
         self.performer = not self.performer
         self.save()
 
-    def opened(self, path: Path) -> None:
+    def remember_file(self, path: Path) -> None:
         """Moves a file to the top of the recent files."""
         name = str(path.resolve())
         self.recent = [name, *(other for other in self.recent if other != name)][:_MAX_RECENT_FILES]

@@ -210,7 +210,7 @@ class StudioWindow:
     def _idle(self) -> bool:
         """Returns True if nothing moves, so that a low frame rate is enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
-        still = perform.live is None or perform.live.quiet
+        still = perform.live is None or perform.live.is_quiet
         still = still and not self._idle_loop.loss
         still = still and (self.workspace.tour is None or not self.workspace.tour.moves)
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None

@@ -64,9 +64,11 @@ class WindowPictures:
         renderer.look = look_in_theme(editor.look)
         renderer.resize(_dense(area.width, area.height))
         stage = [
-            character for character in editor.seen if character.id not in perform.hidden and not scan.active
+            character
+            for character in editor.visible_characters
+            if character.id not in perform.hidden and not scan.active
         ]
-        live = None if hides_live(workspace) else scan.beside(perform.scene)
+        live = None if hides_live(workspace) else scan.live_scene(perform.scene)
         self._draw_side(area, stage, live)
         tool = workspace.input.tool
         self.viewport.draw(
@@ -77,7 +79,7 @@ class WindowPictures:
             over=tool.picture(),
             ghosts=workspace.ghosts.picture(),
             meshes=editor.show_meshes,
-            bones=editor.show_bones and perform.room in ("Animate", "Model"),
+            bones=editor.show_bones and perform.active_workspace in ("Animate", "Model"),
             live=live,
             growing=scan.surface,
         )
@@ -92,7 +94,7 @@ class WindowPictures:
         if edits_puppet(self.workspace):
             self._draw_performer()
             return
-        posed = tool.source.posed() if isinstance(tool, MapTool) else None
+        posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
         if isinstance(tool, MapTool) and posed is not None:
             self.source.renderer.resize(_dense(*tool.source.size))
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
@@ -127,7 +129,7 @@ def edits_puppet(workspace: Workspace) -> bool:
     """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
     return (
         workspace.puppets.puppet is not None
-        and workspace.perform.room in ("Animate", "Model")
+        and workspace.perform.active_workspace in ("Animate", "Model")
         and not isinstance(workspace.input.tool, (MapTool, PaintTool))
         and not workspace.editor.selection.several
     )
@@ -135,7 +137,7 @@ def edits_puppet(workspace: Workspace) -> bool:
 
 def hides_live(workspace: Workspace) -> bool:
     """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
-    return workspace.outliner.live_hidden and workspace.perform.room in ("Animate", "Model")
+    return workspace.outliner.live_hidden and workspace.perform.active_workspace in ("Animate", "Model")
 
 
 def _dense(wide: float, high: float) -> tuple[int, int]:

@@ -26,7 +26,7 @@ class PaletteSearch:
     _found: list[Action] | None = field(default=None, init=False)
 
     @property
-    def found(self) -> list[Action]:
+    def matches(self) -> list[Action]:
         """Returns the matching actions, best match first."""
         if self._found is None:
             self._found = self.table.find(self.typed)
@@ -39,9 +39,9 @@ class PaletteSearch:
 
     def step(self, count: int) -> None:
         """Moves the highlight down by `count`, or up if negative; wraps around."""
-        self.marked = (self.marked + count) % max(len(self.found), 1)
+        self.marked = (self.marked + count) % max(len(self.matches), 1)
 
-    def chosen(self) -> Action | None:
+    def highlighted_action(self) -> Action | None:
         """Returns the highlighted action if there is one and it is available."""
-        action = self.found[self.marked] if self.found else None
+        action = self.matches[self.marked] if self.matches else None
         return action if action is not None and not action.why_not() else None

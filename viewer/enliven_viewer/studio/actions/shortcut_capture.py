@@ -35,5 +35,5 @@ class ShortcutCapture:
 
     def take(self, table: ActionTable) -> None:
         """Assigns the key to the action, and removes it from the other one."""
-        table.give(self.action, self.key)
+        table.set_shortcut(self.action, self.key)
         self.begin("")

@@ -27,14 +27,14 @@ class ActionTable:
 
     Attributes:
         recent: ids of the most recently run actions, newest first.
-        room: returns the workspace with its own shortcuts, which take precedence; empty if there is none.
+        workspace: returns the workspace with its own shortcuts, which take precedence; empty for none.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
         self._toasts, self._preferences = toasts, preferences
         self._actions: dict[str, Action] = {}
         self.recent: list[str] = []
-        self.room: Callable[[], str] = lambda: ""
+        self.workspace: Callable[[], str] = lambda: ""
 
     def add(self, *actions: Action) -> None:
         """Adds actions to their menus.
@@ -89,8 +89,8 @@ class ActionTable:
             own: if True, only consider shortcuts of the current workspace, which take precedence over the
                 active tool.
         """
-        room = self.room() if own else ""
-        action = self.holder(key, room) if room or not own else None
+        room = self.workspace() if own else ""
+        action = self.action_with_keys(key, room) if room or not own else None
         if action is not None:
             self.do(action.id)
         return action is not None
@@ -103,11 +103,12 @@ class ActionTable:
         """Returns the first shortcut of an action as displayed; empty if it has none."""
         return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
-    def holder(self, key: str, room: str = "") -> Action | None:
+    def action_with_keys(self, key: str, room: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
         with_key = (action for action in self if key in self.keys_of(action))
         return next(
-            (action for action in with_key if (room in action.rooms if room else not action.rooms)), None
+            (action for action in with_key if (room in action.workspaces if room else not action.workspaces)),
+            None,
         )
 
     def rival(self, action_id: str, key: str) -> Action | None:
@@ -116,7 +117,7 @@ class ActionTable:
         others = (action for action in self if action is not wanted and action.rivals(wanted))
         return next((action for action in others if key in self.keys_of(action)), None)
 
-    def give(self, action_id: str, key: str) -> None:
+    def set_shortcut(self, action_id: str, key: str) -> None:
         """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
         while (other := self.rival(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(
@@ -125,7 +126,7 @@ class ActionTable:
         self._preferences.keys[action_id] = (key,)
         self._save_changes()
 
-    def free(self, action_id: str) -> None:
+    def clear_shortcuts(self, action_id: str) -> None:
         """Removes all shortcuts of an action."""
         self._preferences.keys[action_id] = ()
         self._save_changes()

@@ -112,7 +112,7 @@ class CurveInput:
     def times(self) -> Float:
         """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
         layout = self.timeline.layout
-        return np.linspace(layout.start, layout.start + layout.shown, _CURVE_SAMPLES)
+        return np.linspace(layout.start, layout.start + layout.visible_s, _CURVE_SAMPLES)
 
     def refresh(self) -> None:
         """Takes finished curves from the background thread, and starts sampling if they are outdated.
@@ -125,8 +125,8 @@ class CurveInput:
         self._take()
         layout, project = self.timeline.layout, self.editor.project
         if isinstance(self.editor.chosen(), Puppet):
-            project = self.editor.solving.shown(project, thing.character)[0]
-        wanted = _CurveRequest(project, thing, layout.start, layout.shown)
+            project = self.editor.solving.newest_solution(project, thing.character)[0]
+        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
         if self._work is None and not wanted.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
@@ -139,7 +139,7 @@ class CurveInput:
         mine = self._known is not None and self._known[0].thing == thing
         groups = dict(self._known[1]) if self._known is not None and mine else {}
         layout = self.timeline.layout
-        wanted = _CurveRequest(project, thing, layout.start, layout.shown)
+        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
         if self._keys is None or not wanted.same(self._keys[0]):
             self._keys = (wanted, key_groups(project, thing, self.times))
         groups.update(self._keys[1])
@@ -164,20 +164,20 @@ class CurveInput:
             self.refresh()
         return self.groups()
 
-    def shown(self) -> CurveGroup | None:
+    def shown_group(self) -> CurveGroup | None:
         """Returns the shown group: the requested one, or else the first available one."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
-    def sampled(self) -> Float:
-        """Returns (T,) the sample times of :meth:`shown`, which may be slightly outdated."""
+    def sample_times(self) -> Float:
+        """Returns (T,) the sample times of :meth:`shown_group`, which may be slightly outdated."""
         if self._known is None or self.shown_name() in KEYED:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
 
     def shown_name(self) -> str:
         """Returns the name of the shown group, or empty."""
-        group = self.shown()
+        group = self.shown_group()
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
@@ -197,19 +197,19 @@ class CurveInput:
 
     def zoom(self, notches: float, y: float) -> None:
         """Zooms the value range in or out around a pixel."""
-        group = self.shown()
+        group = self.shown_group()
         if group is not None:
             self._scale = self.scale(group).zoomed(_ZOOM_PER_NOTCH**notches, y)
 
     def pan(self, pixels: float) -> None:
         """Pans the values down by some pixels."""
-        group = self.shown()
+        group = self.shown_group()
         if group is not None:
             self._scale = self.scale(group).panned(pixels)
 
     def dot_at(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
-        group = self.shown()
+        group = self.shown_group()
         if group is None:
             return None
         layout, scale = self.timeline.layout, self.scale(group)
@@ -222,7 +222,7 @@ class CurveInput:
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, or else moves the playhead."""
-        dot, group = self.dot_at(x, y), self.shown()
+        dot, group = self.dot_at(x, y), self.shown_group()
         self.chosen = None if dot is None else dot.number
         if dot is not None and group is not None:
             self._held = (dot, x, y, self.scale(group))
@@ -253,7 +253,7 @@ class CurveInput:
 
     def double(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
-        thing, group = self.thing, self.shown()
+        thing, group = self.thing, self.shown_group()
         if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
             return
         if self.dot_at(x, y) is not None:

@@ -60,8 +60,8 @@ class Editor:
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = MotionSolver(self.toasts)
-        self.beside = BackgroundTask(self.toasts, tr("Something is still being made"))
-        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.shown})
+        self.background = BackgroundTask(self.toasts, tr("Something is still being made"))
+        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.stage_puppet})
 
     @property
     def project(self) -> Project:
@@ -79,30 +79,36 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def standing(self) -> tuple[StageCharacter, ...]:
+    def stage_characters(self) -> tuple[StageCharacter, ...]:
         """Returns every character in its current pose."""
-        return self._stage.standing
+        return self._stage.characters
 
     @property
-    def handled(self) -> tuple[StageCharacter, ...]:
+    def editable_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the characters with handles that every tool can edit."""
         return tuple(
-            character for character in self.reachable if len(character.handles) and not character.own_tool
+            character
+            for character in self.pickable_characters
+            if len(character.handles) and not character.own_tool
         )
 
     @property
-    def seen(self) -> tuple[StageCharacter, ...]:
+    def visible_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the visible characters."""
         handling = self.project.handling
-        return tuple(character for character in self.standing if not handling.get(character.id, FREE).hidden)
+        return tuple(
+            character for character in self.stage_characters if not handling.get(character.id, FREE).hidden
+        )
 
     @property
-    def reachable(self) -> tuple[StageCharacter, ...]:
+    def pickable_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the characters that can be picked: visible and not locked."""
         handling = self.project.handling
-        return tuple(character for character in self.seen if not handling.get(character.id, FREE).locked)
+        return tuple(
+            character for character in self.visible_characters if not handling.get(character.id, FREE).locked
+        )
 
-    def posed(self, character_id: str) -> StageCharacter:
+    def stage_character(self, character_id: str) -> StageCharacter:
         """Returns one character in its current pose.
 
         Raises:
@@ -218,7 +224,7 @@ class Editor:
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
-        self.beside.poll()
+        self.background.poll()
         if self.playing and self.draft is None:
             self._play_on(seconds * self.speed)
 
@@ -272,8 +278,10 @@ class Editor:
             self._frame(None)
             return
         ways = [np.stack(box)]
-        chosen = [character for character in self.seen if character.id in self.selection.characters]
-        for character in chosen or self.seen:
+        chosen = [
+            character for character in self.visible_characters if character.id in self.selection.characters
+        ]
+        for character in chosen or self.visible_characters:
             if len(character.extent):
                 extent = seen_points(character.extent, character.vertices)
                 ways.append(way_of(*self._solve_character(character.id), self.time, extent))
@@ -282,7 +290,7 @@ class Editor:
     def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
         if name in self.project.puppets:
-            return self.solving.shown(self.project, name)
+            return self.solving.newest_solution(self.project, name)
         return self.project, self.project.character(name)
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
@@ -302,13 +310,13 @@ class Editor:
         """
         if not self.moves.follow:
             return None
-        visible = self.seen
+        visible = self.visible_characters
         chosen = [character for character in visible if character.id in self.selection.characters]
         return bounds_of([character.extent for character in chosen or visible])
 
     def box(self) -> Box | None:
         """Returns the bounding box of all visible and live characters; None if there are none."""
-        points = [seen_points(character.handles, character.vertices) for character in self.seen]
+        points = [seen_points(character.handles, character.vertices) for character in self.visible_characters]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None

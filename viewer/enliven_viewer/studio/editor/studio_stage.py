@@ -37,7 +37,7 @@ class StudioStage:
         self._known: tuple[Project, float, dict[str, StageCharacter]] | None = None
 
     @property
-    def standing(self) -> tuple[StageCharacter, ...]:
+    def characters(self) -> tuple[StageCharacter, ...]:
         """Returns all characters, in the project's order."""
         return tuple(self.of(name) for name in self._editor.project.characters)
 

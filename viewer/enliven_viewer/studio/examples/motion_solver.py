@@ -1,7 +1,7 @@
 """Solves the motions of puppets in the background. Meanwhile the last valid motion is shown.
 
 solving = MotionSolver(editor.toasts)
-project, puppet = solving.shown(project, "cactus")       # the newest with solved motions
+project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
 state = state_of(project, puppet, time)                  # so this costs nothing
 """
 
@@ -51,7 +51,7 @@ class MotionSolver:
 
     Args:
         toasts: shows errors, each once.
-        patience: seconds that :meth:`shown` waits for a motion.
+        patience: seconds that :meth:`newest_solution` waits for a motion.
     """
 
     def __init__(self, toasts: Toasts, patience: float = _MAX_WAIT_S) -> None:
@@ -60,7 +60,7 @@ class MotionSolver:
         self._pool: ThreadPoolExecutor | None = None
         self._known: dict[str, _SolveState] = {}
 
-    def shown(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+    def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
         """Returns the newest solved project and puppet; without layers if nothing has been solved yet.
 
         The returned puppet may have other control points than the project's, so draw the returned one.
@@ -91,16 +91,16 @@ class MotionSolver:
         return solved is not None and solved.future is not None
 
     def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
-        """Returns the same as :meth:`shown`, but waits until the motion is solved or refused.
+        """Returns the same as :meth:`newest_solution`, but waits until the motion is solved or refused.
 
         For sessions without a window.
         """
-        shown = self.shown(project, puppet_id)
+        shown = self.newest_solution(project, puppet_id)
         while self.busy(puppet_id):
             future = self._known[puppet_id].future
             if future is not None:
                 wait_for([future])
-            shown = self.shown(project, puppet_id)
+            shown = self.newest_solution(project, puppet_id)
         return shown
 
     def close(self) -> None:

@@ -93,7 +93,7 @@ class Ghosts:
         editor, how = self.editor, self.editor.settings
         project = editor.project
         if isinstance(character, Puppet):
-            project, character = editor.solving.shown(project, character.id)
+            project, character = editor.solving.newest_solution(project, character.id)
         step, length = how.frame_step, editor.length
         first = int(np.ceil(max(editor.time - how.trail, 0.0) / step))
         last = int(min(editor.time + how.trail, length) / step)

@@ -43,7 +43,7 @@ class SelectionTransform:
 
     def _surface_bounds(self) -> tuple[Float, Float] | None:
         names = self.editor.selection.characters
-        characters = [character for character in self.editor.standing if character.id in names]
+        characters = [character for character in self.editor.stage_characters if character.id in names]
         points = [
             character.vertices if len(character.vertices) else character.handles for character in characters
         ]

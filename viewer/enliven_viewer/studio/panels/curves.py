@@ -40,7 +40,7 @@ def draw_curves(workspace: Workspace, area: Area) -> None:
     with panel("curves", area, flags):
         curves = workspace.curves
         curves.refresh()
-        groups, group = curves.groups(), curves.shown()
+        groups, group = curves.groups(), curves.shown_group()
         if group is None:
             quiet(_EMPTY_TEXT)
             return
@@ -80,7 +80,7 @@ def _names(
 
 
 def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None:
-    times, now = curves.sampled(), workspace.editor.time
+    times, now = curves.sample_times(), workspace.editor.time
     with small():
         for number, name in enumerate(shown.channels):
             values = shown.values[:, number]
@@ -131,7 +131,10 @@ def _line(
         workspace.timeline.layout,
         packed(_colour(group, number)),
     )
-    values, xs = group.values[:, number], layout.x(0.0) + layout.track * curves.sampled() / layout.shown
+    values, xs = (
+        group.values[:, number],
+        layout.x(0.0) + layout.track * curves.sample_times() / layout.visible_s,
+    )
     ys = scale.height * (scale.high - values) / (scale.high - scale.low)
     points: list[ImVec2Like] = []
     for x, y in zip(xs.tolist(), ys.tolist(), strict=True):
@@ -179,7 +182,7 @@ def _menu(curves: CurveInput) -> None:
     """Draws the context menu of a key."""
     if not imgui.begin_popup(_MENU_ID):
         return
-    group = curves.shown()
+    group = curves.shown_group()
     dot = next(
         (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.chosen), None
     )

@@ -82,15 +82,15 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
-    if (imgui.is_window_appearing() or browser.again) and browser.new is None:
-        browser.again = False
+    if (imgui.is_window_appearing() or browser.awaits_retry) and browser.new_folder_name is None:
+        browser.awaits_retry = False
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, browser.name = imgui.input_text("##name", browser.name, flags)
     workspace.remember("file name")
     with tinted(WAIT, imgui.Col_.text):
-        imgui.text_unformatted(browser.said)
+        imgui.text_unformatted(browser.refusal)
     if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
 
@@ -111,31 +111,31 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
             workspace.remember(f"order {order}")
         imgui.end_combo()
     imgui.same_line()
-    if browser.new is None:
+    if browser.new_folder_name is None:
         if imgui.button(f"{tr('New folder')}###new folder"):
-            browser.new = ""
+            browser.new_folder_name = ""
         workspace.remember("new folder")
         imgui.same_line()
         imgui.text_unformatted(_shortened(str(browser.folder), imgui.get_content_region_avail().x))
         return
     imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-_CANCEL_WIDTH)
-    is_entered, browser.new = imgui.input_text_with_hint(
+    is_entered, browser.new_folder_name = imgui.input_text_with_hint(
         "##new folder",
         tr("Name of the new folder, then Enter"),
-        browser.new,
+        browser.new_folder_name,
         imgui.InputTextFlags_.enter_returns_true,
     )
     workspace.remember("new folder name")
     imgui.same_line()
     if imgui.button(f"{tr('Not now')}###not now"):
-        browser.new = None
+        browser.new_folder_name = None
     elif is_entered:
         try:
             browser.make_folder()
-            browser.said = ""
+            browser.refusal = ""
         except EnlivenError as error:
-            browser.said = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
+            browser.refusal = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
 
 
 def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
@@ -163,7 +163,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     try:
         path = browser.chosen()
     except EnlivenError as error:
-        browser.said, browser.again = f"{error.what}. {error.mend}", True
+        browser.refusal, browser.awaits_retry = f"{error.what}. {error.mend}", True
         return
     workspace.attempt(lambda: workspace.chosen(path))
 

@@ -64,8 +64,8 @@ def parts_of(actions: ActionTable) -> list[Part]:
     for menu, listed in actions.menus.items():
         for action in listed:
             title = (
-                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.rooms)))
-                if action.rooms
+                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.workspaces)))
+                if action.workspaces
                 else tr(menu)
             )
             if actions.keys_of(action):

@@ -84,7 +84,7 @@ def _reading(workspace: Workspace) -> None:
     if language != preferences.language:
         preferences.set_language(language)
     if (theme, colours) != (preferences.theme, preferences.colours):
-        preferences.paint(theme, colours)
+        preferences.set_colours(theme, colours)
     imgui.separator()
 
 
@@ -115,7 +115,7 @@ def _row(workspace: Workspace, action: Action) -> None:
     imgui.same_line()
     imgui.begin_disabled(not key)
     if imgui.button(f"\uf00d##no {action.id}"):
-        workspace.actions.free(action.id)
+        workspace.actions.clear_shortcuts(action.id)
     imgui.end_disabled()
 
 

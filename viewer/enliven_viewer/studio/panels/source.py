@@ -41,7 +41,7 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         size = imgui.get_content_region_avail()
         tool.source.size = (
             max(size.x, 1.0),
-            max(size.y - _BUTTONS_HEIGHT - (_QUALITY_HEIGHT if tool.made else 0.0), 1.0),
+            max(size.y - _BUTTONS_HEIGHT - (_QUALITY_HEIGHT if tool.last_mapping else 0.0), 1.0),
         )
         _picture(workspace, tool, texture)
         _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
@@ -57,9 +57,9 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         workspace.remember("whole body")
         tooltip("Map every limb of the take onto a limb of the chosen shape at once")
         _draw_options(workspace, tool)
-        if tool.made is not None:
+        if tool.last_mapping is not None:
             with small():
-                for line in _quality_lines(*tool.made[2:]):
+                for line in _quality_lines(*tool.last_mapping[2:]):
                     quiet(line)
     if tool.offered:
         _offers(workspace, tool, viewport)
@@ -98,8 +98,8 @@ def _draw_options(workspace: Workspace, tool: MapTool) -> None:
     if not imgui.begin_popup("whole body how"):
         return
     for name, label, about in _WHOLE_BODY_OPTIONS:
-        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole, name))[1]
-        setattr(tool.whole, name, on)
+        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
+        setattr(tool.whole_body, name, on)
         workspace.remember(f"whole {name}")
         tooltip(about)
     _, tool.gentle = imgui.checkbox(
@@ -194,7 +194,7 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
     imgui.set_next_window_size(ImVec2(wide, _THUMBNAIL_SIZE.y + 46))
     imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
     quiet("Matches, the best first. Click one to accept it.")
-    tool.lit = tool.offered[0]
+    tool.highlighted = tool.offered[0]
     taken: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):
         if number:
@@ -204,12 +204,12 @@ def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
             taken = offer
         workspace.remember(f"match {number}")
         if imgui.is_item_hovered():
-            tool.lit = offer
-        _thumbnail(workspace, offer, at, tool.lit is offer)
+            tool.highlighted = offer
+        _thumbnail(workspace, offer, at, tool.highlighted is offer)
     imgui.end()
     if taken is not None:
         tool.accept(taken)
-        tool.offered, tool.lit = [], None
+        tool.offered, tool.highlighted = [], None
 
 
 def _thumbnail(workspace: Workspace, offer: MotionMatch, at: ImVec2, lit: bool) -> None:
@@ -219,7 +219,7 @@ def _thumbnail(workspace: Workspace, offer: MotionMatch, at: ImVec2, lit: bool) 
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)
     if lit:
         draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
-    posed = workspace.editor.posed(offer.shape)
+    posed = workspace.editor.stage_character(offer.shape)
     pixels = workspace.editor.lens.project(posed.handles)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     scale = (_THUMBNAIL_SIZE.x - 26) / max(float((high - low).max()), 1.0)

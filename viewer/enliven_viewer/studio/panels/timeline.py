@@ -51,7 +51,7 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
         workspace.timeline.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
         workspace.remember("timeline")
-        workspace.timeline.follow(size.y, workspace.perform.recording.seen())
+        workspace.timeline.follow(size.y, workspace.perform.recording.take_last_character())
         _listen(workspace, origin, size)
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
@@ -239,7 +239,7 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     tell_details(workspace, layout, origin)
     if not draw_recorded_clip(workspace, layout, origin, size.y) and not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
-        performs = workspace.perform.room == "Perform"
+        performs = workspace.perform.active_workspace == "Perform"
         usual = _NO_RECORDING if performs else _NO_MOTION
         quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else usual)
 

@@ -47,7 +47,7 @@ def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
     count = int((last - first) / _WAVEFORM_LINE_WIDTH)
     if not layout.project.sounds or count < 1:
         return
-    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.heard else 0.2)
+    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.is_on else 0.2)
     for sound in layout.project.sounds.values():
         loud = envelope(sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count)
         for column in np.flatnonzero(loud):
@@ -69,7 +69,7 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return
-    tint = BAD if workspace.perform.room == "Perform" else ACCENT
+    tint = BAD if workspace.perform.active_workspace == "Perform" else ACCENT
     low, high = (origin.x + max(layout.x(end), LABELS - 1) for end in layout.marked)
     top, bottom = origin.y + RULER - SPAN, origin.y + RULER
     draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(tint, 0.07))

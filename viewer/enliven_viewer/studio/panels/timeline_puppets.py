@@ -76,7 +76,7 @@ def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
             )
             draw.add_quad_filled(*corners, packed(tint, 0.26))
             draw.add_line(corners[0], corners[1], packed(tint, 0.85), 1.3)
-    for _, x in details.suggested(layout, lane):
+    for _, x in details.suggested_marks(layout, lane):
         _diamond(draw, origin.x + x, top + lane.height / 2, 5.5, packed(CHAIN, 0.9), filled=False)
     for number, x in poses:
         chosen = puppets.number == number
@@ -113,7 +113,7 @@ def _draw_constraints(workspace: Workspace, layout: TimelineLayout, lane: Lane, 
     A dot is a position, a bar is standing still, and two dots are level.
     """
     draw, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
-    for _, held, x in workspace.timeline.rows.details.held(layout, lane):
+    for _, held, x in workspace.timeline.rows.details.constraint_marks(layout, lane):
         red, green, blue = point_colour(lane.character.handles.index(held.point))
         tint, x = packed((red / 255, green / 255, blue / 255, 1.0)), origin.x + x
         if isinstance(held, Position):

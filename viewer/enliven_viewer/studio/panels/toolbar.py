@@ -49,7 +49,7 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
         size = ImVec2(_BUTTON_WIDTH, min(max(each - apart, _BUTTON_HEIGHTS[0]), _BUTTON_HEIGHTS[1]))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, apart))
         for action in actions:
-            name, chosen = action.id.removeprefix("tool."), action.on is not None and action.on()
+            name, chosen = action.id.removeprefix("tool."), action.is_on is not None and action.is_on()
             at = imgui.get_cursor_screen_pos()
             if imgui.invisible_button(f"##{name}", size):
                 workspace.actions.do(action.id)

@@ -67,7 +67,7 @@ def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     editor = workspace.editor
     if not editor.selection.several:
         return
-    for character in editor.seen:
+    for character in editor.visible_characters:
         pixels = editor.lens.pixels_of(
             np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
         )
@@ -177,12 +177,12 @@ def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
 
 def _toasts(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     perform = workspace.perform
-    live = perform.room == "Play" and perform.live is not None
+    live = perform.active_workspace == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # Leave room for the live timeline.
-    if perform.room in ("Perform", "Play"):
+    if perform.active_workspace in ("Perform", "Play"):
         # Also leave room for the lines about performers, and for the line that shows what a press of Possess
         # waits for.
-        bottom -= HOLDER * (len(perform.holders) + perform.stepping_in.waits)
+        bottom -= HOLDER * (len(perform.holders) + perform.possession_requests.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 
@@ -194,11 +194,11 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
     extents = [imgui.calc_text_size(text, wrap_width=_MAX_MESSAGE_WIDTH) for text, _ in texts]
     wide = max(extent.x for extent in extents) + 34
     left, top = area.x + 14, bottom - sum(extent.y for extent in extents) - 16
-    seen = min(toast.left / 0.6, 1.0)
+    seen = min(toast.remaining_s / 0.6, 1.0)
     draw.add_rect_filled(
         ImVec2(left, top), ImVec2(left + wide, bottom), packed((*GLASS[:3], 0.85), seen), 9.0
     )
-    tint = packed(BAD if toast.bad else GOOD, seen)
+    tint = packed(BAD if toast.is_error else GOOD, seen)
     draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
     line = top + 8
     for (text, colour), extent in zip(texts, extents, strict=True):

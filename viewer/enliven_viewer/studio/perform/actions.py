@@ -28,10 +28,10 @@ class PerformAction:
     label: str
     key: str
     do: Callable[[PerformSession], object]
-    rooms: tuple[str, ...] = ()
+    workspaces: tuple[str, ...] = ()
     live: bool = True
     why_not: Callable[[PerformSession], str] = lambda session: ""
-    on: Callable[[PerformSession], bool] | None = None
+    is_on: Callable[[PerformSession], bool] | None = None
     about: str = ""
     group: str = ""
     apart: bool = False
@@ -55,7 +55,7 @@ NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Pe
 def perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
     for action in PERFORM_ACTIONS:
-        on = None if action.on is None else partial(action.on, session)
+        on = None if action.is_on is None else partial(action.is_on, session)
         yield Action(
             action.id,
             "Perform",
@@ -67,7 +67,7 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
             about=action.about,
             apart=action.apart,
             group=action.group,
-            rooms=action.rooms,
+            workspaces=action.workspaces,
         )
 
 
@@ -78,7 +78,7 @@ def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], obje
 
 def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
     """Returns a function that lets a performer possess a character, as soon as that is possible."""
-    return lambda session: session.stepping_in.press(mode)
+    return lambda session: session.possession_requests.press(mode)
 
 
 def _several(
@@ -104,7 +104,7 @@ PERFORM_ACTIONS = (
             _go(room),
             live=False,
             group="Workspace",
-            on=lambda session, room=room: session.room == room,
+            is_on=lambda session, room=room: session.active_workspace == room,
         )
         for n, room in enumerate(ROOMS)
     ),
@@ -168,9 +168,9 @@ PERFORM_ACTIONS = (
     PerformAction(
         "Its own size again",
         "z",
-        lambda session: session.live and session.sizes.reset(session.meant, session.live.feed.ask),
+        lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
         _LIVE_WORKSPACES,
-        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.meant),
+        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.target),
     ),
     *(
         PerformAction(
@@ -202,7 +202,7 @@ PERFORM_ACTIONS = (
         "",
         lambda session: session.voice.toggle(session.client),
         why_not=PerformSession.lacks_voice,
-        on=lambda session: session.voice.is_on,
+        is_on=lambda session: session.voice.is_on,
         about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
     ),
     *(
@@ -211,7 +211,7 @@ PERFORM_ACTIONS = (
             "",
             lambda session, number=number: session.physics.ask(session.client, number),
             why_not=PerformSession.lacks_physics,
-            on=lambda session, number=number: session.physics.number == number,
+            is_on=lambda session, number=number: session.physics.number == number,
             group="Physics",
         )
         for number, label in enumerate(LOOSE_LABELS)
@@ -234,7 +234,7 @@ PERFORM_ACTIONS = (
         "c",
         lambda session: session.close_up.toggle(),
         _LIVE_WORKSPACES,
-        on=lambda session: session.close_up.on,
+        is_on=lambda session: session.close_up.on,
         about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),

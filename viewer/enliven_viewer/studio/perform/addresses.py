@@ -23,7 +23,7 @@ class Addresses:
         self._known: tuple[str, ...] | None = None
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def addresses(self) -> tuple[str, ...]:
         """Returns the addresses, newest first; the file is read once."""
         if self._known is None:
             self._known = ()
@@ -33,7 +33,7 @@ class Addresses:
 
     def remember(self, address: str) -> None:
         """Moves an address to the top."""
-        addresses = (address, *(other for other in self.known if other != address))[:_MAX_ADDRESSES]
+        addresses = (address, *(other for other in self.addresses if other != address))[:_MAX_ADDRESSES]
         self._known = addresses
         with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
             self._path.write_text("\n".join(addresses) + "\n", "utf-8")

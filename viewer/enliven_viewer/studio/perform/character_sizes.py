@@ -40,7 +40,7 @@ class CharacterSizes:
         self._words_until = 0.0
 
     @property
-    def going(self) -> str | None:
+    def scaled_character(self) -> str | None:
         """Returns the character that hands are scaling; None for none."""
         return next((name for name, message in self._told.items() if message.body >= 0), None)
 
@@ -48,7 +48,7 @@ class CharacterSizes:
         """Returns the size of a character on the stage, relative to its own size."""
         return self._told[name].size if name in self._told else 1.0
 
-    def wanted(self, name: str) -> float:
+    def wanted_size(self, name: str) -> float:
         """Returns the size that a character of the project should have there, relative to its own size."""
         return self._editor.project.handling.get(name, FREE).size
 
@@ -65,12 +65,12 @@ class CharacterSizes:
         if self._editor.draft is not None:
             return
         for name in standing:
-            if name not in self._editor.project.characters or name == self.going:
+            if name not in self._editor.project.characters or name == self.scaled_character:
                 continue
             if name in before and before[name].body >= 0:
                 self._keep(name)
-            elif abs(self.of(name) / self.wanted(name) - 1.0) > _SIZE_TOLERANCE:
-                size = self.wanted(name)
+            elif abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+                size = self.wanted_size(name)
                 self._ask(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
@@ -86,15 +86,18 @@ class CharacterSizes:
 
     def lacks_size(self, name: str | None) -> str:
         """Returns why the size cannot be reset, with advice; empty if it can."""
-        if name is not None and max(abs(self.of(name) - 1.0), abs(self.wanted(name) - 1.0)) > _SIZE_TOLERANCE:
+        if (
+            name is not None
+            and max(abs(self.of(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+        ):
             return ""
         return "It has its own size. Scale it with both hands first"
 
     def _update_text(self, before: dict[str, SizeMessage]) -> None:
         """Updates the displayed text."""
         now = time.monotonic()
-        if self.going is not None:
-            size = f"{self.going}: {self.of(self.going):.0%}"
+        if self.scaled_character is not None:
+            size = f"{self.scaled_character}: {self.of(self.scaled_character):.0%}"
             self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
             self._words_until = now + _TEXT_S
         elif self.words is not None:
@@ -107,7 +110,7 @@ class CharacterSizes:
 
     def _keep(self, name: str) -> None:
         """Stores a size set by hands as an edit of the project."""
-        if abs(self.of(name) / self.wanted(name) - 1.0) > _SIZE_TOLERANCE:
+        if abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.of(name))
 
     def _edit(self, name: str, size: float) -> None:

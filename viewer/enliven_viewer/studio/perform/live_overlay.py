@@ -25,16 +25,16 @@ class OverlayConditions:
     """The conditions that decide which version is shown.
 
     Attributes:
-        performs: whether the workspace is for performing. In the others the project's version is edited.
-        heard: whether live motion counts; it does not while the project plays without a recording.
-        replaces: whether a recording will replace the motion of the attached bones.
-        held: ids of the characters that performers control.
+        is_performing: whether the workspace is for performing. In the others the project's version is edited.
+        plays_live: whether live motion counts; it does not while the project plays without a recording.
+        replaces_motion: whether a recording will replace the motion of the attached bones.
+        held_ids: ids of the characters that performers control.
     """
 
-    performs: bool = True
-    heard: bool = True
-    replaces: bool = False
-    held: Collection[str] = ()
+    is_performing: bool = True
+    plays_live: bool = True
+    replaces_motion: bool = False
+    held_ids: Collection[str] = ()
 
 
 @dataclass
@@ -50,7 +50,7 @@ class LiveOverlay:
     _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
     _overs: dict[str, tuple[Project, Character, LiveOver]] = field(default_factory=dict)
 
-    def shown(self, scene: Scene, told: OverlayConditions) -> Scene:
+    def merge(self, scene: Scene, told: OverlayConditions) -> Scene:
         """Returns the scene without duplicates.
 
         A rigged character plays its own motion at its place on the stage, with live motion added.
@@ -61,7 +61,7 @@ class LiveOverlay:
             character = own.get(name)
             if character is None:
                 actors.append(actor)
-            elif not told.performs:
+            elif not told.is_performing:
                 boards.pop(name, None)
             elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
                 moved, joints = self._add_live_motion(character, actor, told)
@@ -85,17 +85,17 @@ class LiveOverlay:
     ) -> tuple[SceneCharacter, Float]:
         """Returns a rigged character with its own motion and the live motion added, and its joints."""
         replaced = frozenset[int]()
-        if told.replaces and told.heard and actor.cues is not None:
+        if told.replaces_motion and told.plays_live and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
         key, cached = (self.editor.project, replaced), self._layers.get(shape.id)
         if cached is None or cached[0][0] is not key[0] or cached[0][1] != replaced:
             cached = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
-        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.heard)
+        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.plays_live)
         return replace(actor, pose=pose), joints
 
     def _overdubs(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
-        performed = shape.id in told.held and told.heard and not told.replaces
+        performed = shape.id in told.held_ids and told.plays_live and not told.replaces_motion
         return performed and _same(shape, actor) and plays(self.editor.project, shape)
 
     def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
@@ -104,7 +104,7 @@ class LiveOverlay:
         if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
             live_over = LiveOver(self.editor.project, shape.id, actor.character)
             cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
-        posed = self.editor.posed(shape.id)
+        posed = self.editor.stage_character(shape.id)
         pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
         assert drawn is not None
         # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
@@ -121,7 +121,7 @@ def _replaces_own(
     character: RigBase, actor: SceneCharacter, told: OverlayConditions, *, playing: bool
 ) -> bool:
     """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
-    return told.heard and (not playing or (_same(character, actor) and character.id in told.held))
+    return told.plays_live and (not playing or (_same(character, actor) and character.id in told.held_ids))
 
 
 def _move_match_lines(board: Board, shape: Shape, actor: SceneCharacter, joints: Float) -> Board:

@@ -30,7 +30,7 @@ class FollowedStage(Protocol):
     editor: Editor
     live: LiveStage | None
     sender: StageSender
-    there: str
+    stage_selection: str
 
     @property
     def connected(self) -> bool:
@@ -41,7 +41,7 @@ class FollowedStage(Protocol):
         """Returns the link to the edge."""
 
     @property
-    def standing(self) -> tuple[str, ...]:
+    def stage_ids(self) -> tuple[str, ...]:
         """Returns the ids of the characters on the stage."""
 
     @property
@@ -105,7 +105,7 @@ class PossessionRequests:
         elif live is not None and self._stage.client is None:
             live.possess(mode)
         elif live is not None:
-            chosen = self._stage.editor.selection.character or self._stage.there
+            chosen = self._stage.editor.selection.character or self._stage.stage_selection
             self._press = _PendingPress(mode, chosen or "", time.monotonic() + PATIENCE_S)
             self.advance()
 
@@ -137,7 +137,7 @@ class PossessionRequests:
         if live is None:
             return stage.lacks_edge()
         if not stage.connected:
-            is_coming = live.near and not len(live.document.timeline)
+            is_coming = live.is_local and not len(live.document.timeline)
             return "" if is_coming else stage.lacks_edge()
         name, phase = press.character, self._scan.phase
         state = stage.sender.states.get(name, "")
@@ -148,19 +148,19 @@ class PossessionRequests:
         if press.of_scan and phase in ("off", "failed"):
             return tr("The scan did not become a character. Scan again, or choose another one")
         own = stage.editor.project.characters.get(name)
-        if own is not None and name not in stage.standing:
+        if own is not None and name not in stage.stage_ids:
             return "" if own.mesh is not None else tr("It has no surface, so it cannot be performed")
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
         nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
-        return "" if stage.standing or is_coming else nothing
+        return "" if stage.stage_ids or is_coming else nothing
 
     def _waits_for(self, press: _PendingPress) -> str:
         """Returns what is still missing; empty if nothing is."""
         stage, live = self._stage, self._stage.live
         if live is None or stage.client is None:
             return ""
-        if not stage.connected or not (stage.standing or stage.client.edges[0].complete):
+        if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
             return live.making
         if self._scan.phase == "finishing":
             press.of_scan = True
@@ -185,7 +185,7 @@ class PossessionRequests:
         """
         stage, name = self._stage, press.character
         own = stage.editor.project.characters
-        if name in stage.standing or (stage.standing and name not in own and not press.of_scan):
+        if name in stage.stage_ids or (stage.stage_ids and name not in own and not press.of_scan):
             return ""
         if name in own and name not in stage.sender.states and stage.client is not None:
             stage.sender.put(stage.client.stage, stage.editor.project, name)
@@ -203,7 +203,7 @@ class PossessionRequests:
             return
         press.asked, press.since = True, press.since or time.monotonic()
         self.words = self._busy_text(press)
-        meant = press.character if press.character in stage.standing else None
+        meant = press.character if press.character in stage.stage_ids else None
         order = stage.live.order_to_possess(press.mode, meant)
         stage.client.ask(order, lambda answer: self._take_answer(press, answer))
 

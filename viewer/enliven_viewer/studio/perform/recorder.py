@@ -98,7 +98,7 @@ class LiveRecorder:
             poses={key: list(poses) for key, poses in kept.poses.items()},
         )
 
-    def heard(self, topic: Topic, value: Any) -> None:
+    def record(self, topic: Topic, value: Any) -> None:
         """Processes a value of a topic from the link."""
         if topic is POSE:
             self._pose(value)

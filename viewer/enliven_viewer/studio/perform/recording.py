@@ -101,7 +101,7 @@ class StageRecording:
         )
 
     @property
-    def counted(self) -> int:
+    def beat(self) -> int:
         """Returns the current beat of the count-in: 3, 2, 1; 0 without one."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
@@ -139,14 +139,14 @@ class StageRecording:
             beside: whether to keep the finished one, muted, as an alternative of the new one.
         """
         if self.phase == "idle":
-            if not self.recorded:
+            if not self.last_recording:
                 self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
-            alternatives = alternatives_of(self.editor.project, self.recorded)
+            alternatives = alternatives_of(self.editor.project, self.last_recording)
             if beside:
                 self._silence(alternatives)
             else:
-                self._beside = alternatives if alternatives != self.recorded else ""
+                self._beside = alternatives if alternatives != self.last_recording else ""
                 self.editor.undo()
         elif self.phase == "recording":
             self._end_recorders()
@@ -156,7 +156,7 @@ class StageRecording:
         self.record()
 
     @property
-    def recorded(self) -> str:
+    def last_recording(self) -> str:
         """Returns the name of the recording if it was the last edit; else empty."""
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
@@ -233,7 +233,7 @@ class StageRecording:
         if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
-    def seen(self) -> str:
+    def take_last_character(self) -> str:
         """Returns the character that was recorded last, only once; empty if it was requested already."""
         fresh, self._fresh = self._fresh, ""
         return fresh
@@ -251,7 +251,7 @@ class StageRecording:
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
-            if alternatives := alternatives_of(self.editor.project, self.recorded):
+            if alternatives := alternatives_of(self.editor.project, self.last_recording):
                 self._silence(alternatives)
             self._begin()
 

@@ -47,7 +47,7 @@ class SecondaryEdge:
         self.address, self.number = address, number
         self._client = EdgeClient([address], "enliven window", prefixed=True)
         feed = EdgeFeed(self._client)
-        feed.heard, feed.restarted = self._record, self._handle_restart
+        feed.on_message, feed.restarted = self._record, self._handle_restart
         self.recorder = LiveRecorder()
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
@@ -104,7 +104,7 @@ class SecondaryEdge:
 
     def _record(self, topic: Topic, value: Any) -> None:
         if topic is not CALLS:
-            self.recorder.heard(topic, value)
+            self.recorder.record(topic, value)
 
     def _handle_restart(self) -> None:
         self.recorder.restarted()

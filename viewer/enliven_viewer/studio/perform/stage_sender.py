@@ -47,7 +47,7 @@ class StageSender:
         else:
             stage.put(project, name, then=on_answer)
 
-    def stands(self, name: str, one: RigBase) -> None:
+    def mark_sent(self, name: str, one: RigBase) -> None:
         """Records that a character made by the edge is on the stage in its current state."""
         self._sent[name], self.states[name] = one, "on the stage"
 

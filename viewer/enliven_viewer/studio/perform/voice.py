@@ -25,12 +25,12 @@ class StageVoice:
     """The state of an edge's voice control, and the commands that open or close its microphone.
 
     Attributes:
-        wanted: whether to open the microphone of a stage started by this window once it runs.
+        wanted_state: whether to open the microphone of a stage started by this window once it runs.
     """
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self.wanted = False
+        self.wanted_state = False
         self._state: TopicState[VoiceMessage] = TopicState(VOICE)
         self._heard: HeardMessage | None = None
         self._until = 0.0
@@ -42,7 +42,7 @@ class StageVoice:
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         self._state.advance(client)
         instance = client.edges[0].instance
-        if is_near and self.wanted and self.state is not None and self._asked != instance:
+        if is_near and self.wanted_state and self.state is not None and self._asked != instance:
             self._asked = instance
             self._ask(client, True)
 
@@ -102,14 +102,14 @@ class StageVoice:
 
     def toggle(self, client: EdgeClient | None) -> None:
         """Opens or closes the microphone."""
-        self.wanted = not self.is_on
+        self.wanted_state = not self.is_on
         if client is not None and self.state is not None:
-            self._ask(client, self.wanted)
+            self._ask(client, self.wanted_state)
 
     def _ask(self, client: EdgeClient, on: bool) -> None:
         client.ask(Listen(on), self._take_answer)
 
     def _take_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self.wanted = False
+            self.wanted_state = False
             self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)

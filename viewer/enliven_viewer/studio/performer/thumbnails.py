@@ -64,7 +64,11 @@ class Thumbnails:
             self._done[key] = self._done.pop(key)
             self._shown[(puppet.id, slot)] = key
             return int(thumbnail[1].glo)
-        future = self._solving[key][1] if key in self._solving else self._surfaces.aside(puppet, places)
+        future = (
+            self._solving[key][1]
+            if key in self._solving
+            else self._surfaces.solve_in_background(puppet, places)
+        )
         if future is not None:
             self._solving[key] = puppet, future
         before = self._done.get(self._shown.get((puppet.id, slot), ()))

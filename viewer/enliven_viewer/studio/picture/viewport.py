@@ -104,8 +104,8 @@ class Viewport:
         picture = self.renderer.picture
         if over.shade is not None:
             self._puppet_overlay.shade(picture, *over.shade)
-        if over.crossing is not None:
-            self._puppet_overlay.crossing(picture, *over.crossing)
+        if over.self_intersection is not None:
+            self._puppet_overlay.crossing(picture, *over.self_intersection)
         if over.ghost is not None:
             self._puppet_overlay.outline(picture, *over.ghost)
         for rows, bias in over.tubes:

@@ -71,7 +71,7 @@ class Gizmo:
                 return PARTS[3 + axis]
         return ""
 
-    def dragged(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
+    def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
         """Returns (3,) metres in the world: the movement of the place for a drag between two pixels.
 
         Returns None if a pixel is beyond the horizon of the part's plane.

@@ -86,7 +86,7 @@ class KeyPoses(PuppetSelection):
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
         before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
-        self._edit(puppet.id, number, before, self.stage.standing_of(puppet.id))
+        self._edit(puppet.id, number, before, self.stage.find(puppet.id))
         return True
 
     def accept(self) -> None:
@@ -134,7 +134,7 @@ class KeyPoses(PuppetSelection):
                 tr("It has no control points yet"), tr("Click the mesh where you want to hold it.")
             )
             return False
-        standing = self.stage.standing_of(puppet.id)
+        standing = self.stage.find(puppet.id)
 
         def adding(project: Project) -> Project:
             return add_key_pose(project, puppet.id, take, time, places)

@@ -46,7 +46,7 @@ class PuppetEditor(KeyPoses):
         super().__init__(editor, PuppetStage(editor, self))
         self.moment: tuple[str, float] | None = None
         self.silhouette, self.warn = True, True
-        self.crossing = SelfIntersectionSearch()
+        self.self_intersection = SelfIntersectionSearch()
         self._dragged: Float | None = None
 
     def advance(self) -> None:
@@ -56,13 +56,13 @@ class PuppetEditor(KeyPoses):
         """
         self.leave_elsewhere()
         self.stage.improve()
-        standing = self.shown
+        standing = self.stage_puppet
         if standing is not None and self.dragging and len(standing.character.mesh.faces) > _LARGE_MESH_FACES:
             return
         if self.warn and self.shaping and standing is not None:
-            self.crossing.look(standing.character, standing.surface)
+            self.self_intersection.look(standing.character, standing.surface)
         else:
-            self.crossing.forget()
+            self.self_intersection.forget()
 
     @property
     def shaping(self) -> bool:
@@ -157,11 +157,11 @@ class PuppetEditor(KeyPoses):
             return self.places
         moment = self._moment(puppet)
         there = None if moment is None else self.pose_at(*moment)
-        return self.seen(puppet) if there is None else puppet.poses[there].places
+        return self.current_places(puppet) if there is None else puppet.poses[there].places
 
-    def seen(self, puppet: Puppet) -> Float:
+    def current_places(self, puppet: Puppet) -> Float:
         """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
-        standing = self.stage.standing_of(puppet.id)
+        standing = self.stage.find(puppet.id)
         return puppet.rest if standing is None else standing.state.places
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:

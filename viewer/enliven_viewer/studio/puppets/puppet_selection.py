@@ -26,9 +26,9 @@ class PuppetSelection:
         self.symmetric = False
 
     @property
-    def standing(self) -> tuple[StagePuppet, ...]:
+    def stage_puppets(self) -> tuple[StagePuppet, ...]:
         """Returns every puppet in its current pose."""
-        return self.stage.standing
+        return self.stage.puppets
 
     @property
     def puppet(self) -> Puppet | None:
@@ -41,9 +41,9 @@ class PuppetSelection:
         return None if self.puppet is None else self.editor.selection.handle
 
     @property
-    def shown(self) -> StagePuppet | None:
+    def stage_puppet(self) -> StagePuppet | None:
         """Returns the selected puppet in its current pose."""
-        return None if self.puppet is None else self.stage.standing_of(self.puppet.id)
+        return None if self.puppet is None else self.stage.find(self.puppet.id)
 
     def add_point(self, vertex: int) -> bool:
         """Adds a control point at a vertex, with symmetry also at its mirror image, as one edit."""
@@ -58,7 +58,7 @@ class PuppetSelection:
         other = partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
-        poses = self.stage.surfaces.settled(puppet, [pose.places for pose in puppet.poses])
+        poses = self.stage.surfaces.settle_each(puppet, [pose.places for pose in puppet.poses])
         if poses is None and len(puppet.mesh.vertices) > LARGE:
             self.editor.toasts.say(
                 tr("{0} is still being prepared", puppet.id), tr("Click again in a moment.")

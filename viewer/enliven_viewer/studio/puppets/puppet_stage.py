@@ -37,7 +37,7 @@ class StagePuppet(StageCharacter):
     @cached_property
     def vertices(self) -> Float:
         """Returns (V, 3) metres in the world."""
-        return self.out(self.surface)
+        return self.to_world(self.surface)
 
     @cached_property
     def solved(self) -> Float32:
@@ -46,17 +46,17 @@ class StagePuppet(StageCharacter):
         moved(self.surface, self._turn, self._root, vertices)
         return vertices
 
-    def out(self, places: AnyArray) -> Float:
+    def to_world(self, places: AnyArray) -> Float:
         """Returns (N, 3) metres in the world, for positions (N, 3) in the mesh's frame."""
         positions = np.empty(np.shape(places), np.float64)
         moved(np.asarray(places, np.float64), self._turn, self._root, positions)
         return positions
 
-    def into(self, places: AnyArray) -> Float:
+    def to_mesh(self, places: AnyArray) -> Float:
         """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
         return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
 
-    def way_into(self, way: AnyArray) -> Float:
+    def direction_to_mesh(self, way: AnyArray) -> Float:
         """Returns (3,) in the mesh's frame, for a direction (3,) in the world."""
         return np.asarray(np.asarray(way, np.float64) @ self._turn)
 
@@ -87,12 +87,12 @@ class PuppetStage:
     def ghost(self) -> StagePuppet | None:
         """Returns the puppet in the previous key pose; None without one, or while it is being solved."""
         posing, puppet = self.posing, self.posing.puppet
-        pose, now = posing.previous, self.standing_of(puppet.id) if puppet is not None else None
+        pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
         if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
         if self._wanted is None or not _same(self._wanted[0], key):
-            future = self.surfaces.aside(puppet, pose.places)
+            future = self.surfaces.solve_in_background(puppet, pose.places)
             self._wanted = None if future is None else (key, future)
         if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
             surface = self._wanted[1].result()
@@ -108,7 +108,7 @@ class PuppetStage:
             self._wanted[1].result()
 
     @property
-    def standing(self) -> tuple[StagePuppet, ...]:
+    def puppets(self) -> tuple[StagePuppet, ...]:
         """Returns all puppets, in the project's order."""
         editor, posing = self.editor, self.posing
         project = editor.project
@@ -118,13 +118,13 @@ class PuppetStage:
             self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
         return self._known[1]
 
-    def standing_of(self, puppet_id: str) -> StagePuppet | None:
+    def find(self, puppet_id: str) -> StagePuppet | None:
         """Returns one of the puppets; None for an unknown id."""
-        return next((s for s in self.standing if s.id == puppet_id), None)
+        return next((s for s in self.puppets if s.id == puppet_id), None)
 
-    def shown(self, puppet: RigBase) -> StagePuppet:
+    def stage_puppet(self, puppet: RigBase) -> StagePuppet:
         """Returns a puppet of the project in its current pose."""
-        return next(candidate for candidate in self.standing if candidate.id == puppet.id)
+        return next(candidate for candidate in self.puppets if candidate.id == puppet.id)
 
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""

@@ -21,7 +21,7 @@ def playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, Stat
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
-    project, solved = editor.solving.shown(editor.project, puppet.id)
+    project, solved = editor.solving.newest_solution(editor.project, puppet.id)
     if not solved.layers:
         return puppet, rest_state(puppet)
     try:

@@ -22,12 +22,12 @@ class SelfIntersectionSearch:
 
     Attributes:
         faces: (K,) faces of the mesh that intersect in the last checked pose.
-        said: one line about them, or empty.
+        message: one line about them, or empty.
     """
 
     def __init__(self) -> None:
         self.faces: Int = np.zeros(0, np.int64)
-        self.said = ""
+        self.message = ""
         self._threads: ThreadPoolExecutor | None = None
         self._now: Future[tuple[Int, str]] | None = None
         self._seen: Float | None = None
@@ -45,7 +45,7 @@ class SelfIntersectionSearch:
         if self._now is not None and self._now.done():
             now, self._now = self._now, None
             if now.exception() is None:
-                self.faces, self.said = now.result()
+                self.faces, self.message = now.result()
         if self._now is None and surface is not self._seen:
             self._seen = surface
             self._threads = self._threads or ThreadPoolExecutor(1, "crossing faces")
@@ -54,14 +54,14 @@ class SelfIntersectionSearch:
     def wait(self) -> None:
         """Waits for the current check. For sessions without a window."""
         if self._now is not None:
-            self.faces, self.said = self._now.result()
+            self.faces, self.message = self._now.result()
             self._now = None
 
     def forget(self) -> None:
         """Clears the results, and stops the current check."""
         if self._now is not None:
             self._now.cancel()
-        self.faces, self.said, self._now, self._seen = np.zeros(0, np.int64), "", None, None
+        self.faces, self.message, self._now, self._seen = np.zeros(0, np.int64), "", None, None
 
     def _find_faces(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
         finder = self._finder

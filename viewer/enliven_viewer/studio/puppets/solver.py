@@ -91,7 +91,7 @@ class Solver:
             return None
         return self._surface if self._work is None else None
 
-    def came(self) -> bool:
+    def has_result(self) -> bool:
         """Returns True if the preparation has finished and its result was not fetched yet."""
         return self._work is not None and self._work.done()
 

@@ -26,7 +26,7 @@ def scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.pause,
         scan.lacks_scan,
-        on=lambda: scan.said.phase == "paused",
+        is_on=lambda: scan.message.phase == "paused",
         apart=True,
     )
     yield Action(

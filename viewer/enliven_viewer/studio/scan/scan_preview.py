@@ -25,7 +25,7 @@ class ScanPreviewMesh:
         self._pieces: dict[str, ScanPieceMessage] = {}
         self.picture: ScanPreview | None = None
 
-    def take(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
+    def update(self, newest: Mapping[str, ScanPieceMessage], number: int) -> bool:
         """Takes the newest message of each piece of a scan. Returns whether anything changed."""
         pieces = {key: piece for key, piece in newest.items() if piece.number == number and piece.seen}
         same = len(pieces) == len(self._pieces)

@@ -54,13 +54,13 @@ class ScanSession:
 
     Attributes:
         shown: whether the panel is open.
-        said: the progress of the scan, as reported by the edge.
+        message: the progress of the scan, as reported by the edge.
         size: the size class of the object.
-        way: how the scan is made. "round": the camera is carried around the object. "laid": in addition the
+        mode: how the scan is made. "round": the camera is carried around the object. "laid": in addition the
             object is laid on its back or side. "spun": the object turns on a turntable and is tracked
             independently of the room. "turned": the object is turned in front of a fixed camera. "person": a
             person turns in front of the camera, and becomes a character once all sides were seen.
-        keeps: what becomes the character: the object on the floor, the content of the box, or everything.
+        kept_part: what becomes the character: the object on the floor, the content of the box, or everything.
         box: the crop box that the artist drags.
         name: name of the new character; empty to let the edge choose one.
     """
@@ -68,12 +68,12 @@ class ScanSession:
     def __init__(self, editor: Editor, perform: PerformSession) -> None:
         self.editor, self.perform = editor, perform
         self.shown = False
-        self.way: ScanMode = "round"
-        self.keeps: KeptPart = "thing"
+        self.mode: ScanMode = "round"
+        self.kept_part: KeptPart = "thing"
         self.box = CropBox()
         self.size: ScanSize = "thing"
         self.name = ""
-        self.said = _NO_SCAN
+        self.message = _NO_SCAN
         self._growing = ScanPreviewMesh()
         self._wanted: tuple[int, str] | None = None
         self._framed = -1
@@ -82,7 +82,7 @@ class ScanSession:
     @property
     def active(self) -> bool:
         """Returns True if a scan is running on the edge."""
-        return self.said.phase in ("scanning", "paused", "finishing", "failed")
+        return self.message.phase in ("scanning", "paused", "finishing", "failed")
 
     @property
     def surface(self) -> tuple[ScanPreview, Float] | None:
@@ -91,7 +91,7 @@ class ScanSession:
             return None
         return self._growing.picture, self.stage_from_scan
 
-    def beside(self, live: Scene | None) -> Scene | None:
+    def live_scene(self, live: Scene | None) -> Scene | None:
         """Returns the live scene.
 
         While a scan is running, its characters are left out, so that only the scan is visible.
@@ -101,7 +101,7 @@ class ScanSession:
     @property
     def stage_from_scan(self) -> Float:
         """Returns (4, 4), the placement of the scan's world on the stage."""
-        place = np.vstack([np.array(self.said.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
+        place = np.vstack([np.array(self.message.stage_from_scan).reshape(3, 4), [0.0, 0.0, 0.0, 1.0]])
         place[1, 3] += _DRAWN_OFFSET_M
         return place
 
@@ -116,23 +116,23 @@ class ScanSession:
     def lacks_scan(self) -> str:
         """Returns why the scan accepts no requests; empty if it does."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
-        making = "It is being made. Wait until it stands there" if self.said.phase == "finishing" else ""
+        making = "It is being made. Wait until it stands there" if self.message.phase == "finishing" else ""
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
         """Returns why nothing can be undone; empty if something can."""
         return self.lacks_scan() or (
-            "" if self.said.undoable > 0 else "There is nothing to take back. Scan on"
+            "" if self.message.undoable > 0 else "There is nothing to take back. Scan on"
         )
 
     def lacks_again(self) -> str:
         """Returns why no scan can be continued; empty if one can."""
-        there = self.said.phase == "done"
+        there = self.message.phase == "done"
         return self.lacks_stage() or ("" if there else "No scan is done. Finish one, then add to it")
 
     def open(self) -> None:
         """Shows the panel, in the workspace that contains the stage."""
-        self.perform.room, self.shown = "Perform", True
+        self.perform.active_workspace, self.shown = "Perform", True
 
     def start(self) -> None:
         """Starts a scan."""
@@ -140,15 +140,15 @@ class ScanSession:
         if lacking := self.lacks_stage():
             self.editor.toasts.say(*tr(lacking).split(". "))
             return
-        within = _MAX_DISTANCE_M if self.way == "turned" else None
+        within = _MAX_DISTANCE_M if self.mode == "turned" else None
         name = self.name.strip() or None
-        laid, spun, person = (self.way == way for way in ("laid", "spun", "person"))
+        laid, spun, person = (self.mode == way for way in ("laid", "spun", "person"))
         voxel = _PERSON_VOXEL_M if person else VOXELS[self.size]
         self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
         """Pauses or resumes the scan."""
-        self._ask(Scan("pause" if self.said.phase == "scanning" else "go on"))
+        self._ask(Scan("pause" if self.message.phase == "scanning" else "go on"))
 
     def again(self) -> None:
         """Continues a finished scan: new images are added to it."""
@@ -161,11 +161,11 @@ class ScanSession:
 
     def done(self) -> None:
         """Finishes the scan and makes a character of it."""
-        if self.keeps != "box":
-            self._ask(Scan("done", whole=self.keeps == "all"))
+        if self.kept_part != "box":
+            self._ask(Scan("done", whole=self.kept_part == "all"))
             return
         corners = [float(x) for x in self.box.corners.ravel()]
-        self._ask(Scan("done", box=corners, stage_from_scan=list(self.said.stage_from_scan)))
+        self._ask(Scan("done", box=corners, stage_from_scan=list(self.message.stage_from_scan)))
 
     def cancel(self) -> None:
         """Cancels the scan and discards it."""
@@ -173,9 +173,9 @@ class ScanSession:
 
     def keep(self, what: KeptPart) -> None:
         """Chooses what becomes the character. A box starts around the object at the centre."""
-        if what == "box" and self.keeps != "box":
+        if what == "box" and self.kept_part != "box":
             self.fit_box()
-        self.keeps = what
+        self.kept_part = what
 
     def fit_box(self) -> None:
         """Fits the box around the object at the centre of the stage."""
@@ -186,7 +186,7 @@ class ScanSession:
     @property
     def boxed(self) -> bool:
         """Returns True if the box is shown and can be dragged."""
-        return self.active and self.said.phase != "finishing" and self.keeps == "box"
+        return self.active and self.message.phase != "finishing" and self.kept_part == "box"
 
     # The box's handles over the view ---------------------------------------------------------------------
 
@@ -218,24 +218,28 @@ class ScanSession:
         """Reads the newest messages of the edge."""
         client = self.perform.client
         if client is None:
-            self.said = _NO_SCAN
+            self.message = _NO_SCAN
             return
         client.take(SCAN)
         client.take(SCAN_PIECE)
-        before, place = self.said, self.stage_from_scan
-        self.said = client.latest(SCAN).get("", _NO_SCAN)
-        if self.said.number == before.number and self.said.stage_from_scan != before.stage_from_scan:
+        before, place = self.message, self.stage_from_scan
+        self.message = client.latest(SCAN).get("", _NO_SCAN)
+        if self.message.number == before.number and self.message.stage_from_scan != before.stage_from_scan:
             self.box.follow(place, self.stage_from_scan)
         self._end_when_round()
-        self._growing.take(client.latest(SCAN_PIECE), self.said.number)
-        if self.active and self.said.number != before.number:
+        self._growing.update(client.latest(SCAN_PIECE), self.message.number)
+        if self.active and self.message.number != before.number:
             self.shown = True
         bounds = self._growing.bounds if self.active else None
-        if bounds is not None and self._framed != self.said.number and self.said.fused > _FRAMING_IMAGES:
-            self._framed = self.said.number
+        if (
+            bounds is not None
+            and self._framed != self.message.number
+            and self.message.fused > _FRAMING_IMAGES
+        ):
+            self._framed = self.message.number
             self._frame(bounds)
-        if self.said.phase == "done" and before.phase in ("finishing", "scanning"):
-            self._wanted = self.said.number, self.said.character
+        if self.message.phase == "done" and before.phase in ("finishing", "scanning"):
+            self._wanted = self.message.number, self.message.character
         if self._wanted is not None:
             self._keep(client.characters.get(self._wanted[1]), self._wanted[1])
 
@@ -244,11 +248,11 @@ class ScanSession:
 
         The person cannot reach the keyboard.
         """
-        if self.said.thing != "person" or self.said.phase != "scanning" or self.said.missing > 0:
+        if self.message.thing != "person" or self.message.phase != "scanning" or self.message.missing > 0:
             self._round_ns = None
         elif self._round_ns is None:
-            self._round_ns = self.said.time_ns
-        elif self.said.time_ns - self._round_ns > _HOLD_STILL_NS:
+            self._round_ns = self.message.time_ns
+        elif self.message.time_ns - self._round_ns > _HOLD_STILL_NS:
             self._round_ns = None
             self.done()
 
@@ -257,7 +261,7 @@ class ScanSession:
         place = self.stage_from_scan
         points = np.array([[x, y, z] for x in bounds[:, 0] for y in bounds[:, 1] for z in bounds[:, 2]])
         points = points @ place[:3, :3].T + place[:3, 3]
-        camera = np.array(self.said.stage_from_camera).reshape(3, 4)[:, 3]
+        camera = np.array(self.message.stage_from_camera).reshape(3, 4)[:, 3]
         # Leave room for the camera on all sides of the scan, and for the instructions above it.
         top = np.array([0.0, points[:, 1].max() + _TEXT_SPACE_M, 0.0])
         points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
@@ -272,7 +276,9 @@ class ScanSession:
         mesh = Mesh(np.asarray(scanned.vertices, float), scanned.faces, name, scanned.colours)
         scan_project = project_of_mesh(mesh, name)
         shape = scan_project.characters[name]
-        ends, joints = (np.array(points).reshape(-1, 3) for points in (self.said.ends, self.said.joints))
+        ends, joints = (
+            np.array(points).reshape(-1, 3) for points in (self.message.ends, self.message.joints)
+        )
         shape = shape.with_changes(ends=ends, joints=joints)
         is_present = name in self.editor.project.characters
         step = later("add to the scan {0}", name) if is_present else later("scan {0}", name)
@@ -281,7 +287,7 @@ class ScanSession:
             lambda project: project.with_streams(*scan_project.streams.values()).with_characters(shape),
         ):
             return
-        self.perform.sender.stands(name, self.editor.project.characters[name])
+        self.perform.sender.mark_sent(name, self.editor.project.characters[name])
         self.editor.choose(name)
         self.editor.frame_all()
         self.shown = False
@@ -289,5 +295,5 @@ class ScanSession:
             tr("{0} stands on the stage", name),
             tr("Step in: press Possess, or P. Ctrl+Z takes the scan back."),
         )
-        if self.said.note:
-            self.editor.toasts.say(self.said.note, self.said.mend)
+        if self.message.note:
+            self.editor.toasts.say(self.message.note, self.message.mend)

@@ -39,7 +39,7 @@ def sound_actions(player: SoundPlayer) -> Iterator[Action]:
         ("alt+m",),
         player.toggle,
         lacks,
-        lambda: player.heard,
+        lambda: player.is_on,
         about="While you play, and while you record to it.",
         apart=True,
         group=_MENU,

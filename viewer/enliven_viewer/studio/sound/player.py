@@ -51,12 +51,12 @@ class SoundPlayer:
         opened: opens the audio output.
 
     Attributes:
-        heard: whether sound is on.
+        is_on: whether sound is on.
     """
 
     def __init__(self, editor: Editor, opened: Callable[[FillSamples], Stream] = device) -> None:
         self.editor, self._opened = editor, opened
-        self.heard = True
+        self.is_on = True
         self._stream: Stream | None = None
         self._sounds: tuple[Sound, ...] = ()
         self._next = 0  # This is the number of the project's sample that is requested next.
@@ -64,14 +64,14 @@ class SoundPlayer:
 
     def toggle(self) -> None:
         """Turns the sound on or off. A failed device is tried again."""
-        self.heard, self._failed = not self.heard, False
+        self.is_on, self._failed = not self.is_on, False
 
     def follow(self) -> None:
         """Synchronises with the editor. Call once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
         plays = editor.playing and editor.speed == 1.0 and not editor.scrubbing
-        if not (self._sounds and self.heard and plays) or self._failed:
+        if not (self._sounds and self.is_on and plays) or self._failed:
             self.stop()
             return
         if self._stream is None:

@@ -70,7 +70,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def posed(self) -> StageCharacter | None:
+    def posed_skeleton(self) -> StageCharacter | None:
         """Returns the take's skeleton at the project's time; the take is looped.
 
         While playback is stopped at 0, this is its first frame.
@@ -125,7 +125,7 @@ class SourceView:
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
     def _hit(self, at: Point) -> Hit | None:
-        posed = self.posed()
+        posed = self.posed_skeleton()
         return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 

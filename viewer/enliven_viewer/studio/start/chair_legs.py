@@ -177,8 +177,8 @@ def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Targ
 
     A drag keeps the depth, so the two touch only at such a place.
     """
-    own, distance = editor.lens.project(editor.posed(piece.id).vertices)
-    there, distances = editor.lens.project(editor.posed(chair.id).vertices)
+    own, distance = editor.lens.project(editor.stage_character(piece.id).vertices)
+    there, distances = editor.lens.project(editor.stage_character(chair.id).vertices)
     heights = chair.mesh.vertices[:, 1] - chair.mesh.vertices[:, 1].min()
     near = np.abs(distances - distance.mean()) < _MAX_DEPTH_DIFFERENCE * heights.max()
     high = heights > _ATTACH_HEIGHT * heights.max()
@@ -202,7 +202,7 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
 
 def _pixels(editor: Editor, shape: GraphShape) -> Float:
     """Returns the (V, 2) pixels of its vertices in the image."""
-    return editor.lens.project(editor.posed(shape.id).vertices)[0]
+    return editor.lens.project(editor.stage_character(shape.id).vertices)[0]
 
 
 def _box(pixels: Float) -> Rectangle:

@@ -103,7 +103,7 @@ class Tour:
         widget = self._widgets.find(self.target.widgets)
         return None if widget is None else widget[1]
 
-    def covered(self, origin: Point) -> Rectangle | None:
+    def chair_rectangle(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.
 
         Returns None without a chair.

@@ -148,7 +148,7 @@ class TourState:
     @property
     def has_workshop(self) -> bool:
         """Returns True if the current workspace has tools."""
-        return self.desk.perform.room in _TOOL_WORKSPACES
+        return self.desk.perform.active_workspace in _TOOL_WORKSPACES
 
     @property
     def has_stage(self) -> bool:
@@ -159,7 +159,7 @@ class TourState:
     def has_dancer(self) -> bool:
         """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
         perform, chair = self.desk.perform, self.chair
-        there = chair is not None and chair.id in perform.standing
+        there = chair is not None and chair.id in perform.stage_ids
         return there and perform.connected and bool(perform.performers)
 
     @property
@@ -199,7 +199,7 @@ class TourState:
         for actor in live if chair.id in perform.hidden else ():
             if actor.character.id == chair.id:
                 return actor.extent
-        return self.desk.editor.posed(chair.id).extent
+        return self.desk.editor.stage_character(chair.id).extent
 
     def has_tool(self, name: str) -> bool:
         """Returns True if a tool is the active one."""

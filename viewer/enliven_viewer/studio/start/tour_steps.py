@@ -87,7 +87,7 @@ def _go(room: str) -> Callable[[TourState], object]:
 
 
 def _call_dancer(toured: TourState) -> None:
-    toured.desk.attempt(lambda: toured.desk.perform.connect_nearby("--loop"))
+    toured.desk.attempt(lambda: toured.desk.perform.connect_local("--loop"))
 
 
 def _step_in(toured: TourState) -> None:
@@ -150,7 +150,7 @@ _WORKSHOP = TourPart(
 _STAGE = TourPart(
     later("Click “Perform”: here is the stage."),
     _widget("room Perform"),
-    lambda t, before: t.desk.perform.room == "Perform",
+    lambda t, before: t.desk.perform.active_workspace == "Perform",
     _go("Perform"),
 )
 _SCISSORS = TourPart(

@@ -128,7 +128,7 @@ class PuppetRows:
         edited = puppet.layers[layer].switches
         if edited is not None:
             return edited
-        project, shown = editor.solving.shown(editor.project, puppet.id)
+        project, shown = editor.solving.newest_solution(editor.project, puppet.id)
         if layer >= len(shown.layers) or shown.layers[layer].take != puppet.layers[layer].take:
             return ()
         if self._known[0] is not shown:

@@ -56,7 +56,7 @@ class PuppetDetails:
             if pose.take == lane.layer.take and _plays(layout, lane, pose.time)
         )
 
-    def suggested(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
+    def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
@@ -71,7 +71,9 @@ class PuppetDetails:
             for switch, end in zip(switches, ends, strict=True)
         )
 
-    def held(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, HardConstraint, float], ...]:
+    def constraint_marks(
+        self, layout: TimelineLayout, lane: Lane
+    ) -> tuple[tuple[int, HardConstraint, float], ...]:
         """Returns the number, the constraint and the x coordinate of each hard constraint."""
         step = layout.project.takes[lane.layer.take].step
         constraints = constraints_of(layout.project, lane.character.id, lane.layers[0])
@@ -87,7 +89,9 @@ class PuppetDetails:
         if lane.kind == "poses":
             pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX)
             tick = _nearest(
-                ((k, at) for k, (_, at) in enumerate(self.suggested(layout, lane))), x, _CLICK_DISTANCE_PX
+                ((k, at) for k, (_, at) in enumerate(self.suggested_marks(layout, lane))),
+                x,
+                _CLICK_DISTANCE_PX,
             )
             return (
                 ("pose", pose)
@@ -101,7 +105,7 @@ class PuppetDetails:
                 return "switch", switch
             left, right = sorted((lane.left, lane.right))
             return ("band" if left <= x <= right else "nothing"), 0
-        mark = _nearest(((k, at) for k, _, at in self.held(layout, lane)), x, _CLICK_DISTANCE_PX)
+        mark = _nearest(((k, at) for k, _, at in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX)
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:

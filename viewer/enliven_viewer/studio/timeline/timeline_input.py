@@ -188,15 +188,15 @@ class TimelineInput:
         """Zooms the visible time span in or out around a pixel."""
         layout = self.layout
         at, most = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
-        span = min(max(layout.shown * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), most)
-        share = (at - layout.start) / layout.shown
+        span = min(max(layout.visible_s * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), most)
+        share = (at - layout.start) / layout.visible_s
         self.span = 0.0 if span >= layout.length and notches < 0 else span
         self._start_at(at - share * span)
 
     def pan(self, pixels: float) -> None:
         """Pans the visible time span to the right by some pixels."""
         layout = self.layout
-        self._start_at(layout.start + pixels * layout.shown / layout.track)
+        self._start_at(layout.start + pixels * layout.visible_s / layout.track)
 
     def show_all(self) -> None:
         """Shows the whole project."""

@@ -37,7 +37,7 @@ class CharacterDrag:
     """
 
     def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
-        posed = editor.posed(hit.character)
+        posed = editor.stage_character(hit.character)
         self.editor, self.character, self._start = editor, hit.character, start
         self.handles = posed.handles
         self.rooted = len(posed.handles) > 0 and not posed.own_tool
@@ -61,11 +61,11 @@ class CharacterDrag:
         return len(self.characters) > 1
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Returns what is dragged, for the name of an edit."""
         return later("{0} shapes", len(self.characters)) if self.several else self.character
 
-    def moved(self, project: Project, pointer: Pointer) -> Project:
+    def move(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters moved along with the pointer."""
         lens = self.editor.lens
         way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
@@ -73,7 +73,7 @@ class CharacterDrag:
             way = self.editor.snapping.way(self._stands, way)
         return self._move_characters(project, way)
 
-    def turned(self, project: Project, pointer: Pointer) -> Project:
+    def turn(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters turned in the image plane.
 
         The angle is that of the pointer's movement around the root.
@@ -95,7 +95,7 @@ class CharacterDrag:
             return key_characters(project, self.characters, self.editor.time, way, turn, centre)
         return move_characters(project, self.characters, way, turn, centre)
 
-    def merged(self, project: Project, host: Hit, notes: list[str]) -> Project:
+    def merge(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """Returns the project with the character merged into another.
 
         A handle of the other, or a point on a bone, carries it.
@@ -127,7 +127,7 @@ class CharacterDrag:
 def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
     low, high = (
-        bounds_of([character.extent for character in editor.standing if character.id in characters])
+        bounds_of([character.extent for character in editor.stage_characters if character.id in characters])
         or EMPTY_BOX
     )
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

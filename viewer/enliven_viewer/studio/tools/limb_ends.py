@@ -90,7 +90,7 @@ class LimbEndsTool(Tool):
         shape = self.editor.chosen(GraphShape)
         if self._held is None or shape is None:
             return
-        posed, lens = self.editor.posed(shape.id), self.editor.lens
+        posed, lens = self.editor.stage_character(shape.id), self.editor.lens
         hit = surface_at([posed], lens, pointer.at)
         if hit is not None:
             place = lens.view.eye + hit.depth * lens.ray(pointer.at)
@@ -138,7 +138,7 @@ class LimbEndsTool(Tool):
 
     def _pixels(self, character: str, vertices: Int) -> Float:
         """Returns (5, 2) pixels of vertices in the character's current pose."""
-        return self.editor.lens.project(self.editor.posed(character).vertices[vertices])[0]
+        return self.editor.lens.project(self.editor.stage_character(character).vertices[vertices])[0]
 
     def _suggested(self, mesh: Mesh) -> Int:
         """Returns the vertices at the ends as detected on the mesh; empty while the search runs."""

@@ -54,7 +54,9 @@ class MoveTool(Tool):
 
     @property
     def _chosen_is_rooted(self) -> bool:
-        return any(character.id == self.editor.selection.character for character in self.editor.handled)
+        return any(
+            character.id == self.editor.selection.character for character in self.editor.editable_characters
+        )
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.character_at(pointer)
@@ -68,10 +70,12 @@ class MoveTool(Tool):
         held, editor = self._held, self.editor
         if held is None:
             return
-        editor.sketch(lambda project: held.moved(project, pointer))
-        pixels = editor.lens.pixels_of(editor.posed(held.character).handles[:1]) if held.rooted else []
+        editor.sketch(lambda project: held.move(project, pointer))
+        pixels = (
+            editor.lens.pixels_of(editor.stage_character(held.character).handles[:1]) if held.rooted else []
+        )
         if pixels and not held.several:
-            others = [character for character in editor.handled if character.id != held.character]
+            others = [character for character in editor.editable_characters if character.id != held.character]
             lens, at, snap = editor.lens, pixels[0], editor.settings.snap
             self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
         elif not held.several:
@@ -90,7 +94,7 @@ class MoveTool(Tool):
         if host is None and pointer.shift and not held.several:
             host = self._merge_target(pointer)
         if host is None:
-            editor.edit(later("move {0}", held.told), lambda project: held.moved(project, pointer))
+            editor.edit(later("move {0}", held.description), lambda project: held.move(project, pointer))
             if pointer.shift:
                 self._tell_apart(held)
             return
@@ -98,8 +102,8 @@ class MoveTool(Tool):
 
         def change(project: Project) -> Project:
             # A merge at a node also positions the character, so do not move it before.
-            moved = project if other.handle >= 0 else held.moved(project, pointer)
-            return held.merged(moved, other, notes)
+            moved = project if other.handle >= 0 else held.move(project, pointer)
+            return held.merge(moved, other, notes)
 
         if editor.edit(later("merge {0}", name), change):
             editor.choose(other.character)
@@ -118,7 +122,7 @@ class MoveTool(Tool):
 
     def _touched_character(self, held: CharacterDrag) -> Hit | None:
         """Returns the character that the dragged one touches or nearly touches."""
-        vertices = self.editor.posed(held.character).vertices
+        vertices = self.editor.stage_character(held.character).vertices
         if not len(vertices):
             return None
         if not self._others:
@@ -128,7 +132,7 @@ class MoveTool(Tool):
                     character.id,
                     scipy.spatial.cKDTree(_spread(character.vertices, character.character.mesh.faces)),
                 )
-                for character in self.editor.reachable
+                for character in self.editor.pickable_characters
                 if character.id != held.character and character.character.mesh is not None
             ]
         near = _MERGE_DISTANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
@@ -147,7 +151,9 @@ class MoveTool(Tool):
                 tr("Several were moved, and none merged"),
                 tr("Choose one, and let go of it with Shift."),
             )
-        elif not [character for character in self.editor.reachable if character.id != held.character]:
+        elif not [
+            character for character in self.editor.pickable_characters if character.id != held.character
+        ]:
             problem, mend = (
                 tr("You need a second shape to merge"),
                 tr("Draw or open one; locked shapes cannot be merged."),
@@ -170,7 +176,7 @@ class MoveTool(Tool):
         node = self.on_bone(self._host)
         if self._held is None or node is None:
             return plain
-        root = self.editor.lens.pixels_of(self.editor.posed(self._held.character).handles[:1])
+        root = self.editor.lens.pixels_of(self.editor.stage_character(self._held.character).handles[:1])
         marks = (
             *(Line((at, node), STROKE, 2.0) for at in root),
             Disc(node, 13.0, GOOD, 3.0),
@@ -180,7 +186,7 @@ class MoveTool(Tool):
 
     def _name_overlay(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
         """Returns the overlay that names the merge target above the dragged character."""
-        vertices, lens = self.editor.posed(held.character).vertices, self.editor.lens
+        vertices, lens = self.editor.stage_character(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
         marks = tuple(
             Label(at, tr("merge with {0}", host.character), INK) for at in lens.pixels_of(top[None])

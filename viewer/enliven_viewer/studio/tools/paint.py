@@ -177,7 +177,7 @@ class PaintTool(Tool):
             and character.mesh is not None
             and self._over is not None
         ):
-            posed = self.editor.posed(character.id)
+            posed = self.editor.stage_character(character.id)
             other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
@@ -193,7 +193,7 @@ class PaintTool(Tool):
         stiffness = self._shown(character, character.mesh)
         if stiffness is None:
             stiffness = np.ones(len(character.mesh.vertices), np.float32)
-        posed = self.editor.posed(character.id)
+        posed = self.editor.stage_character(character.id)
         seen = posed.solved if posed.solved is not None else posed.vertices
         return ToolPicture(shade=(seen, character.mesh.faces, shades(stiffness)))
 
@@ -221,10 +221,10 @@ class PaintTool(Tool):
         If `measure` is set, also updates the brush size in metres.
         """
         lens = self.editor.lens
-        hit = surface_at(self.editor.reachable, lens, pointer.at)
+        hit = surface_at(self.editor.pickable_characters, lens, pointer.at)
         if hit is None:
             return None
-        posed = self.editor.posed(hit.character)
+        posed = self.editor.stage_character(hit.character)
         mesh = posed.character.mesh
         assert mesh is not None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)

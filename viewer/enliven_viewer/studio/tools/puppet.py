@@ -68,7 +68,7 @@ class PuppetTool(Tool):
     @property
     def warning(self) -> str:
         """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
-        return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
+        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
@@ -76,7 +76,7 @@ class PuppetTool(Tool):
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
         if standing is None:
             return
@@ -93,7 +93,7 @@ class PuppetTool(Tool):
 
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
-        puppets, standing = self.puppets, self.puppets.shown
+        puppets, standing = self.puppets, self.puppets.stage_puppet
         self._last, self._turning = pointer.at, False
         if standing is not None and self.hovered_part and puppets.point is not None:
             self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
@@ -150,13 +150,13 @@ class PuppetTool(Tool):
         self.puppets.accept()
 
     def overlay(self) -> Overlay:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         if standing is None:
             return Overlay()
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def picture(self) -> ToolPicture:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
     def manipulator(self) -> Gizmo | None:
@@ -166,7 +166,7 @@ class PuppetTool(Tool):
 
         Right after a click the gizmo would be in the way of the next click on the mesh.
         """
-        standing, point = self.puppets.shown, self.puppets.point
+        standing, point = self.puppets.stage_puppet, self.puppets.point
         if point == self._fresh and not self.puppets.posing:
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
@@ -179,7 +179,7 @@ class PuppetTool(Tool):
         ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
             return ghost
-        hit = surface_at(self.puppets.standing, lens, pointer.at)
+        hit = surface_at(self.puppets.stage_puppets, lens, pointer.at)
         if hit is None or hit.character != standing.id:
             return None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
@@ -190,13 +190,13 @@ class PuppetTool(Tool):
 
     def _clicked(self, pointer: Pointer) -> None:
         """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
             self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
         hit = surface_at(
-            [character for character in self.editor.reachable if character.own_tool],
+            [character for character in self.editor.pickable_characters if character.own_tool],
             self.editor.lens,
             pointer.at,
         )
@@ -229,12 +229,12 @@ class PuppetTool(Tool):
         return False
 
     def _nudge(self, key: str, pixels: float) -> bool:
-        manipulator, standing = self.manipulator(), self.puppets.shown
+        manipulator, standing = self.manipulator(), self.puppets.stage_puppet
         if manipulator is None or standing is None:
             return False
         lens = self.editor.lens
         right: Float = np.asarray(lens.view.camera_from_world[0, :3])
         across, up = _NUDGE_STEPS[key]
         way = (across * right + up * lens.up) * pixels * manipulator.pixel
-        self.puppets.nudge(standing.way_into(way))
+        self.puppets.nudge(standing.direction_to_mesh(way))
         return True

@@ -56,11 +56,11 @@ class PointDrag:
 
     def drag(self, pointer: Pointer) -> None:
         """Handles pointer movement: moves the control point and deforms the surface."""
-        way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
+        way = self._manipulator.drag_offset(self.part, self._start, pointer.at, snap=pointer.shift)
         if way is None or (not self.moved and not way.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.into(self._from + way))
+        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + way))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""
@@ -111,7 +111,10 @@ def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark
     for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
         # Draw rings on the far side fainter.
-        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
+        seen = (
+            standing.direction_to_mesh(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex]
+            > 0.0
+        )
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)
         for pixel in lens.pixels_of(place[None]):
@@ -157,8 +160,8 @@ def _names(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
 def picture_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> ToolPicture:
     """Returns the control points, gizmo arrows, outline of another key pose, and self-intersecting faces."""
     puppets, mesh = tool.puppets, standing.character.mesh
-    warned, ghost = puppets.crossing.faces, puppets.stage.ghost
-    near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))
+    warned, ghost = puppets.self_intersection.faces, puppets.stage.ghost
+    near = float(np.linalg.norm(standing.to_world(middle_of(mesh)[None])[0] - lens.view.eye))
     tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _DEPTH_BIAS * max(near, 0.05))]
     manipulator = tool.manipulator()
     if manipulator is not None:

@@ -92,7 +92,7 @@ class SelectTool(Tool):
         """Returns the characters with a handle or a surface point inside a box of the image."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         names = []
-        for character in self.editor.reachable:
+        for character in self.editor.pickable_characters:
             surface = character.vertices[:: max(len(character.vertices) // _MAX_TESTED_VERTICES, 1)]
             pixels = self.editor.lens.project(np.concatenate([character.handles, surface]))[0]
             if ((pixels >= low) & (pixels <= high)).all(axis=1).any():

@@ -36,7 +36,7 @@ class SketchTool(StrokeTool):
 
     def release(self, pointer: Pointer) -> None:
         """Turns a closed stroke into a part."""
-        stroke = self.taken()
+        stroke = self.take_points()
         if not stroke:
             return
         if len(stroke) < _MIN_POINTS:

@@ -181,7 +181,7 @@ def _snap(editor: Editor) -> Action:
 
     about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
     on = lambda: editor.snapping.on  # noqa: E731
-    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, on=on, about=about, apart=True)
+    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
 
 
 def _motion(c: Commands) -> Iterator[Action]:
@@ -232,7 +232,7 @@ def _motion(c: Commands) -> Iterator[Action]:
             about="All motion of the selection, by a tenth of a second.",
             apart=seconds > 0,
         )
-    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.muted)
+    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.is_muted)
     yield Action(
         "motion.pin",
         "Motion",
@@ -251,7 +251,7 @@ def _keys(c: Commands) -> Iterator[Action]:
         "Keys while posing",
         ("shift+k",),
         c.keys.toggle,
-        on=lambda: c.editor.keying,
+        is_on=lambda: c.editor.keying,
         about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )
@@ -344,6 +344,6 @@ def _tools(user_input: ViewportInput) -> Iterator[Action]:
             kind.label,
             (kind.key,),
             lambda name=kind.name: user_input.take(name),
-            on=lambda name=kind.name: user_input.tool.name == name,
+            is_on=lambda name=kind.name: user_input.tool.name == name,
             icon=kind.icon,
         )

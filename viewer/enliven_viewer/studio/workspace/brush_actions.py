@@ -37,7 +37,7 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
             f"Brush: {word[0].lower()}{word[1:]}",
             (_BRUSH_KEYS[brush],),
             lambda brush=brush: take(brush),
-            on=lambda brush=brush: user_input.tool is tool and tool.brush == brush,
+            is_on=lambda brush=brush: user_input.tool is tool and tool.brush == brush,
             about=_BRUSH_DESCRIPTIONS[brush],
             apart=brush == "softer",
             group=_MENU,
@@ -54,7 +54,7 @@ def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
         "Paint both sides",
         ("shift+y",),
         both_sides,
-        on=lambda: tool.both_sides,
+        is_on=lambda: tool.both_sides,
         group=_MENU,
         about="Paints both sides at once, if the left and right of the mesh are mirror images.",
     )

@@ -52,7 +52,7 @@ class Commands:
         """Starts or stops playback."""
         self.editor.playing = not self.editor.playing
 
-    def unmark(self) -> None:
+    def clear_range(self) -> None:
         """Removes the in and out points."""
         self.editor.marked = None
 
@@ -122,11 +122,11 @@ class Commands:
 
     def mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
-        on = not self.muted()
+        on = not self.is_muted()
         word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
-    def muted(self) -> bool:
+    def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
         layers = [layer for character in self.editor.chosen_all for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
@@ -176,7 +176,7 @@ class Commands:
         shape = self.editor.chosen(Shape)
         if shape is None:
             return
-        posed = self.editor.posed(shape.id)
+        posed = self.editor.stage_character(shape.id)
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         way = best_view(bones, matching_view(self.editor.lens)).direction

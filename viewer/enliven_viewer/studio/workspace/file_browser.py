@@ -83,24 +83,24 @@ class FileBrowser:
         endings: selectable file extensions, with the dot. The first is appended to a name without extension.
         name: the typed or clicked file name.
         saving: if True, the file need not exist.
-        own: the project's own file, which may be replaced without a confirmation.
+        project_path: the project's own file, which may be replaced without a confirmation.
         problem: why the folder cannot be listed, or empty.
-        said: why the chosen name is refused, or empty.
+        refusal: why the chosen name is refused, or empty.
         again: True if the dialogue waits for another name, or for Enter as a confirmation.
         order: sort order of the files.
-        new: name of the new folder while it is being typed; None otherwise.
+        new_folder_name: name of the new folder while it is being typed; None otherwise.
     """
 
     folder: Path
     endings: tuple[str, ...]
     name: str = ""
     saving: bool = False
-    own: Path | None = None
+    project_path: Path | None = None
     problem: str = field(default="", init=False)
-    said: str = field(default="", init=False)
-    again: bool = field(default=False, init=False)
+    refusal: str = field(default="", init=False)
+    awaits_retry: bool = field(default=False, init=False)
     order: Order = field(default="name", init=False)
-    new: str | None = field(default=None, init=False)
+    new_folder_name: str | None = field(default=None, init=False)
     _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:
@@ -125,7 +125,7 @@ class FileBrowser:
             InputError: if the name is not valid for a folder, or already exists.
             ResourceError: if the folder cannot be created.
         """
-        name = (self.new or "").strip()
+        name = (self.new_folder_name or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
             raise InputError(
                 tr("no folder can have that name"), where="file", mend=tr("Use letters and digits.")
@@ -140,7 +140,7 @@ class FileBrowser:
         except OSError as error:
             problem = tr("the folder cannot be made ({0})", error.strerror)
             raise ResourceError(problem, where=str(new_folder), mend=tr("Choose another place.")) from None
-        self.new = None
+        self.new_folder_name = None
         self.enter(new_folder)
 
     def enter(self, folder: Path) -> None:
@@ -174,7 +174,7 @@ class FileBrowser:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
             raise InputError(tr("there is no such file"), where=str(path), mend=tr("Choose another."))
-        if self.saving and path.exists() and path not in (self.own, self._warned):
+        if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
                 tr("{0} is there already", path.name),

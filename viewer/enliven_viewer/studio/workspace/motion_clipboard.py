@@ -132,7 +132,7 @@ class MotionClipboard:
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.beside.begin(message, work, partial(self._put_mesh, word, guarded))
+        self.editor.background.begin(message, work, partial(self._put_mesh, word, guarded))
 
     def _put_mesh(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""

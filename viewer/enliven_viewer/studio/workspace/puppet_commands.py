@@ -80,7 +80,7 @@ class PuppetCommands:
         if puppet is None:
             return False
         project = editor.project
-        editor.beside.begin(
+        editor.background.begin(
             tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
         )
         return True

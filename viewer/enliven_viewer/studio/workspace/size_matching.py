@@ -30,7 +30,7 @@ class SizeMatching:
 
         Returns None if either is missing.
         """
-        return self._heights({character.id: character.vertices for character in self.editor.standing})
+        return self._heights({character.id: character.vertices for character in self.editor.stage_characters})
 
     def _heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
         """Returns the same heights for given vertices (V, 3) of every character."""

@@ -18,7 +18,7 @@ from enliven_viewer.theme import is_light
 def playing_actions(c: Commands) -> Iterator[Action]:
     """Yields the actions of playback and of display options."""
     editor = c.editor
-    yield Action("view.play", "View", "Play or stop", ("space",), c.play, on=lambda: editor.playing)
+    yield Action("view.play", "View", "Play or stop", ("space",), c.play, is_on=lambda: editor.playing)
     yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
     yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
@@ -40,18 +40,18 @@ def playing_actions(c: Commands) -> Iterator[Action]:
         "View",
         "Loop the whole project",
         ("alt+l",),
-        c.unmark,
+        c.clear_range,
         c.lacks_marked,
         about="Removes the in and out points.",
     )
-    yield Action("view.bones", "View", "Bones", ("b",), c.bones, on=lambda: editor.show_bones, apart=True)
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
     yield Action(
         "view.outline",
         "View",
         "Outline of the key pose before",
         ("o",),
         c.puppets.outline,
-        on=lambda: editor.puppets.silhouette,
+        is_on=lambda: editor.puppets.silhouette,
         about="While a key pose is edited.",
     )
     yield Action(
@@ -60,7 +60,7 @@ def playing_actions(c: Commands) -> Iterator[Action]:
         "Faces that cross",
         ("w",),
         c.puppets.warn,
-        on=lambda: editor.puppets.warn,
+        is_on=lambda: editor.puppets.warn,
         about="Faces that pass through one another are red while a key pose is edited.",
     )
 
@@ -95,8 +95,8 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "View",
         "Light theme",
         (),
-        lambda: preferences.paint("dark" if is_light() else "light"),
-        on=is_light,
+        lambda: preferences.set_colours("dark" if is_light() else "light"),
+        is_on=is_light,
         about="Dark letters on light panels, and a bright stage.",
     )
     yield Action(
@@ -104,8 +104,8 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "View",
         "Less motion",
         (),
-        preferences.calm,
-        on=lambda: preferences.less_motion,
+        preferences.set_less_motion,
+        is_on=lambda: preferences.less_motion,
         about="The view turns at once, without gliding.",
     )
     yield Action(
@@ -114,7 +114,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Performers in the corner",
         ("alt+p",),
         preferences.watch_performer,
-        on=lambda: preferences.performer,
+        is_on=lambda: preferences.performer,
         about="The picture of their camera; with several cameras, side by side.",
     )
 
@@ -139,7 +139,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
         "Follow what moves",
         ("shift+f",),
         editor.moves.toggle_follow,
-        on=lambda: editor.moves.follow,
+        is_on=lambda: editor.moves.follow,
         about="The view follows the chosen character, or all of them, from the side that you chose.",
     )
     yield Action(
@@ -148,7 +148,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
         "Turntable",
         ("shift+t",),
         editor.moves.toggle_turntable,
-        on=lambda: editor.moves.turntable,
+        is_on=lambda: editor.moves.turntable,
         about="The view goes around slowly.",
     )
     yield Action(
@@ -189,7 +189,7 @@ def ghost_action(ghosts: Ghosts) -> Action:
         "Ghosts and trails",
         ("shift+g",),
         ghosts.toggle,
-        on=lambda: ghosts.on,
+        is_on=lambda: ghosts.on,
         about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
         apart=True,
     )
@@ -203,6 +203,6 @@ def curve_action(curves: CurveInput) -> Action:
         "Curves",
         ("shift+c",),
         curves.toggle,
-        on=lambda: curves.on,
+        is_on=lambda: curves.on,
         about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
     )

@@ -73,7 +73,7 @@ class Workspace:
         commands: the functions behind the studio's own actions.
         ghosts: ghosts and trails of past and future poses. curves: the curves of the selection over time.
         outliner: the tree of all objects.
-        figures: position and size of the selection. typing: unfinished text in their fields.
+        selection_transform: position and size of the selection. typing: unfinished text in their fields.
         depth: the tracker for opened depth recordings.
         sound: plays the sound to perform along with.
         widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
@@ -111,11 +111,11 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
-        self.actions.room = lambda: self.perform.keys_of
+        self.actions.workspace = lambda: self.perform.keys_of
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
-        self.figures, self.typing = SelectionTransform(editor), dict[str, str]()
+        self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
@@ -181,7 +181,7 @@ class Workspace:
         add_sample(self.editor, name)
         character = self.editor.chosen()
         if character is not None and character.kind == "graph":
-            self.perform.room = "Perform"
+            self.perform.active_workspace = "Perform"
             self.perform.put_soon(character.id)
 
     def open(self, path: Path) -> None:
@@ -205,7 +205,7 @@ class Workspace:
                 self.commands.fitting.tell()
         else:
             self.store.open(path)
-        self.preferences.opened(path)
+        self.preferences.remember_file(path)
 
     def _open_beside(self, path: Path) -> None:
         """Reads a large file in the background. The window stays usable, and reading can be cancelled."""
@@ -219,12 +219,12 @@ class Workspace:
                 self.attempt(lambda: read[0](self.editor, path, read[1]))
                 if len(self.editor.project.characters) > before:
                     self.commands.fitting.tell()
-            self.preferences.opened(path)
+            self.preferences.remember_file(path)
 
         def work() -> Any:
             return self.store.read(path) if path.suffix.lower() == PROJECT else read_to_add(path)
 
-        self.editor.beside.begin(tr("Opening {0}", path.name), work, add, progress)
+        self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
         """Opens files that were dropped onto the window, until one of them opens a dialogue."""
@@ -244,7 +244,7 @@ class Workspace:
         elif dialogue in ("export", "film"):
             self._export(path)
         elif dialogue == "perform":
-            self.perform.connect_nearby("--loop", "--recording", str(path))
+            self.perform.connect_local("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(
@@ -292,7 +292,7 @@ class Workspace:
             raise
         else:
             if path is not None:
-                self.preferences.opened(path)
+                self.preferences.remember_file(path)
             self._go_on()
 
     def ask_for_name(self) -> None:
@@ -387,7 +387,7 @@ class Workspace:
 
     def _bring_into_view(self) -> None:
         """Moves the camera to the puppet if the puppet is not completely visible: it may have walked away."""
-        editor, standing = self.editor, self.puppets.shown
+        editor, standing = self.editor, self.puppets.stage_puppet
         if standing is None:
             return
         pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
@@ -444,7 +444,7 @@ class Workspace:
         def work() -> str:
             return write_export(project, path, characters, options, length, progress)
 
-        self.editor.beside.begin(tr("Writing {0}", path.name), work, tell, progress)
+        self.editor.background.begin(tr("Writing {0}", path.name), work, tell, progress)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()

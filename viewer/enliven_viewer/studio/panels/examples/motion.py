@@ -44,7 +44,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     wanted: HardConstraint | None = None
     if imgui.button(labelled(tr("Here"), "Here"), third):
-        x, y, z = editor.puppets.seen(puppet)[chosen].tolist()
+        x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
     workspace.remember("hold here")
     tooltip(tr("{0} goes through this place at this frame", name))

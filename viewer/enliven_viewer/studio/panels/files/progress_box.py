@@ -26,7 +26,7 @@ _WINDOW_FLAGS = (
 
 def draw_progress_box(workspace: Workspace, area: Area) -> None:
     """Draws cancellable work at the upper right of the view."""
-    beside = workspace.editor.beside
+    beside = workspace.editor.background
     progress = beside.progress
     if progress is None:
         return
@@ -37,7 +37,7 @@ def draw_progress_box(workspace: Workspace, area: Area) -> None:
     imgui.set_next_window_size(ImVec2(wide, 0))
     imgui.begin(labelled(tr("Working"), "Working"), None, _WINDOW_FLAGS)
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(beside.said)
+    imgui.text_unformatted(beside.message)
     imgui.pop_text_wrap_pos()
     if progress.share is None:
         imgui.progress_bar(-imgui.get_time(), ImVec2(wide - 120, 0), f"{progress.seconds:.0f} s")

@@ -23,7 +23,7 @@ _FIELD_WIDTH = 67.0
 
 def draw_numbers(workspace: Workspace) -> None:
     """Draws the fields of the selection."""
-    figures = workspace.figures
+    figures = workspace.selection_transform
     place, height = figures.place, figures.height
     if place is None or height is None:
         return

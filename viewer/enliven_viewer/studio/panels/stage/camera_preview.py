@@ -82,10 +82,10 @@ def views_of(perform: PerformSession) -> list[CameraPreview]:
     if live is None or not (live.take or perform.connected):
         return []
     views = [_view_of(live.take or tr("Performer"), live, perform.camera)]
-    guests = [guest for guest in perform.guests if guest.connected]
+    guests = [guest for guest in perform.secondary_edges if guest.connected]
     views += [_view_of(guest.name, guest.live, guest.camera) for guest in guests]
     someone = any(view.bodies for view in views)
-    return views if someone or perform.room == "Perform" else []
+    return views if someone or perform.active_workspace == "Perform" else []
 
 
 def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> CameraPreview:
@@ -95,7 +95,7 @@ def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> Camera
 def _covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     """Returns the rectangles covered by live characters and by those of the project."""
     editor, rectangles = workspace.editor, []
-    lens, own = editor.lens, bounds_of([character.extent for character in editor.seen])
+    lens, own = editor.lens, bounds_of([character.extent for character in editor.visible_characters])
     for box in (editor.beside_box, own):
         if box is not None:
             corners = np.array(list(itertools.product(*zip(*box, strict=True))))

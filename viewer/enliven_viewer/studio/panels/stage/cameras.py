@@ -87,7 +87,7 @@ def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: 
         f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
     ):
         search.close()  # End a running camera test, which would block the camera for the edge.
-        workspace.attempt(lambda: workspace.perform.connect_nearby(*camera.words))
+        workspace.attempt(lambda: workspace.perform.connect_local(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
     tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)

@@ -53,14 +53,14 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     hud = Hud(Pen(draw, (area.x, area.y)))
     view = workspace.editor.lens.view
-    among = bool(workspace.editor.seen)
-    if perform.room == "Play":
+    among = bool(workspace.editor.visible_characters)
+    if perform.active_workspace == "Play":
         hud.draw(size, _state(live, pace, live.words(view), among))
         _scrub(live, area, size)
     else:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
-    if perform.room in ("Perform", "Play"):
+    if perform.active_workspace in ("Perform", "Play"):
         free = area_next_to_preview(area, workspace.widgets.get("performer inset"))
         high = draw_holders(perform, draw, free)
         if high:
@@ -86,7 +86,7 @@ def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
         speed=head.speed,
         notice=live.notice,
         among=among,
-        near=live.near,
+        near=live.is_local,
         possession=words,
         score=live.scene.props.note if live.scene.props is not None else "",
     )
@@ -124,10 +124,10 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
         Distance in pixels from the bottom of the viewport to the top of the highest line; 0 without lines.
     """
     begin = bottom = (
-        area.y + area.height - (_PLAY_BOTTOM_MARGIN if perform.room == "Play" else _BOTTOM_MARGIN)
+        area.y + area.height - (_PLAY_BOTTOM_MARGIN if perform.active_workspace == "Play" else _BOTTOM_MARGIN)
     )
-    if perform.stepping_in.words:
-        _line(draw, area, bottom, perform.stepping_in.words, WAIT)
+    if perform.possession_requests.words:
+        _line(draw, area, bottom, perform.possession_requests.words, WAIT)
         bottom -= HOLDER
     for holder in reversed(perform.holders):
         present = perform.performers
@@ -171,8 +171,8 @@ def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Co
 
 def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
     """Draws the count-in in the middle, or the recorded time at the top."""
-    if perform.recording.counted:
-        text = str(perform.recording.counted)
+    if perform.recording.beat:
+        text = str(perform.recording.beat)
         x = area.x + (area.width - _wide(text, _COUNT_IN_TEXT_SIZE)) / 2
         y = area.y + area.height * 0.4 - _COUNT_IN_TEXT_SIZE / 2
         draw.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)

@@ -69,12 +69,12 @@ def _primary(workspace: Workspace, perform: PerformSession) -> None:
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
     )
-    waits = perform.stepping_in.waits
+    waits = perform.possession_requests.waits
     with filled(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    tooltip(perform.stepping_in.words if waits else tr("Step in as its only performer  (P)"))
+    tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -90,7 +90,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", time_text(recording.seconds)), filled(BAD)
     elif recording.phase == "counting":
-        label, drawn = tr("Cancel   {0}", recording.counted), filled(WAIT)
+        label, drawn = tr("Cancel   {0}", recording.beat), filled(WAIT)
     else:
         label, drawn = "\uf111  " + tr("Record"), nullcontext()
     with drawn:
@@ -112,7 +112,7 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if live.take:
         return tr("Playing {0}", live.take), GOOD
     if not edge.connected:
-        if live.near and not len(live.document.timeline):
+        if live.is_local and not len(live.document.timeline):
             return live.making, WAIT
         gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain_text(edge.address))
         looked = tr("Looking for a stage at {0}", _plain_text(edge.address))
@@ -146,9 +146,9 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     draw_cameras(workspace, area)
-    perform.voice.wanted = imgui.checkbox(
+    perform.voice.wanted_state = imgui.checkbox(
         labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
-        perform.voice.wanted,
+        perform.voice.wanted_state,
     )[1]
     workspace.remember("voice wanted")
     tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
@@ -163,13 +163,13 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     workspace.remember("connect")
-    for address in perform.known:
+    for address in perform.known_addresses:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
         workspace.remember(f"known {address}")
     heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_nearby("--loop"))
+        workspace.attempt(lambda: perform.connect_local("--loop"))
     workspace.remember("recorded person")
     tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
     if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
@@ -177,11 +177,11 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     workspace.remember("recording of yours")
     tooltip("A camera recording or motion capture (.bvh) that plays again and again")
     if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
+        workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
     workspace.remember("webcam")
     tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
     if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
-        workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
+        workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
     workspace.remember("made-up person")
     tooltip("A figure that waves and walks, for trying things out")
 
@@ -232,30 +232,30 @@ def _draw_wrapped_text(text: str) -> None:
 def _guests(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the secondary edges, and a field to add one, below the more common options."""
     heading("Other cameras")
-    for number, guest in enumerate(list(perform.guests)):
+    for number, guest in enumerate(list(perform.secondary_edges)):
         state = tr("connected") if guest.connected else tr("silent")
         imgui.text_unformatted(f"{guest.name}: {state}")
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
-            perform.lead(guest)
+            perform.make_primary(guest)
         workspace.remember(f"lead {number}")
         tooltip("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
-            perform.part(guest)
+            perform.remove_secondary(guest)
         workspace.remember(f"part {number}")
     imgui.set_next_item_width(-1)
     entered, perform.address = imgui.input_text_with_hint(
         "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("beside address")
-    if entered and perform.address and workspace.attempt(lambda: perform.join(perform.address)):
+    if entered and perform.address and workspace.attempt(lambda: perform.add_secondary(perform.address)):
         perform.address = ""
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:
     """Draws the recording options; the record button is at the top."""
     heading("Record")
-    last = recording.recorded
+    last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
     if imgui.button(
         labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
@@ -317,16 +317,16 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     with list_box("characters", _CHARACTERS_HEIGHT) as room:
         for name in own:
             _character(workspace, perform, name, room)
-        for name in perform.standing:
+        for name in perform.stage_ids:
             if name not in editor.project.characters:
                 _character(workspace, perform, name, room)
-        if not own and not perform.standing:
+        if not own and not perform.stage_ids:
             quiet("None yet. Open a model or draw a shape, and put it there.")
     workspace.remember("characters")
     _reveal_list(workspace)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
-    can_put = chosen in own and chosen not in perform.standing and not state.startswith("being")
+    can_put = chosen in own and chosen not in perform.stage_ids and not state.startswith("being")
     imgui.begin_disabled(not can_put)
     label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
     if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH):
@@ -355,18 +355,18 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
 
     The state is held, free, or the reason why the character is not on the stage.
     """
-    standing = name in perform.standing
+    standing = name in perform.stage_ids
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
         state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
     else:
         state_text = tr(state) if state else tr("not on the stage")
-    chosen = perform.meant == name if standing else workspace.editor.selection.character == name
+    chosen = perform.target == name if standing else workspace.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
     label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE_WIDTH if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
-        perform.there = name if standing else perform.there
+        perform.stage_selection = name if standing else perform.stage_selection
         workspace.editor.choose(name if own else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
     tooltip(state_text if state.startswith("refused") else "")
@@ -400,12 +400,12 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
-        perform.stepping_in.press("join")
+        perform.possession_requests.press("join")
     workspace.remember("join")
     tooltip("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
-        perform.stepping_in.press("extend")
+        perform.possession_requests.press("extend")
     workspace.remember("extend")
     tooltip("Hold with these parts, too  (E)")
     imgui.same_line()

@@ -130,8 +130,8 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
         imgui.end_combo()
     heading("How?")
     for way, (words, more) in _MODE_LABELS.items():
-        if imgui.radio_button(f"{tr(words)}###way {way}", scan.way == way):
-            scan.way = way
+        if imgui.radio_button(f"{tr(words)}###way {way}", scan.mode == way):
+            scan.mode = way
         workspace.remember(f"scan {way}")
         tooltip(more)
     heading("Its name")
@@ -143,7 +143,7 @@ def _before(workspace: Workspace, scan: ScanSession) -> None:
 def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
     """Draws the button that continues the last scan."""
     imgui.begin_disabled(bool(scan.lacks_again()))
-    again = tr("Add to {0}", scan.said.character or tr("the last scan"))
+    again = tr("Add to {0}", scan.message.character or tr("the last scan"))
     if imgui.button(labelled(again, "again"), _FULL_WIDTH):
         workspace.actions.do("scan.again")
     imgui.end_disabled()
@@ -153,7 +153,7 @@ def _draw_again(workspace: Workspace, scan: ScanSession) -> None:
 
 def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
     """Draws the progress, in a box ``tall`` pixels high, and the commands of a running scan."""
-    status = scan.said
+    status = scan.message
     heading("Scan")
     imgui.begin_child("##progress", ImVec2(0, tall), imgui.ChildFlags_.frame_style)
     _progress(status)
@@ -186,7 +186,7 @@ def _under_way(workspace: Workspace, scan: ScanSession, tall: float) -> None:
 
 def _draw_end(workspace: Workspace, scan: ScanSession) -> None:
     """Draws the buttons that end a scan: Done makes a character, Cancel discards the scan."""
-    making = scan.said.phase == "finishing"
+    making = scan.message.phase == "finishing"
     imgui.begin_disabled(making)
     with tinted((*GOOD[:3], 0.4), imgui.Col_.button):
         if imgui.button(
@@ -226,10 +226,10 @@ def _keeping(workspace: Workspace, scan: ScanSession) -> None:
     """Draws the choice of the scanned parts that the character keeps."""
     heading("What is kept")
     for kept, words in _KEPT_PART_LABELS.items():
-        if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.keeps == kept):
+        if imgui.radio_button(f"{tr(words)}###keep {kept}", scan.kept_part == kept):
             scan.keep(kept)
         workspace.remember(f"scan keep {kept}")
-    if scan.keeps == "box":
+    if scan.kept_part == "box":
         quiet("Drag the dots to move the sides of the box. Without the floor, unless it reaches under it.")
         if imgui.button(labelled(tr("Round the middle"), "Round the middle"), _FULL_WIDTH):
             scan.fit_box()
@@ -244,9 +244,9 @@ def draw_scan_over(workspace: Workspace, area: Area) -> None:
     draw = imgui.get_background_draw_list()
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     box = scan.box.marks(workspace.editor.lens) if scan.boxed else ()
-    for mark in (*scan_marks(scan.said, workspace.editor.lens), *box):
+    for mark in (*scan_marks(scan.message, workspace.editor.lens), *box):
         draw_mark(draw, area, mark)
-    advice = advice_of(scan.said)
+    advice = advice_of(scan.message)
     if advice.text:
         _words(draw, area, tr(advice.text), _MOOD_COLOURS[advice.mood])
     draw.pop_clip_rect()

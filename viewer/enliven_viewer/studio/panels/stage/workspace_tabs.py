@@ -44,14 +44,14 @@ def draw_workspace_tabs(workspace: Workspace) -> None:
     draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
     for number, room in enumerate(ROOMS):
         x = left + number * tab
-        if perform.room == room:
+        if perform.active_workspace == room:
             draw.add_rect_filled(ImVec2(x, 1), ImVec2(x + tab, high), packed(ACCENT, 0.22), 6.0)
         imgui.set_cursor_pos_x(x)
         imgui.set_cursor_pos_y(0)
         if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
-            perform.room = room
+            perform.active_workspace = room
         tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[room]), number + 1))
-        lit = perform.room == room or imgui.is_item_hovered()
+        lit = perform.active_workspace == room or imgui.is_item_hovered()
         workspace.remember(f"room {room}")
         letters = imgui.calc_text_size(tr(room)).x
         at = ImVec2(x + (tab - letters) / 2, (high - imgui.get_text_line_height()) / 2)

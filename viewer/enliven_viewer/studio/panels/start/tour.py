@@ -119,7 +119,11 @@ def _card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangl
         for place in (places.side, places.tools, places.timeline)
     ]
     widgets = workspace.widgets
-    obstacles = (tour.covered((area.x, area.y)), widgets.get("performer inset"), widgets.get("holders"))
+    obstacles = (
+        tour.chair_rectangle((area.x, area.y)),
+        widgets.get("performer inset"),
+        widgets.get("holders"),
+    )
     others += [obstacle for obstacle in obstacles if obstacle is not None]
     if shape is not None and tour.target.box is None:
         middle = (shape[1] + shape[3]) / 2
