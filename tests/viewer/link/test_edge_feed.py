@@ -39,7 +39,7 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
 
 def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
-    for module in ("topic_health", "one_edge"):
+    for module in ("topic_health", "edge_connection"):
         monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
     publisher.set_character(box)
     feed, document, count = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), iter(range(10**6))

@@ -144,8 +144,8 @@ def table(folder: Path, done: list[str]) -> ActionTable:
 
 keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
 deeds = st.one_of(
-    st.tuples(st.just("give"), st.sampled_from("abcdef"), keys),
-    st.tuples(st.just("free"), st.sampled_from("abcdef"), st.just("")),
+    st.tuples(st.just("set_shortcut"), st.sampled_from("abcdef"), keys),
+    st.tuples(st.just("clear_shortcuts"), st.sampled_from("abcdef"), st.just("")),
     st.just(("own_keys", "", "")),
 )
 
@@ -156,7 +156,7 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     actions = table(folder, done)
     for name, action, key in todo:
         getattr(actions, name)(*(one for one in (action, key) if one))
-        if name == "give":
+        if name == "set_shortcut":
             assert all(actions.action_with_keys(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "own_keys":
             assert not actions.changed and actions.action_with_keys("x").id == "a"

@@ -90,7 +90,7 @@ def _several(
 
 
 def _go(room: str) -> Callable[[PerformSession], object]:
-    return lambda session: setattr(session, "room", room)
+    return lambda session: setattr(session, "active_workspace", room)
 
 
 _LIVE_WORKSPACES = ("Perform", "Play")

@@ -83,7 +83,7 @@ def _act(action: str) -> Callable[[TourState], object]:
 
 
 def _go(room: str) -> Callable[[TourState], object]:
-    return lambda toured: setattr(toured.desk.perform, "room", room)
+    return lambda toured: setattr(toured.desk.perform, "active_workspace", room)
 
 
 def _call_dancer(toured: TourState) -> None:
