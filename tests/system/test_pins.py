@@ -168,7 +168,7 @@ def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
 
 
 def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
-    for part in ("licences", "bundled", "telemetry"):
+    for part in ("licences", "bundled_libraries", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])
     for arguments, code in (([], 1), (["--offline"], 0)):

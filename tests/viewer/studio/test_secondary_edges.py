@@ -58,7 +58,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
 def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
     with pytest.raises(InputError, match="here already"):
-        session.join(edges[1][1])
+        session.add_secondary(edges[1][1])
     (guest,) = session.secondary_edges
     until(session, lambda: session.performers and guest.performers and len(session.holders) == 2)
     until(session, lambda: session.scene is not None and len(session.scene.actors) == 2)
@@ -83,5 +83,5 @@ def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     lasts = [project.end_of(one) for one in project.graphs.values()]
     assert lasts[1] > lasts[0] + 0.5, "the second one was recorded to the end"
     assert len(session.editor.history.names) == 1, "one edit"
-    session.part(guest)
+    session.remove_secondary(guest)
     assert session.secondary_edges == []
